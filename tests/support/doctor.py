@@ -19,12 +19,11 @@ from trackbench.base.types import Scan
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor import traffic
 from trackbench.subjects.doctor.assumptions import Assumptions
-from trackbench.subjects.doctor.drives import TestDrive, simulate_drives
+from trackbench.subjects.doctor.drives import Rollout, TestDrive, rollout, simulate_drives
 from trackbench.subjects.doctor.examine import reference_tracker
 from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.subjects.doctor.isolated import filter_examined
 from trackbench.subjects.doctor.probes import GENERAL, Probe, Probes
-from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 

@@ -15,7 +15,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.models import provided_jacobians
+from trackbench.subjects.doctor.checks.jacobians import provided_jacobians
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import (
@@ -116,7 +116,7 @@ ELSEWHERE = (
         "imm_models_equal",
         "imm_transition_transposed",
     ),
-    "late_processed_as_new",  # needs a scenario that has late scans: test_doctor_late.py
+    "late_processed_as_new",  # needs a scenario that has late scans: test_doctor_steps.py
     *("invalid_estimate", "process_ended"),  # test_doctor_failures.py
     *("too_far_off", "covariance_unbelievable"),  # of no other name: test_doctor_drives.py
     *(

@@ -29,10 +29,9 @@ from trackbench.subjects.doctor.findings import (
     checks_of,
     questions,
 )
-from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probe, Probes
+from trackbench.subjects.doctor.probes import GENERAL, PASSING, Carrier, Probe, Probes, SensorSite, simplified, site_of
 from trackbench.subjects.doctor.report import Examination, examination_text, examination_verdict
 from trackbench.subjects.doctor.session import Examined, MissGiven, TrackerSession
-from trackbench.subjects.doctor.site import Carrier, SensorSite, simplified, site_of
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 

@@ -8,10 +8,10 @@ from benchmarks.doctor.correct import CORRECT
 from benchmarks.doctor.plain_ekf import PlainEkf
 from tests.support.doctor import Make, Part, mutant, mutant_under_test, under_test
 
-from trackbench.subjects.doctor.checks.covariance_update import stated_covariance
 from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.one_gain import one_gain
 from trackbench.subjects.doctor.checks.process_noise import noise_powers
+from trackbench.subjects.doctor.checks.stated_covariance import stated_covariance
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.subject import SENSORS

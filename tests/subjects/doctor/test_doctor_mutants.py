@@ -1,10 +1,13 @@
-"""The trackers that the doctor is measured on: the correct ones are correct, and each fault is one."""
+"""The trackers that the doctor is measured on, and a filter with several faults that is mended by what it says."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from functools import cache
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,14 +19,19 @@ from benchmarks.doctor.method_faults import SIGMA_POINTS
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_kf import PlainKf
 from benchmarks.doctor.plain_ukf import PlainUkf
+from benchmarks.doctor.traffic.subject import looped
+from benchmarks.faults.corpus import Fault, Program, base, faults, replaced
+from benchmarks.faults.harm import measured
 
 from trackbench.base.types import Array, Scan
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.examine import Doctor
+from trackbench.subjects.doctor.report import Examination
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.traffic import TrafficDoctor
 from trackbench.testing import TrackerCheckError, check_tracker, drive
 from trackbench.testing.tracker import NOISE
 from trackbench.trackers.answers import is_random
-
-pytestmark = pytest.mark.slow
 
 SIGMA_POINT_FAULTS = {fault for fault, *_ in SIGMA_POINTS} | {"sigma_points_not_redrawn"}
 FAULTS = {
@@ -127,6 +135,7 @@ def of(subject: str) -> list[Mutant]:
 SUBJECT_NAMES = [subject.name for subject in SUBJECTS]
 
 
+@pytest.mark.slow
 def test_every_fault_is_there_in_all_that_can_have_it() -> None:
     assert {mutant.fault for mutant in MUTANTS} == FAULTS | SOME_FAULTS
     assert len({mutant.name for mutant in MUTANTS}) == len(MUTANTS)
@@ -179,6 +188,7 @@ def test_the_correct_keep_the_contract(name: str) -> None:
     assert message.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["first_measurement", "two_measurements"])
 def test_the_ekf_agrees(start: str) -> None:
     # With a lidar measurement first, since the built-in start takes the bias of a polar measurement off.
@@ -187,6 +197,7 @@ def test_the_ekf_agrees(start: str) -> None:
     assert_same(FilterPyEkf(start=start), ekf_cv(start), scans, 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["first_measurement", "two_measurements"])
 def test_the_kf_agrees(start: str) -> None:
     assert_same(PlainKf(start), kf_cv(start), LIDAR_ALONE, 1e-9)
@@ -195,6 +206,7 @@ def test_the_kf_agrees(start: str) -> None:
     np.testing.assert_allclose(plain[10:], built_in[10:], atol=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["first_measurement", "two_measurements"])
 def test_the_ukf_agrees(start: str) -> None:
     scans = LIDAR_FIRST if start == "first_measurement" else [*LIDAR_ALONE[:10], *LIDAR_FIRST[10:]]
@@ -203,6 +215,7 @@ def test_the_ukf_agrees(start: str) -> None:
         np.testing.assert_allclose(follow(make(start=start), scans)[0], built_in, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [FilterPyEkf, FilterPyUkf])
 def test_a_copy_of_a_filterpy_tracker_goes_on_by_itself(make: Callable[[], Any]) -> None:
     tracker = make()
@@ -232,6 +245,7 @@ def repeats(mutant: Mutant) -> bool:
     return np.allclose(one, two, rtol=1e-6, atol=1e-6, equal_nan=True)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("name", SUBJECT_NAMES)
 def test_each_mutant_differs_from_its_correct_tracker(name: str) -> None:
@@ -240,6 +254,7 @@ def test_each_mutant_differs_from_its_correct_tracker(name: str) -> None:
     assert [mutant.name for mutant in mutants if not differs(mutant)] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SUBJECT_NAMES)
 def test_each_chance_mutant_differs_from_itself(name: str) -> None:
     mutants = [mutant for mutant in of(name) if mutant.fault == "not_deterministic"]
@@ -256,6 +271,7 @@ CIRCUMSTANCES: dict[str, Callable[[], list[Scan]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("mutant", [mutant for mutant in MUTANTS if mutant.fault == "nonfinite"], ids=lambda m: m.name)
 def test_each_nonfinite_mutant_is_so_under_its_circumstance(mutant: Mutant) -> None:
@@ -272,3 +288,59 @@ def test_each_nonfinite_mutant_is_so_under_its_circumstance(mutant: Mutant) -> N
         if answer is not None and number >= begun and not np.isfinite(np.sum(answer[0]) + np.sum(answer[1])):
             return
     pytest.fail("every answer is finite")
+
+
+SET = "seen"
+#: Error over that of the sound filter, or mean NEES (4 is right), from which on a run shows that something is wrong.
+WORSE, OPTIMISTIC = 1.2, 6.0
+
+
+def with_faults(kind: Fault, entries: Sequence[Fault], name: str) -> Program:
+    """The base of a fault with some faults, as a module of its own."""
+    joined = kind._replace(name=name, replace=[piece for entry in entries for piece in entry.replace])
+    text = base(SET, kind.base)
+    return Program(joined, *replaced(text, joined)) if entries else Program(joined, text)
+
+
+def examined(program: Program) -> Examination:
+    tracker = import_module(program.module).Tracker
+    if program.identities == "hidden":
+        return TrafficDoctor(SENSORS).examine(program.module, looped(tracker))
+    return Doctor(SENSORS, 0).examine(program.module, tracker)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("innovation_angle_plain", "process_noise_not_added", "updated_covariance_not_kept", "range_rate_of_the_actor"),
+        ("time_never_moves_on", "white_noise_dt_4", "first_velocity_variance_per_dt"),
+        ("transition_jacobian_sign", "wrapped_on_one_side"),
+        ("mixed_mean_in_the_same_loop", "likelihood_after_the_update"),
+        ("transition_matrix_transposed", "bank_with_plain_angles"),
+        ("distance_against_its_square", "ids_given_again"),
+    ],
+    ids=lambda names: names[0],
+)
+def test_from_the_symptom_to_the_sound_filter(
+    names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    known = {program.entry.name: program.entry for program in faults(SET) if isinstance(program.entry, Fault)}
+    left = [known[name] for name in names]
+    sound = with_faults(left[0], [], f"sound_{names[0]}")
+    program = with_faults(left[0], left, f"faulty_{names[0]}_{len(left)}")
+    errors = measured([sound, program], SET)
+    # One that does not get to the end has none.
+    error, nees = errors.get(program.module, (float("inf"), float("inf")))
+    assert error > WORSE * errors[sound.module][0] or nees > OPTIMISTIC
+    while left:
+        program.write(tmp_path)
+        first, *_ = examined(program).findings
+        named = [entry for entry in left if first.fault in entry.accept]
+        assert named, f"{first.fault}, of {[entry.name for entry in left]}: {first.evidence}"
+        left.remove(named[0])
+        program = with_faults(named[0], left, f"faulty_{names[0]}_{len(left)}")
+        sys.modules.pop(program.module, None)
+    program.write(tmp_path)
+    assert program.text == sound.text
+    assert examined(program).healthy

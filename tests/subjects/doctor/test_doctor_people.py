@@ -25,19 +25,18 @@ from tests.support.doctor import (
     with_causes,
 )
 
-from trackbench.subjects.doctor.checks.covariance_update import stated_covariance
 from trackbench.subjects.doctor.checks.drives import drives, harmless
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.gate import gate_width
 from trackbench.subjects.doctor.checks.modes import modes
-from trackbench.subjects.doctor.checks.noise_place import noise_place
 from trackbench.subjects.doctor.checks.one_gain import one_gain
 from trackbench.subjects.doctor.checks.prediction import motion_prediction, spreading
 from trackbench.subjects.doctor.checks.process_noise import growth_by_noise, noise_powers
 from trackbench.subjects.doctor.checks.sigma_points import no_time
 from trackbench.subjects.doctor.checks.start import first_position
-from trackbench.subjects.doctor.checks.transition import transition
+from trackbench.subjects.doctor.checks.stated_covariance import stated_covariance
+from trackbench.subjects.doctor.checks.transition import noise_place, transition
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.expected_gain import implied
 from trackbench.subjects.doctor.findings import Finding, rank_findings

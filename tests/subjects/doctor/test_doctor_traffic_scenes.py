@@ -17,7 +17,7 @@ from tests.support.doctor import examine_filters_once
 from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.findings import Finding, PartResult
-from trackbench.subjects.doctor.site import simplified
+from trackbench.subjects.doctor.probes import simplified
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import Site, TrafficDoctor, with_old_scans
 from trackbench.subjects.doctor.traffic_checks.association import ended_alone

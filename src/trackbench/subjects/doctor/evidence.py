@@ -13,9 +13,8 @@ from trackbench.base.types import Array, Mask, Scan, scan_of_member
 from trackbench.base.units import difference
 from trackbench.metrics.consistency import normalised_square
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.drives import TestDrive
+from trackbench.subjects.doctor.drives import Rollout, TestDrive
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.trial import Trial
 from trackbench.trackers.answers import Tracker

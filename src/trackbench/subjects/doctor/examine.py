@@ -16,10 +16,10 @@ from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import Engine, chosen
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.assumptions import Assumptions, require_known_checks
-from trackbench.subjects.doctor.checks.covariance_update import stated_covariance_fault
 from trackbench.subjects.doctor.checks.drives import harmless
+from trackbench.subjects.doctor.checks.stated_covariance import stated_covariance_fault
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
-from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
+from trackbench.subjects.doctor.drives import Rollout, Setting, TestDrive, rollout, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
 from trackbench.subjects.doctor.findings import (
     CHECKS,
@@ -33,11 +33,9 @@ from trackbench.subjects.doctor.findings import (
 )
 from trackbench.subjects.doctor.inside.pinned import models_alone, of_each_model, with_mixing_as_cause
 from trackbench.subjects.doctor.output_checks import quiet
-from trackbench.subjects.doctor.probes import Probes, varied
+from trackbench.subjects.doctor.probes import Carrier, Probes, simplified, site_of, varied
 from trackbench.subjects.doctor.report import Examination
-from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import NO_PREDICTION, Examined
-from trackbench.subjects.doctor.site import Carrier, simplified, site_of
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf

@@ -14,11 +14,10 @@ from trackbench.driving.faults import fault_of
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import SENSOR_MODELS, Mount, Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
-from trackbench.subjects.doctor.drives import TestDrive
+from trackbench.subjects.doctor.drives import Rollout, TestDrive
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, PartResult
 from trackbench.subjects.doctor.probes import GENERAL, Probes
-from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import tracks_of_run
 

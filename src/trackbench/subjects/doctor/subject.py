@@ -16,7 +16,7 @@ from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import at_hand
 from trackbench.scenario.truth import truth_of
-from trackbench.subjects.doctor.site import RATES, Carrier, carrier_of, examination_rate
+from trackbench.subjects.doctor.probes import RATES, Carrier, carrier_of, examination_rate
 from trackbench.testing.rules import Identities
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build

@@ -13,11 +13,10 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.assumptions import NONE, Assumptions
-from trackbench.subjects.doctor.drives import TestDrive
+from trackbench.subjects.doctor.drives import Rollout, TestDrive
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Probe, Probes, probe_rate
-from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.session import Examined, MissGiven, StepFailed, TrackerSession, finite, not_counted
 from trackbench.subjects.doctor.trial import Trial, averaged
 from trackbench.trackers.answers import Tracker, is_random

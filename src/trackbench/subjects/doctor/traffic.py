@@ -30,8 +30,8 @@ from trackbench.subjects.doctor.findings import (
 )
 from trackbench.subjects.doctor.isolated import filter_examined
 from trackbench.subjects.doctor.output_checks import quiet
+from trackbench.subjects.doctor.probes import simplified
 from trackbench.subjects.doctor.report import Examination
-from trackbench.subjects.doctor.site import simplified
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, tracks_of_run
 
 #: Of the sensor, Hz; its range, m; and what it states: detection probability, false alarms a scan.

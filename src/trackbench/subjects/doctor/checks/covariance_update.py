@@ -1,42 +1,38 @@
-"""Is the covariance computed, whole and in the order of the state, and does a measurement reduce it?
+"""Does a measurement reduce the predicted covariance, and does the next prediction start from what was returned?
 
-A gain is that of the tracker's own predicted covariance, ``K = P H^T (H P H^T + R)^-1``, with the components in the
-order of the state. So the order in which a covariance is returned follows from the gains. With the gain ``K`` and the
-Jacobian ``H`` the updated covariance is ``(I - K H) P`` of the predicted one (Bar-Shalom, Li and Kirubarajan 2001,
-section 5.2.3). So the covariance that the update started from follows from the other two.
+With the gain ``K`` and the Jacobian ``H`` the updated covariance is ``(I - K H) P`` of the predicted one (Bar-Shalom,
+Li and Kirubarajan 2001, section 5.2.3). So the covariance that the update started from follows from the other two.
+
+A moment after a measurement a filter states what it returned at it, but for the process noise of a moment. What is the
+same with the measurement as at a missed one was not changed by it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import permutations
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import COMMON_STATE, Array
+from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.checks.returned import another_covariance
-from trackbench.subjects.doctor.exhibits import Covariances, Panel, StatedBelief, state_matrices
-from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
+from trackbench.subjects.doctor.exhibits import (
+    Covariances,
+    StatedBelief,
+    predicted,
+    reduction_shown,
+    stated_belief,
+)
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.right_answers import reduction_shown, stated_belief
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.probes import Probe
+from trackbench.subjects.doctor.session import TrackerSession, finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
 #: Ratio of the position's standard deviations after and before a measurement above which it has grown: no gain of a
 #: filter does that.
 LARGER = 1.2
-#: Change of a covariance that is none but rounding, relative to its variances.
-UNCHANGED = 1e-9
-#: Prediction after which a covariance has grown, s.
-LATER = 1.0
-#: Share of the gain by positions that moves the velocity, which a diagonal covariance has none of.
-OF_VELOCITY = 0.05
-#: Errors of the gain, relative to it: one that is not that of the stated covariance, and one that is. Correct filters
-#: have 0.003 in the median, an IMM 0.07.
-OFF, NEAR = 0.2, 0.1
-#: The second over the first: the gains of a wrong Jacobian are off with every order.
-RATIO = 0.2
 #: Change of the covariance that is none but rounding, relative to its variances.
 SAME = 1e-6
 #: Share of the state that a measurement replaces, the trace of ``K H``, from which on it has to reduce the covariance.
@@ -46,162 +42,6 @@ GROWN = 0.5
 #: Share of a step's process noise that the update adds: 1 where it is added again, 0 in a correct filter. Sigma points
 #: and the mixing of an IMM reach 0.2.
 TWICE = (0.6, 1.4)
-
-
-@doctor_check(
-    Question("stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True),
-    place=40,
-    of_filters=True,
-    faults={
-        "covariance_constant": KnownFault(
-            "the covariance never changes",
-            "Where the covariance is set and returned.",
-            "Compute it: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, with "
-            "fixed gains K too.",
-            Role("step", rank=34, causes="stepped", drive="long_gap"),
-        ),
-        "covariance_diagonal": KnownFault(
-            "only the diagonal of the covariance is returned",
-            "Where the estimate is returned.",
-            "Return the whole 4 x 4 covariance, with that of position and velocity.",
-            Role("step", rank=35, causes="stepped", drive="manoeuvre"),
-        ),
-        "covariance_order": KnownFault(
-            "the covariance is returned in another order than the estimate",
-            "Where the estimate is returned.",
-            "Order rows and columns as the mean: px, py, vx, vy, by P[np.ix_(order, order)].",
-            Role("step", rank=36, causes="stepped", drive="manoeuvre"),
-        ),
-        "wrong_covariance_returned": KnownFault(
-            "another matrix is returned for the covariance",
-            "Where the estimate is returned.",
-            "Return the covariance P of the updated state: not Q or S, not a root or an inverse of P, not that before.",
-            Role(
-                "step",
-                rank=14,
-                causes="stepped",
-                always="covariance_not_psd predicted_covariance_not_psd",
-                drive="own_model",
-            ),
-        ),
-    },
-)
-def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
-    """Look whether the covariances change, and whether the gains are made of them, whole and in the order returned."""
-    if not any(tracker.trials.values()):
-        return PartResult().add("stated_covariance", None, "there was no estimate to update")
-    fault = tracker.once(stated_covariance_fault)
-    if fault is not None:
-        return PartResult().add("stated_covariance", False, fault.evidence, fault)
-    text = "it changes, and the gains tell of no zero, no other order and no other covariance"
-    return PartResult().add("stated_covariance", True, text)
-
-
-def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
-    """What is wrong with the covariances that are returned, if the gains are not made of them."""
-    if constant := _constant(tracker):
-        return constant
-    updates = {
-        name: [update for trial in trials if (update := trial.linear_update()) is not None]
-        for name, trials in tracker.trials.items()
-    }
-    known = {name: of for name, of in updates.items() if len(of) >= 3}
-    return (_diagonal(known) or _ordered(known) or another_covariance(tracker)) if known else None
-
-
-def _constant(tracker: TrackerUnderTest) -> Finding | None:
-    """One covariance after measurements, and without."""
-    pairs = [over for probe in tracker.probes.general if (over := tracker.predicted(probe, LATER)) is not None]
-    trials = [trial for of in tracker.trials.values() for trial in of]
-    updated = [one for trial in trials if (one := trial.posterior(trial.predicted_measurement)) is not None]
-    stated = [*(one for pair in pairs for one in pair), *updated]
-    if len(pairs) < 3 or len(updated) < 3:
-        return None
-    first = stated[0].covariance
-    spread = np.sqrt(np.abs(np.diag(first)))
-    if not all(np.all(np.abs(one.covariance - first) <= UNCHANGED * np.outer(spread, spread)) for one in stated):
-        return None
-    sigmas = ", ".join(f"{value:.3g}" for value in spread)
-    text = (
-        f"the covariance is the same in all {len(stated)} estimates, after a measurement of any sensor and {LATER:g} s "
-        f"without one: standard deviations {sigmas} of px, py (m), vx, vy (m/s)"
-    )
-    panels = (Panel("after measurements", first), Panel(f"{LATER:g} s later", pairs[0][1].covariance))
-    exhibit = state_matrices("Covariance", panels, tuple((i, i) for i in range(4)))
-    shown_by = tracker.probes.general[0].name
-    return Finding("covariance_constant", 0.97, text, shown_by=shown_by, exhibit=exhibit)
-
-
-def _diagonal(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
-    """No covariance has an entry beside the diagonal, and positions move the velocity."""
-    every = [update for of in updates.values() for update in of]
-    if any(
-        np.any(one.covariance[~np.eye(4, dtype=bool)]) for up in every for one in (up.estimate, up.trial.prediction)
-    ):
-        return None
-    shares = [(_velocity_share(update), update) for update in every]
-    known = [(share, update) for share, update in shares if np.isfinite(share)]
-    if not known or np.median([share for share, _ in known]) < OF_VELOCITY:
-        return None
-    share, clearest = max(known, key=lambda one: one[0])
-    text = (
-        f"every entry beside the diagonal is zero in the covariances of {len(every)} predictions and updates, while "
-        f"measured positions move the velocity too ({share:.0%} of the gain of {clearest.trial.scan.sensor}, in "
-        f"standard deviations, for {clearest.trial.description}): that takes the covariance of position and velocity"
-    )
-    exhibit = state_matrices(
-        f"Predicted covariance: {clearest.trial.description}",
-        (Panel("returned", clearest.trial.prediction.covariance),),
-        ((0, 2), (1, 3), (2, 0), (3, 1)),
-    )
-    return Finding("covariance_diagonal", 0.95, text, shown_by=clearest.trial.name, exhibit=exhibit)
-
-
-def _velocity_share(update: TrialUpdate) -> float:
-    """Of the gain of those components of the measurement that depend on the position alone; NaN without any."""
-    of_position = update.used & ~np.any(update.trial.jacobian[:, 2:], axis=1)
-    gain = update.relative_gain[:, of_position]
-    return float(np.linalg.norm(gain[2:]) / np.linalg.norm(gain)) if of_position.any() else float("nan")
-
-
-def _ordered(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
-    """The gains are those of the covariances with another order of the components."""
-    stated = _error(updates, range(4))
-    if stated < OFF:
-        return None
-    errors = {order: _error(updates, order) for order in permutations(range(4))}
-    best = min(errors, key=lambda order: errors[order])
-    if errors[best] > min(NEAR, RATIO * stated):
-        return None
-    names = [""] * 4
-    for component, place in enumerate(best):
-        names[place] = COMMON_STATE[component]
-    text = (
-        f"the covariance is returned in the order {', '.join(names)}: so ordered it gives the gains of all sensors "
-        f"within {errors[best]:.2g} (relative, median), and as px, py, vx, vy within {stated:.2g}"
-    )
-    update = max((of[0] for of in updates.values()), key=lambda one: _apart(one, range(4)))
-    p = update.trial.prediction.covariance
-    right = p[np.ix_(best, best)]
-    spread = np.sqrt(np.outer(np.diag(right), np.diag(right)))
-    wrong = np.abs(p - right) > UNCHANGED * spread
-    panels = (Panel("returned", p), Panel("as px, py, vx, vy", right, "right"))
-    marked = tuple((int(i), int(j)) for i, j in np.argwhere(wrong))
-    exhibit = state_matrices(f"Predicted covariance: {update.trial.description}", panels, marked)
-    return Finding("covariance_order", 0.97, text, shown_by=update.trial.name, exhibit=exhibit)
-
-
-def _error(updates: dict[str, list[TrialUpdate]], order: tuple[int, ...] | range) -> float:
-    """Of the gains of the sensor that is worst: the median over its trials."""
-    return max(float(np.median([_apart(update, order) for update in of])) for of in updates.values())
-
-
-def _apart(update: TrialUpdate, order: tuple[int, ...] | range) -> float:
-    """Of a gain from that of the covariance whose places ``order`` are those of px, py, vx, vy."""
-    trial = update.trial
-    p: Array = trial.prediction.covariance[np.ix_(order, order)]
-    scale = trial.sigma / np.sqrt(np.diag(p))[:, None]
-    return relative_error(update.gain, linearised_gain(trial, update.used, p), scale)
 
 
 @doctor_check(
@@ -375,3 +215,150 @@ def _position_sigma(update: TrialUpdate) -> float:
 
 def _predicted_sigma(update: TrialUpdate) -> float:
     return float(np.sqrt(np.trace(update.trial.prediction.covariance[:2, :2])))
+
+
+#: Time without a measurement before the one that is tried, after which it clearly reduces the covariance, s.
+GAP = 1.0
+#: Time after it, s.
+MOMENT = 1e-3
+#: Distance of the tried measurement from the predicted one, in standard deviations.
+OFFSET = 2.0
+#: Change by a measurement that is clear: of the mean in standard deviations, of the covariance in predicted variances.
+CLEAR = 0.1
+#: Share of that change which is left a moment later; below it, it is lost. A correct filter has 1.
+LEFT = 0.5
+#: The same from which on it has grown: by the process noise of a moment it does not.
+TOO_LARGE = 2.0
+#: Share of the trials in which it is lost, and least number of them.
+MOST, LEAST = 0.7, 3
+
+
+class KeptChange(NamedTuple):
+    """A measurement, and what is left of its change a moment later."""
+
+    trial: Trial
+    updated: Estimate
+    later: Estimate
+    mean: float
+    """Share of the change of the mean that is left; NaN where the measurement makes no clear one."""
+    covariance: float
+    """The same of the covariance."""
+
+
+@doctor_check(
+    Question(
+        "continuity",
+        "Does the next prediction start from the estimate that was returned?",
+        "Does the prediction after a measurement of {sensor} start from the estimate that was returned?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=45,
+    of_filters=True,
+    asks_at_misses=True,
+    faults={
+        "update_not_kept": KnownFault(
+            "the next prediction does not start from the returned estimate",
+            "Where the updated mean and covariance are stored.",
+            "Store what is returned: a local x or P, or a copy that is changed, is not the tracker's.",
+            Role(
+                "step",
+                rank=14,
+                causes="stepped",
+                always="wrong_dt process_noise_omitted q_too_small q_too_large q_constant_per_step q_wrong_power_of_dt",
+                drive="own_model",
+            ),
+        )
+    },
+)
+def continuity(tracker: TrackerUnderTest) -> PartResult:
+    """Compare the prediction a moment after a measurement with that a moment after a missed one."""
+    result, findings = PartResult(), list[Finding]()
+    for name in tracker.sensors:
+        kept = [one for probe in tracker.probes.general if (one := _kept_change(tracker, probe, name)) is not None]
+        finding = _lost(name, kept, "mean") or _lost(name, kept, "covariance") or _jumps(tracker, name, kept)
+        shares = [float(np.median(known)) for of in ("mean", "covariance") if len(known := _known(kept, of)) >= LEAST]
+        if not shares:
+            result.add(f"continuity.{name}", None, "too few measurements change the estimate clearly")
+            continue
+        left = " and ".join(f"{share:.0%}" for share in shares)
+        text = f"{MOMENT:g} s after a measurement {left} of its change of the estimate is left (medians)"
+        result.add(f"continuity.{name}", finding is None, text)
+        findings += [finding] if finding else []
+    # What is lost after every sensor's measurements is stored in one place.
+    everywhere = len(findings) == len(tracker.sensors)
+    result.findings += [replace(findings[0], sensor=None)] if everywhere else findings
+    return result
+
+
+def _kept_change(tracker: TrackerUnderTest, probe: Probe, name: str) -> KeptChange | None:
+    """A measurement off the predicted one, some time after the last."""
+    session = tracker.session_of_most(probe)
+    trial = None if session is None else after_gap(tracker, probe, name, session, GAP)
+    if session is None or trial is None or not trial.usable:
+        return None
+    measured = trial.scan._replace(measurement=trial.predicted_measurement + OFFSET * trial.sigma)
+    with tracker.recording_failures(probe.name):
+        updated, later = _two_steps(session, measured)
+        missed, without = _two_steps(session, empty_scan(measured))
+        if updated and later and missed and without and all(map(finite, (updated, later, missed, without))):
+            sigma = np.sqrt(np.maximum(np.diag(updated.covariance), np.finfo(float).tiny))
+            mean = _share(updated.mean - missed.mean, later.mean - without.mean, sigma)
+            covariances = updated.covariance - missed.covariance, later.covariance - without.covariance
+            return KeptChange(trial, updated, later, mean, _share(*covariances, trial.variance_scale))
+    return None
+
+
+def _two_steps(session: TrackerSession, scan: Scan) -> tuple[Estimate | None, Estimate | None]:
+    """The estimate at a scan and that at a missed one a moment later, of a copy."""
+    twin = session.copy()
+    return twin.step(scan), twin.step(empty_scan(scan._replace(time=scan.time + MOMENT)))
+
+
+def _share(change: Array, left: Array, scale: Array) -> float:
+    """How much of a change is left: its projection, with both in standard deviations; NaN without a clear change."""
+    change, left = change / scale, left / scale
+    return float(np.sum(left * change) / np.sum(change**2)) if np.abs(change).max() > CLEAR else np.nan
+
+
+def _known(kept: list[KeptChange], part: str) -> Array:
+    """The shares of the trials with a clear change."""
+    return np.array([share for one in kept if np.isfinite(share := getattr(one, part))])
+
+
+def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
+    shares = _known(kept, part)
+    if len(shares) < LEAST or np.mean(np.abs(shares) < LEFT) < MOST:
+        return None
+    one = min(kept, key=lambda one: np.inf if np.isnan(share := getattr(one, part)) else share)
+    before, after = (np.sqrt(np.trace(of.covariance[:2, :2])) for of in (one.updated, one.later))
+    moved = np.hypot(*(one.later.mean - one.updated.mean)[:2])
+    text = (
+        f"{MOMENT:g} s after a measurement of {name} {np.median(shares):.0%} of its change of the {part} is left "
+        f"(median of {len(shares)} trials, 100 % is right): the position moves by {moved:.2g} m in that time, and its "
+        f"standard deviation goes from {before:.3g} to {after:.3g} m ({one.trial.description})"
+    )
+    exhibit = Covariances(
+        f"A moment after a measurement of {name}",
+        stated_belief("returned after it", one.updated),
+        stated_belief(f"tracker, {MOMENT:g} s later", one.later),
+        predicted(one.updated, MOMENT),
+    )
+    return Finding("update_not_kept", 0.95, text, sensor=name, shown_by="own_model", exhibit=exhibit)
+
+
+def _jumps(tracker: TrackerUnderTest, name: str, kept: list[KeptChange]) -> Finding | None:
+    """That a change of the covariance is many times as large a moment later.
+
+    A noise that is added is the same with the measurement and without it, so it is the transition by which it grows:
+    of no time that is the identity.
+    """
+    shares = _known(kept, "covariance")
+    if len(shares) < LEAST or np.mean(np.abs(shares) > TOO_LARGE) < MOST:
+        return None
+    text = (
+        f"{MOMENT:g} s after a measurement of {name} its change of the covariance is {np.median(np.abs(shares)):.3g} "
+        f"times as large (median of {len(shares)} trials, 1 is right): the transition over no time is not the identity"
+    )
+    fault = "predicted_covariance_wrong" if tracker.once(linearises) is False else "jacobian_wrong"
+    return Finding(fault, 0.92, text, shown_by="manoeuvre")

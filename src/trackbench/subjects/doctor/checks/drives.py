@@ -11,12 +11,11 @@ import numpy as np
 from trackbench.base.types import Array, Mask
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.drives import TestDrive, drive_configs
+from trackbench.subjects.doctor.drives import Rollout, TestDrive, drive_configs, rollout
 from trackbench.subjects.doctor.evidence import evidence_run
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
-from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.builtin import kf

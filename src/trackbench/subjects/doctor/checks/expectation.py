@@ -12,14 +12,13 @@ import numpy as np
 
 from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.exhibits import gain_shown, measurement_shown, update_shown
 from trackbench.subjects.doctor.expected_gain import linearised_gain
 from trackbench.subjects.doctor.findings import SURE, Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.right_answers import gain_shown, measurement_shown, update_shown
 from trackbench.subjects.doctor.samples import sampling_noise
-from trackbench.subjects.doctor.systematic_errors import systematic_error
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
-from trackbench.subjects.doctor.wrong_models import WrongModel, wrong_models
+from trackbench.subjects.doctor.wrong_models import WrongModel, systematic_error, wrong_models
 
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0

@@ -11,13 +11,12 @@ from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.implied_noise import DIRECTION, ERRORS, noise_factors, uncertainty, wrong_noise
+from trackbench.subjects.doctor.checks.jacobians import wrong_line
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
-from trackbench.subjects.doctor.checks.written_jacobians import wrong_line
-from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
+from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of, gain_shown, told_apart
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
 from trackbench.subjects.doctor.findings import CERTAIN, Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.right_answers import gain_shown, told_apart
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
 from trackbench.subjects.doctor.trial import Trial

@@ -10,10 +10,9 @@ from trackbench.base import linalg
 from trackbench.base.units import difference
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.exhibits import Course, OverTime
+from trackbench.subjects.doctor.exhibits import Course, OverTime, update_shown
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, with_measurement_noise
-from trackbench.subjects.doctor.right_answers import update_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial

@@ -9,10 +9,9 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Predictions
+from trackbench.subjects.doctor.exhibits import Predictions, stated_belief, update_shown
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.right_answers import stated_belief, update_shown
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
@@ -228,7 +227,7 @@ class _Moves(NamedTuple):
     """How far the position goes by an old scan, ``(2,)`` m."""
 
     probe: Probe
-    late_measurements: Array
+    late: Array
     """Given late."""
     new: Array
     """Given as if it were new."""

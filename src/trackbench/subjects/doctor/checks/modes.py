@@ -16,8 +16,7 @@ from trackbench.subjects.doctor.exhibits import Matrices, Panel
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, ModelInnovation, bank_of, log_density
 from trackbench.subjects.doctor.inside.pinned import models_alone
-from trackbench.subjects.doctor.inside.trace import nearest_assigned, with_value
-from trackbench.subjects.doctor.inside.values import Pool
+from trackbench.subjects.doctor.inside.values import Pool, nearest_assigned, with_value
 from trackbench.subjects.doctor.session import apart
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 

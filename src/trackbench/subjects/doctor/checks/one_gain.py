@@ -15,10 +15,9 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.exhibits import Panel, state_matrices
+from trackbench.subjects.doctor.exhibits import Panel, gain_shown, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.samples import has_samples
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate

@@ -11,11 +11,10 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
+from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions, predicted, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe, probe_rate
-from trackbench.subjects.doctor.right_answers import predicted, stated_belief
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 from trackbench.subjects.doctor.units_ratio import FAR_APART, conversion

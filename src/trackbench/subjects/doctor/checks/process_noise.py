@@ -10,10 +10,9 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Course, OverTime
+from trackbench.subjects.doctor.exhibits import Course, OverTime, straight
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 

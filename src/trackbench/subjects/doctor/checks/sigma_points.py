@@ -16,11 +16,10 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.drives import harmless
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
+from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of, gain_shown, points_shown
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
-from trackbench.subjects.doctor.right_answers import gain_shown, points_shown
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises

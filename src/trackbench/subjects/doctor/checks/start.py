@@ -9,10 +9,9 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief
+from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
-from trackbench.subjects.doctor.right_answers import stated_belief
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 

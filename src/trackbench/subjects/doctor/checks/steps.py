@@ -17,16 +17,16 @@ from trackbench.driving.alone import NOT_COPIED
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import course_jump, followed
-from trackbench.subjects.doctor.covariance_origin import (
+from trackbench.subjects.doctor.exhibits import Exhibit, Matrices, Panel, components_of
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.output_checks import (
+    SINGULAR,
     Make,
     fault_of_step,
     indefinite,
     indefinite_entries,
     indefinite_shown,
 )
-from trackbench.subjects.doctor.exhibits import Exhibit, Matrices, Panel, components_of
-from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.output_checks import SINGULAR
 from trackbench.subjects.doctor.probes import TURNS, turned_mounting
 from trackbench.subjects.doctor.session import FAR, MissGiven, StepFailed, TrackerSession, apart, finite, plausible
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest

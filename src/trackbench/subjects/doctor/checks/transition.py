@@ -4,6 +4,9 @@ The same prediction of two estimates with one mean adds the same process noise, 
 covariances is moved by the transition's Jacobian alone: ``F (P1 - P2) F^T``. A measurement where it is predicted leaves
 the mean, and takes ``K S K^T`` from the covariance of a missed one (Bar-Shalom, Li and Kirubarajan 2001, section
 5.2.3). ``F K`` is what a change of that measurement does to the predicted mean, hidden states included.
+
+The same scans, with target and sensors moved by a constant, have the same innovations. So the estimates are moved by
+it, and their covariances are the same.
 """
 
 from __future__ import annotations
@@ -15,12 +18,11 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Panel, state_matrices
+from trackbench.subjects.doctor.exhibits import Course, OverTime, Panel, state_matrices, straight
 from trackbench.subjects.doctor.expected_gain import OUTSIDE
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
@@ -280,3 +282,75 @@ def _apart(one: Estimate, other: Estimate) -> float:
     """The largest difference of two covariances in variances of the latter."""
     sigma = np.sqrt(np.maximum(np.diag(other.covariance), 1e-12))
     return float(np.abs((one.covariance - other.covariance) / np.outer(sigma, sigma)).max())
+
+
+#: By which target and observer are moved, m.
+SHIFT = (47.0, -35.0)
+#: Time of the prediction, s.
+GROWTH_STEP = 0.4
+#: Ratio of the growths of the velocity's variance that is one, and how many of the probes have to have a larger one.
+SAME_GROWTH, LEAST_OFF = 1.3, 2
+#: Distance of the moved estimate from where it should be, in standard deviations, from which on it is another track.
+ANOTHER = 1.0
+
+
+@doctor_check(
+    Question("noise_place", "Is the process noise the same wherever the scene is?", misses=True, motion=True),
+    place=115,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "q_depends_on_state": KnownFault(
+            "the process noise depends on the position",
+            "Where Q is computed from entries of the state.",
+            "Q of G G^T sigma^2 depends on dt alone; where it is scaled by the state, take the entry that is meant: a "
+            "speed, not a position in the fixed frame.",
+            Role("motion growth", rank=20, causes="growth numerical", drive="manoeuvre"),
+        )
+    },
+)
+def noise_place(tracker: TrackerUnderTest) -> PartResult:
+    """Compare the growth of the covariance without measurements with that of the same scene elsewhere."""
+    if has_samples(tracker):
+        return PartResult().add("noise_place", None, OTHER_ANSWERS)
+    growths = []
+    for probe in tracker.probes.general[:3]:
+        here, there = (tracker.predicted(place, GROWTH_STEP) for place in (probe, _elsewhere(probe)))
+        if here is not None and there is not None and _alike(here[0], there[0]):
+            pair = np.array([_growth(*here), _growth(*there)])
+            if pair.min() > 0.0:
+                growths.append((pair, probe))
+    if not growths:
+        return PartResult().add("noise_place", None, "there was no estimate that grows, or it was another elsewhere")
+    ratios = [float(pair[1] / pair[0]) for pair, _ in growths]
+    where = f"{SHIFT[0]:g}, {SHIFT[1]:g} m away"
+    words = ", ".join(f"{ratio:.3g}" for ratio in ratios)
+    text = (
+        f"over {GROWTH_STEP:g} s without a measurement the variance of the velocity grows {where} {words} times as much"
+    )
+    off = [(pair, probe) for pair, probe in growths if abs(np.log(pair[1] / pair[0])) > np.log(SAME_GROWTH)]
+    if len(off) < LEAST_OFF:
+        return PartResult().add("noise_place", True, text)
+    pair, probe = off[0]
+    course = Course("growth of variance, m²/s²", pair, np.repeat(pair[0], 2))
+    title = f"Growth of the velocity's variance in {GROWTH_STEP:g} s: {probe.description}"
+    distance: Array = np.array([0.0, float(np.hypot(*SHIFT))])
+    exhibit = OverTime(title, "distance by which the scene is moved, m", distance, (course,), right_name="the same")
+    finding = Finding("q_depends_on_state", 0.95, text, shown_by=probe.name, exhibit=exhibit)
+    return PartResult().add("noise_place", False, text, finding)
+
+
+def _elsewhere(probe: Probe) -> Probe:
+    px, py, vx, vy = probe.target
+    observer = probe.observer._replace(x=probe.observer.x + SHIFT[0], y=probe.observer.y + SHIFT[1])
+    return probe._replace(target=(px + SHIFT[0], py + SHIFT[1], vx, vy), observer=observer)
+
+
+def _alike(here: Estimate, there: Estimate) -> bool:
+    sigma = np.sqrt(np.maximum(np.diag(here.covariance), np.finfo(float).tiny))
+    apart = np.abs(there.mean - here.mean - np.array([*SHIFT, 0.0, 0.0])) / sigma
+    return bool(apart.max() < ANOTHER)
+
+
+def _growth(now: Estimate, then: Estimate) -> float:
+    return float(np.trace((then.covariance - now.covariance)[2:, 2:]))

@@ -7,23 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Estimate
-from trackbench.subjects.doctor.covariance_origin import (
+from trackbench.subjects.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.output_checks import (
     ROUNDING,
+    SINGULAR,
+    WorstCase,
     asymmetric,
+    asymmetry,
     asymmetry_shown,
     fault_of_step,
     indefinite,
     indefinite_entries,
     indefinite_shown,
-    mirrored_entries,
-)
-from trackbench.subjects.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
-from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.output_checks import (
-    SINGULAR,
-    WorstCase,
-    asymmetry,
     least_eigenvalue,
+    mirrored_entries,
     scaled_covariances,
 )
 from trackbench.subjects.doctor.probes import Probe, with_measurement_noise

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Estimate
-from trackbench.subjects.doctor.exhibits import Predictions
+from trackbench.subjects.doctor.exhibits import Predictions, predicted, stated_belief, update_shown
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.right_answers import predicted, stated_belief, update_shown
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial

@@ -16,11 +16,10 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import jumps_of_course
-from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
+from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief, stated_belief
 from trackbench.subjects.doctor.expected_gain import gain_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
-from trackbench.subjects.doctor.right_answers import stated_belief
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial

@@ -30,8 +30,7 @@ from trackbench.subjects.doctor.inside.bank import (
     transition_matrices,
     with_rows,
 )
-from trackbench.subjects.doctor.inside.trace import Assigned, traced
-from trackbench.subjects.doctor.inside.values import Held, Pool, held_values
+from trackbench.subjects.doctor.inside.values import Assigned, Held, Pool, held_values, traced
 from trackbench.subjects.doctor.probes import with_measurement_noise
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest

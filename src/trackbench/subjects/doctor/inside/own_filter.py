@@ -14,8 +14,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.inside.trace import Assigned, traced
-from trackbench.subjects.doctor.inside.values import HeldAt, Path, formed, held_values, parts
+from trackbench.subjects.doctor.inside.values import Assigned, HeldAt, Way, formed, held_values, parts, traced
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 
 #: Sizes of a state that are looked for, and how many pairs of a mean and a covariance are tried.
@@ -47,8 +46,8 @@ class OwnFilter:
     """A tracker after some scans, with the places of its mean and covariance."""
 
     session: TrackerSession
-    mean_at: Path
-    covariance_at: Path
+    mean_at: Way
+    covariance_at: Way
     mean: Array
     covariance: Array
 
@@ -142,7 +141,7 @@ def covariances_apart(covariance: Array, right: Array) -> float:
     return float(np.abs((covariance - right) / np.outer(sigma, sigma)).max())
 
 
-def put(root: Any, path: Path, value: Array) -> bool:
+def put(root: Any, path: Way, value: Array) -> bool:
     """Hold another value at a place, in the form of what is there; False where that cannot be changed."""
     holder = root
     for key in path[:-1]:

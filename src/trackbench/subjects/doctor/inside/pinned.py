@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import Finding, PartResult
 from trackbench.subjects.doctor.inside.interaction import Bank, bank_of, models_of
-from trackbench.subjects.doctor.inside.values import HeldAt, Path, formed, held_values
+from trackbench.subjects.doctor.inside.values import HeldAt, Way, formed, held_values
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
@@ -29,7 +29,7 @@ OF_MODEL = "of model"
 class _Pinned:
     """A tracker with other transition probabilities, from when it has some."""
 
-    def __init__(self, tracker: Any, path: Path, matrix: Array) -> None:
+    def __init__(self, tracker: Any, path: Way, matrix: Array) -> None:
         self.within, self.batched = tracker, bool(getattr(tracker, "batched", False))
         self._path, self._matrix = path, matrix
         self._done = False

@@ -14,19 +14,9 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.process_noise import BAND
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import Finding, PartResult, Question, doctor_check
-from trackbench.subjects.doctor.followed_log import LogInnovations, RecordedLog
+from trackbench.subjects.doctor.log_doctor import CAUSES, LogInnovations, RecordedLog
 from trackbench.subjects.doctor.session import NO_PREDICTION
 
-#: Faults that innovations show in every way, those first that cause the others.
-CAUSES = (
-    "azimuth_not_wrapped",
-    "missed_scan_not_predicted",
-    "wrong_dt",
-    "time_offset",
-    "r_too_small",
-    "r_too_large",
-    "sensor_bias",
-)
 _GROWTH = ("q_too_small", "q_too_large", "covariance_unbelievable")
 #: Innovations of a sensor that are needed, and the blocks into which they are cut.
 LEAST, BLOCKS = 60, 20

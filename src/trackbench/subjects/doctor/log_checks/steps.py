@@ -10,7 +10,7 @@ from trackbench.base.errors import counted
 from trackbench.base.types import Scan
 from trackbench.subjects.doctor.checks.steps import fault_of_error
 from trackbench.subjects.doctor.findings import Finding, PartResult, Question, doctor_check
-from trackbench.subjects.doctor.followed_log import GAP, RecordedLog
+from trackbench.subjects.doctor.log_doctor import GAP, RecordedLog
 from trackbench.subjects.doctor.session import NO_PREDICTION
 
 #: Share of its velocity times the time step by which an estimate is predicted, below and above which it is wrong: a
