@@ -209,10 +209,7 @@ def test_consequences_come_after_their_root_cause() -> None:
 
 def test_an_uncertain_finding_is_no_root_cause() -> None:
     found = rank_findings([Finding("covariance_not_psd", 0.6, ""), Finding("r_too_large", 0.98, "", sensor="radar")])
-    assert with_causes(found) == [
-        ("r_too_large", None),
-        ("covariance_not_psd", "r_too_large"),
-    ]
+    assert with_causes(found) == [("r_too_large", None), ("covariance_not_psd", "r_too_large")]
 
 
 def test_gains_imply_the_noise_of_a_linear_filter() -> None:

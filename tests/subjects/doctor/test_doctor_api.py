@@ -294,10 +294,7 @@ def test_an_interrupt_leaves_nothing(trackbench: str, tmp_path: Path, module: st
         (["MODULE:Good", "--identities", "hidden", "--skip", "gain"], "--skip: only for a tracker of one object"),
         (["MODULE:Good", "--identities", "hidden", "--no-misses"], "--no-misses: only for a tracker of one object"),
         (["MODULE:Good", "--scenario", "none.yaml"], "none.yaml: there is no such file"),
-        (
-            ["MODULE:Good", "--skip", "nosuch"],
-            "--skip: there is no check 'nosuch': `trackbench list checks",
-        ),
+        (["MODULE:Good", "--skip", "nosuch"], "--skip: there is no check 'nosuch': `trackbench list checks"),
         (["MODULE:Good", "--out", "tiny.yaml/out"], "--out: cannot write to tiny.yaml: it is a file, not a folder"),
         (["MODULE:Good", "--out", "/proc/doctor/x"], "--out: cannot write to /proc/doctor"),
         (["MODULE:Good", "--out", "."], ".: there already, and not a folder with examination.json: not replaced"),

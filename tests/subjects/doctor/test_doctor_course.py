@@ -263,10 +263,7 @@ def test_no_sound_program_has_a_wrong_jacobian(name: str, made: Callable[[Progra
 
 def test_a_line_that_is_seen_to_be_wrong_explains_what_else_is_found() -> None:
     found = rank_findings([Finding("course_not_wrapped", 0.97, ""), Finding("jacobian_wrong", PROVEN, "")])
-    assert with_causes(found) == [
-        ("jacobian_wrong", None),
-        ("course_not_wrapped", "jacobian_wrong"),
-    ]
+    assert with_causes(found) == [("jacobian_wrong", None), ("course_not_wrapped", "jacobian_wrong")]
     check = CheckResult("course_wrapping", "", False, "", faults=("course_not_wrapped",))
     assert certainty(Examination("", found, [check])).word == "shown"
 

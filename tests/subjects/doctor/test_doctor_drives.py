@@ -16,13 +16,7 @@ from trackbench.subjects.doctor.checks.drives import drives
 from trackbench.subjects.doctor.checks.steps import _least, failure_findings, steps
 from trackbench.subjects.doctor.drives import Rollout, rollout, simulate_drives
 from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, shown_drives
-from trackbench.subjects.doctor.examine import (
-    NO_PREDICTION,
-    Doctor,
-    StepCount,
-    drive_steps,
-    evidence_steps,
-)
+from trackbench.subjects.doctor.examine import NO_PREDICTION, Doctor, StepCount, drive_steps, evidence_steps
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, PartResult, check_named, faults_of
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.report import Examination, examination_text

@@ -159,7 +159,6 @@ def handedness(tracker):
 """
 SEVERAL = """
 from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, doctor_check
-from trackbench.subjects.doctor.traffic import note
 
 
 @doctor_check(
@@ -168,9 +167,7 @@ from trackbench.subjects.doctor.traffic import note
     faults={"hands_wrong": KnownFault("the hands are wrong", "At the wrists.", "Turn them round.")},
 )
 def hands(make, site):
-    result = PartResult()
-    note(result, "hands", False, "they are right-handed", "hands_wrong")
-    return result
+    return PartResult().note("hands", False, "they are right-handed", "hands_wrong")
 """
 
 

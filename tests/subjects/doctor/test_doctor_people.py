@@ -153,10 +153,7 @@ def made(tmp_path: Any, monkeypatch: Any) -> Callable[[Program], Make]:
 
 @pytest.mark.parametrize(
     ("name", "module", "sensor", "fault"),
-    [
-        ("seen", "sound_schmidt", "lidar", "jacobian_wrong"),
-        ("practice3", "imm_three", "radar", "gain_inconsistent"),
-    ],
+    [("seen", "sound_schmidt", "lidar", "jacobian_wrong"), ("practice3", "imm_three", "radar", "gain_inconsistent")],
 )
 def test_a_gain_of_another_kind_without_harm_is_a_remark(
     name: str, module: str, sensor: str, fault: str, driven: Any, made: Any
@@ -181,10 +178,7 @@ def test_a_range_rate_along_the_measured_ray_has_the_noise_of_the_ray(made: Any)
 
 def test_declared_random_numbers_are_in_the_covariance(made: Any) -> None:
     (check,) = transition(under_test(made(program_named(sound("practice3"), "transform_ensemble")))).checks
-    assert (check.passed, check.result) == (
-        None,
-        OTHER_ANSWERS,
-    )
+    assert (check.passed, check.result) == (None, OTHER_ANSWERS)
 
 
 @pytest.mark.parametrize(
@@ -233,10 +227,7 @@ def test_points_without_process_noise_explain_a_wrong_gain_of_another_sensor() -
             Finding("sigma_points_not_redrawn", 0.9, "", sensor="lidar"),
         ]
     )
-    assert with_causes(found) == [
-        ("sigma_points_not_redrawn", None),
-        ("gain_inconsistent", "sigma_points_not_redrawn"),
-    ]
+    assert with_causes(found) == [("sigma_points_not_redrawn", None), ("gain_inconsistent", "sigma_points_not_redrawn")]
 
 
 def test_samples_that_nobody_declared_are_seen_in_the_covariance(made: Any) -> None:

@@ -226,10 +226,7 @@ def test_a_matrix_is_drawn_with_its_numbers_names_and_units() -> None:
     counts = {"px, m": 2, "vy, m/s": 2, "0.5": 1, "\N{MINUS SIGN}0.25": 1, "0": 2, "0.125": 4}
     assert {one: said.count(one) for one in counts} == counts
     titles = [title.text for title in svg.iter("title")]
-    assert titles == [
-        "row azimuth, rad, column py, m: implied -0.25",
-        "row azimuth, rad, column py, m: right 0.125",
-    ]
+    assert titles == ["row azimuth, rad, column py, m: implied -0.25", "row azimuth, rad, column py, m: right 0.125"]
 
 
 def test_matrices_without_room_beside_each_other_stand_below() -> None:

@@ -145,10 +145,7 @@ def test_a_named_fault_explains_what_the_drives_show() -> None:
         ("too_far_off", "velocity_not_kept"),
         ("covariance_unbelievable", "velocity_not_kept"),
     ]
-    assert with_causes(rank_findings(seen)) == [
-        ("too_far_off", None),
-        ("covariance_unbelievable", "too_far_off"),
-    ]
+    assert with_causes(rank_findings(seen)) == [("too_far_off", None), ("covariance_unbelievable", "too_far_off")]
 
 
 LATE_SENSORS = {

@@ -142,13 +142,7 @@ class Dropping(NearestGlobal):
 
 
 @pytest.mark.parametrize(
-    ("tracker", "failed"),
-    [
-        (NearestGlobal, []),
-        (Dropping, []),
-        (Clamped, ["late"]),
-        (AtArrival, ["late", "all_late"]),
-    ],
+    ("tracker", "failed"), [(NearestGlobal, []), (Dropping, []), (Clamped, ["late"]), (AtArrival, ["late", "all_late"])]
 )
 def test_late_scans_that_are_taken_as_new_are_found(tracker: type[NearestGlobal], failed: list[str]) -> None:
     result = late_scans(looped(tracker), LATE)

@@ -373,3 +373,12 @@ class PartResult:
         self.checks.append(CheckResult(name, question, passed, result, faults=faults))
         self.findings += shown
         return self
+
+    def add_evidence(self, name: str, finding: Finding | None, otherwise: str) -> PartResult:
+        """Append a check that fails by a finding, with its evidence as the result; else it passes."""
+        return self.add(name, finding is None, otherwise if finding is None else finding.evidence, finding)
+
+    def note(self, name: str, passed: bool, text: str, fault: str) -> PartResult:
+        """Append a check of a scene, and where it failed a finding with the same text."""
+        finding = None if passed else Finding(fault, 0.9, text[0].upper() + text[1:] + ".")
+        return self.add(name, bool(passed), text, finding)

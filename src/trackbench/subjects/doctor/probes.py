@@ -85,8 +85,7 @@ def carrier_of(observer: Observer) -> Carrier:
 
 
 def _turned(state: Array, angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, -s], [s, c]])
+    turn = rotation(angle)
     return np.concatenate([turn @ state[:2], turn @ state[2:]])
 
 

@@ -47,7 +47,7 @@ def sampling_noise(tracker: TrackerUnderTest) -> float:
 
 def _with_other_samples(tracker: TrackerUnderTest) -> tuple[Estimate, Estimate] | None:
     probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[0]
-    scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], 0.0)
+    scan = tracker.scan(probe, sensor_set[0], 0.0)
     usual, redrawn = (
         tracker.predict(tracker.session_at(probe, sensor_set, replica=replica), scan, probe.name)
         for replica in (False, True)

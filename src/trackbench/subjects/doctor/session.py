@@ -288,6 +288,11 @@ def finite(estimate: Estimate) -> bool:
     return bool(np.isfinite(estimate.mean).all() and np.isfinite(estimate.covariance).all())
 
 
+def position_sigma(estimate: Estimate) -> float:
+    """Standard deviation of the distance from the estimated position, m."""
+    return float(np.sqrt(np.trace(estimate.covariance[:2, :2])))
+
+
 def plausible(estimate: Estimate | None) -> bool:
     """Whether it is finite, and its values and standard deviations are below `FAR`: the track has not diverged."""
     if estimate is None or not finite(estimate):

@@ -151,6 +151,14 @@ class TrackerUnderTest:
         self.output_checks.add_track(estimates, scans, probe.name)
         return session if len(estimates) == len(scans) else None
 
+    def scan(self, probe: Probe, name: str, time: float) -> Scan:
+        """The measurement of a probe's target by a sensor, without noise."""
+        return probe.scan(name, self.sensors[name], time)
+
+    def missed(self, probe: Probe, name: str, time: float) -> Scan:
+        """The scan of a sensor that does not detect the target."""
+        return empty_scan(self.scan(probe, name, time))
+
     def peek(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
         """What a session would answer to a scan; None where there is no estimate, or the step fails."""
         if session is not None:
@@ -171,7 +179,7 @@ class TrackerUnderTest:
         for name in sensor_set:
             rate = probe_rate(self.sensors[name])
             before = max(int(duration * rate), LEAST_SCANS)
-            scans += [probe.scan(name, self.sensors[name], k / rate) for k in range(-before, 0)]
+            scans += [self.scan(probe, name, k / rate) for k in range(-before, 0)]
         return sorted(scans, key=lambda scan: scan.time)
 
     def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], *, replica: bool = False) -> Trial | None:
@@ -185,7 +193,7 @@ class TrackerUnderTest:
         session = self.session_at(probe, sensor_set, replica=replica)
         if session is None:
             return None
-        scan = probe.scan(sensor, self.sensors[sensor], 0.0)
+        scan = self.scan(probe, sensor, 0.0)
         with self.recording_failures(probe.name):
             if self.assumptions.no_misses:
                 prediction = session.predict(scan)
@@ -207,16 +215,14 @@ class TrackerUnderTest:
             if session is not None:
                 with self.recording_failures(probe.name):
                     session = session.copy()
-                    now = session.step(empty_scan(probe.scan(name, self.sensors[name], 0.0)))
+                    now = session.step(self.missed(probe, name, 0.0))
                     self._at_zero[probe] = None if now is None or not finite(now) else (session, now)
         at_zero = self._at_zero[probe]
         if at_zero is None:
             return None
         session, now = at_zero
         if (probe, step) not in self._predictions:
-            self._predictions[probe, step] = self.peek(
-                session, empty_scan(probe.scan(name, self.sensors[name], step)), probe.name
-            )
+            self._predictions[probe, step] = self.peek(session, self.missed(probe, name, step), probe.name)
         then = self._predictions[probe, step]
         return None if then is None or not finite(then) else (now, then)
 
@@ -250,7 +256,7 @@ class TrackerUnderTest:
         """How often an answer is asked for: once, unless copies of the tracker draw different random numbers."""
         probe, sensor_set = self.probes.general[0], self.sensor_sets()[0]
         session = self.session_at(probe, sensor_set)
-        scan = probe.scan(sensor_set[0], self.sensors[sensor_set[0]], 0.0)
+        scan = self.scan(probe, sensor_set[0], 0.0)
         with self.recording_failures(probe.name):
             answers = [None if session is None else session.peek(scan) for _ in range(2)]
             if answers[0] is not None and answers[1] is not None:
@@ -262,7 +268,7 @@ class TrackerUnderTest:
         """Whether a track that goes on after a measurement has no estimate (None) at a missed one."""
         probe, sensor_set = self.probes.general[0], self.sensor_sets()[-1]
         session = self.session_at(probe, sensor_set)
-        scan = probe.scan(sensor_set[0], self.sensors[sensor_set[0]], 0.0)
+        scan = self.scan(probe, sensor_set[0], 0.0)
         with self.recording_failures(probe.name):
             if session is not None and session.peek(scan) is not None:
                 return session.predict(scan) is None
@@ -311,7 +317,7 @@ def linearises(tracker: TrackerUnderTest) -> bool | None:
 
 def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: TrackerSession, gap: float) -> Trial | None:
     """A trial of a sensor some time after the last measurement."""
-    scan = probe.scan(name, tracker.sensors[name], gap)
+    scan = tracker.scan(probe, name, gap)
     prediction = tracker.predict(session, scan, probe.name)
     return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
 
@@ -324,7 +330,7 @@ def early_trials(tracker: TrackerUnderTest, sensor: str) -> list[Trial]:
             session, scans = TrackerSession(tracker.make), tracker.approach(probe, sensor_set)
             with tracker.recording_failures(probe.name):
                 session.follow(scans[:FIRST_SCANS])
-                at = probe.scan(sensor, tracker.sensors[sensor], scans[FIRST_SCANS].time)
+                at = tracker.scan(probe, sensor, scans[FIRST_SCANS].time)
                 prediction = session.predict(at)
                 if prediction is not None:
                     trial = Trial(probe.name, probe.description, at, prediction, session)
@@ -338,7 +344,7 @@ def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:
     model = SENSOR_MODELS[tracker.sensors[sensor].type]
     found = []
     for i, component in enumerate(model.components):
-        last = probe.scan(sensor, tracker.sensors[sensor], 0.0)
+        last = tracker.scan(probe, sensor, 0.0)
         error = np.zeros(len(last.measurement))
         error[i] = OFFSET * np.sqrt(last.noise_covariance[i, i])
         session = TrackerSession(tracker.make)

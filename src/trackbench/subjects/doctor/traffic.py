@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -137,6 +137,41 @@ class MultiObjectSession:
         return [self.step(scan) for scan in scans]
 
 
+@dataclass(frozen=True)
+class FollowedTrack:
+    """The track of an object after some scans; what another scan does to it is tried on a fresh tracker."""
+
+    make: Make
+    site: Site
+    scans: Sequence[Scan]
+    tracks: Tracks
+    column: int
+
+    @classmethod
+    def of_object(cls, make: Make, site: Site, target: Array, seconds: float) -> Self | None:
+        """After scans without noise of one object ``(4,)``; None where it has no track."""
+        scans = site.scans(target[:, None], seconds)
+        tracks = MultiObjectSession(make).follow(scans)[-1]
+        column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
+        return None if column is None else cls(make, site, scans, tracks, column)
+
+    @property
+    def mean(self) -> Array:
+        """``(4,)``"""
+        return self.tracks.mean[:, self.column]
+
+    def after_scan(self, scan: Scan) -> tuple[Array, Array] | None:
+        """Mean and covariance after one more scan; None where the track has ended."""
+        tracks = MultiObjectSession(self.make).follow([*self.scans, scan])[-1]
+        same = np.flatnonzero(tracks.ids == self.tracks.ids[self.column])
+        return (tracks.mean[:, same[0]], tracks.covariance[:, :, same[0]]) if len(same) else None
+
+
+def with_detections(scan: Scan, detections: Array) -> Scan:
+    """The scan with other detections ``(m, D)``."""
+    return scan._replace(measurement=detections, valid=np.ones(detections.shape[1], dtype=bool))
+
+
 def column_of_nearest(tracks: Tracks, position: Array) -> int | None:
     """The column of the track that is on an object at ``(2,)``; None: there is none."""
     away = distances(tracks, position[:2, None])[:, 0]
@@ -152,14 +187,6 @@ def distances(tracks: Tracks, positions: Array) -> Array:
     """``(K, n)`` m, of tracks to positions ``(2, n)``."""
     away = tracks.mean[:2, :, None] - positions[:2, None, :]
     return np.asarray(np.hypot(away[0], away[1]))
-
-
-def note(result: PartResult, name: str, passed: bool, text: str, fault: str) -> PartResult:
-    """Add a check, and its finding where it failed; its question is that of the check's record."""
-    result.checks.append(CheckResult(name, "", bool(passed), text, faults=() if passed else (fault,)))
-    if not passed:
-        result.findings.append(Finding(fault, 0.9, text[0].upper() + text[1:] + "."))
-    return result
 
 
 class TrafficDoctor:

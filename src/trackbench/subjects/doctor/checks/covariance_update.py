@@ -17,16 +17,10 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import (
-    Covariances,
-    StatedBelief,
-    predicted,
-    reduction_shown,
-    stated_belief,
-)
+from trackbench.subjects.doctor.exhibits import Covariances, StatedBelief, predicted, reduction_shown, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.session import TrackerSession, finite
+from trackbench.subjects.doctor.session import TrackerSession, finite, position_sigma
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
@@ -93,7 +87,7 @@ def covariance_update(tracker: TrackerUnderTest) -> PartResult:
             result.add(f"covariance_update.{name}", None, text)
             continue
         finding = _kept(name, updates) or _noise_again(tracker, name, updates) or _larger(name, updates)
-        ratios = [_position_sigma(update) / _predicted_sigma(update) for update in updates]
+        ratios = [after / before for before, after in map(_position_sigmas, updates)]
         text = (
             f"the standard deviation of the position after a measurement is {min(ratios):.3g} to {max(ratios):.3g} of "
             f"the one before ({len(updates)} trials)"
@@ -111,6 +105,11 @@ def _replaced(update: TrialUpdate) -> float:
     return float(np.trace(update.gain @ update.trial.jacobian))
 
 
+def _position_sigmas(update: TrialUpdate) -> tuple[float, float]:
+    """Before and after it, m."""
+    return position_sigma(update.trial.prediction), position_sigma(update.estimate)
+
+
 def _grows(tracker: TrackerUnderTest, trial: Trial) -> bool:
     later = tracker.peek(trial.session, empty_scan(trial.scan._replace(time=trial.scan.time + GROWN)), trial.name)
     before = float(np.trace(trial.prediction.covariance[:2, :2]))
@@ -119,14 +118,14 @@ def _grows(tracker: TrackerUnderTest, trial: Trial) -> bool:
 
 def _larger(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     """Of some updates by a measurement as it was predicted the position is less certain than before."""
-    larger = [update for update in updates if _position_sigma(update) > LARGER * _predicted_sigma(update)]
+    larger = [(*_position_sigmas(update), update) for update in updates]
+    larger = [(before, after, update) for before, after, update in larger if after > LARGER * before]
     if len(larger) < 3:
         return None
-    clearest = max(larger, key=lambda update: _position_sigma(update) / _predicted_sigma(update))
+    before, after, clearest = max(larger, key=lambda entry: entry[1] / entry[0])
     text = (
         f"a measurement of {name} of {clearest.trial.description} makes the covariance larger: the standard deviation "
-        f"of the position is {_predicted_sigma(clearest):.3g} m before and {_position_sigma(clearest):.3g} m after "
-        f"({len(larger)} of {len(updates)} trials)"
+        f"of the position is {before:.3g} m before and {after:.3g} m after ({len(larger)} of {len(updates)} trials)"
     )
     exhibit = reduction_shown(clearest.trial, clearest.estimate)
     shown_by = clearest.trial.name
@@ -139,10 +138,11 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     if len(kept) < 0.8 * len(updates):
         return None
     clearest = max(kept, key=_replaced)
+    before, after = _position_sigmas(clearest)
     text = (
         f"a measurement of {name} moves the estimate of {clearest.trial.description}, and its covariance stays as it "
-        f"was predicted: the standard deviation of the position is {_predicted_sigma(clearest):.3g} m before and "
-        f"{_position_sigma(clearest):.3g} m after ({len(kept)} of {len(updates)} trials)"
+        f"was predicted: the standard deviation of the position is {before:.3g} m before and {after:.3g} m after "
+        f"({len(kept)} of {len(updates)} trials)"
     )
     exhibit = reduction_shown(clearest.trial, clearest.estimate)
     return Finding("covariance_not_reduced", 0.97, text, sensor=name, shown_by="own_model", exhibit=exhibit)
@@ -207,14 +207,6 @@ def _started_from(update: TrialUpdate) -> Array:
     """``(4, 4)`` the covariance of which the gain and the updated one follow."""
     remaining = np.eye(4) - update.gain[:, update.used] @ update.trial.jacobian[update.used]
     return np.asarray(np.linalg.pinv(remaining) @ update.estimate.covariance)
-
-
-def _position_sigma(update: TrialUpdate) -> float:
-    return float(np.sqrt(np.trace(update.estimate.covariance[:2, :2])))
-
-
-def _predicted_sigma(update: TrialUpdate) -> float:
-    return float(np.sqrt(np.trace(update.trial.prediction.covariance[:2, :2])))
 
 
 #: Time without a measurement before the one that is tried, after which it clearly reduces the covariance, s.
@@ -331,7 +323,7 @@ def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
     if len(shares) < LEAST or np.mean(np.abs(shares) < LEFT) < MOST:
         return None
     one = min(kept, key=lambda one: np.inf if np.isnan(share := getattr(one, part)) else share)
-    before, after = (np.sqrt(np.trace(of.covariance[:2, :2])) for of in (one.updated, one.later))
+    before, after = map(position_sigma, (one.updated, one.later))
     moved = np.hypot(*(one.later.mean - one.updated.mean)[:2])
     text = (
         f"{MOMENT:g} s after a measurement of {name} {np.median(shares):.0%} of its change of the {part} is left "

@@ -8,7 +8,6 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.units import difference
-from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Course, OverTime, update_shown
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
@@ -172,10 +171,10 @@ def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
         asked = sensor_set[0]
         predicted = None
         if tracker.assumptions.no_misses:
-            predicted = session.predict(probe.scan(asked, tracker.sensors[asked], GAP))
+            predicted = session.predict(tracker.scan(probe, asked, GAP))
         else:
             for k in range(int(GAP * 10) + 1):
-                predicted = session.step(empty_scan(probe.scan(asked, tracker.sensors[asked], 0.1 * k)))
+                predicted = session.step(tracker.missed(probe, asked, 0.1 * k))
         if predicted is None or not finite(predicted):
             return None
         sigma = float(np.sqrt(max(0.0, np.trace(predicted.covariance[:2, :2]))))
@@ -185,7 +184,7 @@ def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
         for k in range(1, int(AFTER * 10) + 1):
             time = GAP + 0.1 * k
             for name in sensor_set:
-                estimate = session.step(elsewhere.scan(name, tracker.sensors[name], time))
+                estimate = session.step(tracker.scan(elsewhere, name, time))
             if estimate is not None and finite(estimate):
                 distances.append(float(np.hypot(*(estimate.mean - elsewhere.truth(time))[:2])))
             if distances[-1] < (1.0 - TAKEN_UP) * away:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
-from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Predictions, stated_belief, update_shown
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
@@ -34,9 +33,7 @@ CLEAR = 0.05
 
 @doctor_check(
     Question(
-        "same_instant",
-        "Do two sensors' measurements of one instant both count?",
-        finds=("second_measurement_dropped",),
+        "same_instant", "Do two sensors' measurements of one instant both count?", finds=("second_measurement_dropped",)
     ),
     Question(
         "same_time",
@@ -100,7 +97,7 @@ def _dropped_shown(tracker: TrackerUnderTest, first: str, second: str) -> Predic
     """The update by the second measurement, beside the first one, and the right one."""
     probe = tracker.probes.general[0]
     session = tracker.session_at(probe, tracker.sensor_sets()[-1])
-    before, scan = (probe.scan(name, tracker.sensors[name], 0.0) for name in (first, second))
+    before, scan = (tracker.scan(probe, name, 0.0) for name in (first, second))
     with tracker.recording_failures(probe.name):
         after = None if session is None else session.copy()
         estimate = None if after is None else after.step(before)
@@ -112,7 +109,7 @@ def _dropped_shown(tracker: TrackerUnderTest, first: str, second: str) -> Predic
 
 def _counts(tracker: TrackerUnderTest, probe: Probe, session: TrackerSession, first: str, second: str) -> bool | None:
     """Whether the second of two measurements moves the estimate; None where it does not if it comes alone either."""
-    before, scan = (probe.scan(name, tracker.sensors[name], 0.0) for name in (first, second))
+    before, scan = (tracker.scan(probe, name, 0.0) for name in (first, second))
     alone = _moved_by(session, scan)
     after = session.copy()
     after.step(before)
@@ -145,7 +142,7 @@ def _same_time(tracker: TrackerUnderTest, result: PartResult) -> None:
             continue
         with tracker.recording_failures(probe.name):
             # Later than every scan before, also by a clock that is off.
-            estimates = [session.peek(empty_scan(probe.scan(name, tracker.sensors[name], 0.5))) for name in names]
+            estimates = [session.peek(tracker.missed(probe, name, 0.5)) for name in names]
             for name, estimate in zip(names[1:], estimates[1:], strict=True):
                 if estimate is not None and estimates[0] is not None and finite(estimate) and finite(estimates[0]):
                     lags[name] += _lag(estimates[0].mean, estimate.mean)
@@ -251,7 +248,7 @@ def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _M
     if session is None:
         return None
     latest = tracker.approach(probe, tracker.sensor_sets()[-1])[-1].time
-    old = probe.scan(name, tracker.sensors[name], latest - age)._replace(arrival_time=latest)
+    old = tracker.scan(probe, name, latest - age)._replace(arrival_time=latest)
     before, after, new = session.copy(), session.copy(), session.copy()
     after.step(old)
     new.step(old._replace(time=latest))
@@ -262,4 +259,4 @@ def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _M
 
 
 def _at_zero(session: TrackerSession, probe: Probe, name: str, tracker: TrackerUnderTest) -> Estimate | None:
-    return session.step(empty_scan(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))
+    return session.step(tracker.missed(probe, name, 0.0)._replace(asked=True))

@@ -58,11 +58,10 @@ TARGETS = 3
 def written_jacobians(tracker: TrackerUnderTest) -> PartResult:
     """Look into predictions and updates; nothing of a filter whose mean and covariance are not found."""
     looked, finding = tracker.once(wrong_line)
-    name = "written_jacobians"
-    if finding is None:
-        text = f"covariances and gains are those of the right ones at {looked} targets"
-        return PartResult().add(name, True, text) if looked else PartResult()
-    return PartResult().add(name, False, finding.evidence, finding)
+    if not looked:
+        return PartResult()
+    rule = f"covariances and gains are those of the right ones at {looked} targets"
+    return PartResult().add_evidence("written_jacobians", finding, rule)
 
 
 def wrong_line(tracker: TrackerUnderTest) -> tuple[int, Finding | None]:
@@ -230,7 +229,7 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Find
     for probe in tracker.probes.regular:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         for sensor in tracker.sensors if name == "measurement" else list(tracker.sensors)[:1]:
-            scan = probe.scan(sensor, tracker.sensors[sensor], 0.0)
+            scan = tracker.scan(probe, sensor, 0.0)
             estimate = tracker.predict(session, scan, probe.name)
             if estimate is None or estimate.state is None:
                 continue

@@ -130,13 +130,13 @@ def modes(tracker: TrackerUnderTest) -> PartResult:
         return result.add("mixing", None, "the probability of a model is 0")
     start = _start(steps)
     rule = "each model starts from the mixture that the transition probabilities give"
-    result.add("mixing", start is None, rule if start is None else start.evidence, start)
+    result.add_evidence("mixing", start, rule)
     weighed = None if start is not None and start.fault == "imm_transition_transposed" else _weights(steps)
     rule = "the probabilities are multiplied by the likelihoods of the innovations"
-    result.add("mode_probabilities", weighed is None, rule if weighed is None else weighed.evidence, weighed)
+    result.add_evidence("mode_probabilities", weighed, rule)
     output = None if bank.fits else _output(steps[-1])
     rule = "the estimate is the mixture of the models, its covariance with the spread of their means"
-    result.add("combination", output is None, rule if output is None else output.evidence, output)
+    result.add_evidence("combination", output, rule)
     return _different(tracker, result)
 
 

@@ -115,13 +115,11 @@ def one_gain(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     for name, trials in tracker.trials.items():
         fault = tracker.once(update_faults).get(name)
-        if fault is not None:
-            result.add(f"one_gain.{name}", False, fault.evidence, fault)
-        elif trials:
-            text = "where one of the two is that of the right gain, the other is too"
-            result.add(f"one_gain.{name}", True, text)
-        else:
+        if fault is None and not trials:
             result.add(f"one_gain.{name}", None, "there was no estimate to update")
+        else:
+            rule = "where one of the two is that of the right gain, the other is too"
+            result.add_evidence(f"one_gain.{name}", fault, rule)
     return result
 
 

@@ -74,7 +74,7 @@ def output(tracker: TrackerUnderTest) -> PartResult:
     pairs = []
     for probe in tracker.probes.general:
         session, name = tracker.session_of_most(probe), next(iter(tracker.sensors))
-        scan = probe.scan(name, tracker.sensors[name], 0.0)
+        scan = tracker.scan(probe, name, 0.0)
         estimate = tracker.predict(session, scan, probe.name)
         if estimate is not None and finite(estimate):
             pairs.append((estimate.mean, probe.truth(0.0)))

@@ -215,7 +215,7 @@ def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
     sensor_set = tracker.sensor_sets()[-1]
     for probe in tracker.probes.general[:2]:
         session = tracker.session_at(probe, sensor_set)
-        scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], LATER)
+        scan = tracker.scan(probe, sensor_set[0], LATER)
         estimate = tracker.peek(session, scan, probe.name)
         if estimate is None or not finite(estimate):
             return None
@@ -236,10 +236,10 @@ def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedS
     with tracker.recording_failures(probe.name):
         for previous in (0.05, 0.15):
             session = at_probe.copy()
-            session.step(empty_scan(probe.scan(name, tracker.sensors[name], 0.0)))
-            first = session.step(empty_scan(probe.scan(name, tracker.sensors[name], previous)))
+            session.step(tracker.missed(probe, name, 0.0))
+            first = session.step(tracker.missed(probe, name, previous))
             for step in STEPS:
-                later = session.peek(empty_scan(probe.scan(name, tracker.sensors[name], previous + step)))
+                later = session.peek(tracker.missed(probe, name, previous + step))
                 if first is None or later is None or not (finite(first) and finite(later)):
                     continue
                 speed = float(np.hypot(*first.mean[2:]))
@@ -307,10 +307,7 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
 def _settled_growth(tracker: TrackerUnderTest, probe: Probe) -> Spread | None:
     """From the estimate at a probe on."""
     session, name = tracker.session_of_most(probe), next(iter(tracker.sensors))
-    now, then = (
-        tracker.peek(session, empty_scan(probe.scan(name, tracker.sensors[name], time)), probe.name)
-        for time in (0.0, SPREAD_OVER)
-    )
+    now, then = (tracker.peek(session, tracker.missed(probe, name, time), probe.name) for time in (0.0, SPREAD_OVER))
     if now is None or then is None or not (finite(now) and finite(then) and _known(now)):
         return None
     return Spread(*_ratios(now, then, SPREAD_OVER), _block(now, then), probe)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array, Estimate
-from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Course, OverTime, straight
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
@@ -226,7 +225,7 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
     name = sensor_set[0]
     with tracker.recording_failures(probe.name):
         session = session.copy()
-        scans = [empty_scan(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21)]
+        scans = [tracker.missed(probe, name, STEP * k) for k in range(21)]
         estimates = session.follow(scans)
         variances = np.full(len(estimates), np.nan)
         for k, estimate in enumerate(estimates):

@@ -16,12 +16,7 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.subjects.doctor.checks.drives import harmless
-from trackbench.subjects.doctor.exhibits import (
-    STATE,
-    Matrices,
-    Panel,
-    state_matrices,
-)
+from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue
@@ -92,11 +87,8 @@ def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
     """Look whether the covariances change, and whether the gains are made of them, whole and in the order returned."""
     if not any(tracker.trials.values()):
         return PartResult().add("stated_covariance", None, "there was no estimate to update")
-    fault = tracker.once(stated_covariance_fault)
-    if fault is not None:
-        return PartResult().add("stated_covariance", False, fault.evidence, fault)
-    text = "it changes, and the gains tell of no zero, no other order and no other covariance"
-    return PartResult().add("stated_covariance", True, text)
+    rule = "it changes, and the gains tell of no zero, no other order and no other covariance"
+    return PartResult().add_evidence("stated_covariance", tracker.once(stated_covariance_fault), rule)
 
 
 def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:

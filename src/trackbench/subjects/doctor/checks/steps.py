@@ -161,12 +161,7 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
         if _overflows(failure) and _in_drive(tracker, where):
             fault, because, sensor, exhibit = "too_far_off", "", None, None
         else:
-            fault, because, sensor, exhibit = causes[where] or (
-                fault_of_error(failure),
-                "",
-                only,
-                None,
-            )
+            fault, because, sensor, exhibit = causes[where] or (fault_of_error(failure), "", only, None)
         known = circumstances(tracker.make, failure)
         if _overflows(failure) and known is not None and (grown := _grown(known.before)) is not None:
             fault, because = "covariance_unbelievable", grown

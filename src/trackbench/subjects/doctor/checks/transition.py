@@ -24,7 +24,7 @@ from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult,
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
-from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.session import finite, position_sigma
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 from trackbench.subjects.doctor.trial import GAIN_STEP, Trial
 
@@ -196,9 +196,7 @@ def _forgets(tracker: TrackerUnderTest) -> Finding | None:
             continue
         with tracker.recording_failures(probe.name):
             twin = session.copy()
-            later = [
-                twin.step(empty_scan(probe.scan(name, tracker.sensors[name], time))) for time in (0.0, GAP, GAP + STEP)
-            ][-1]
+            later = [twin.step(tracker.missed(probe, name, time)) for time in (0.0, GAP, GAP + STEP)][-1]
             if later is not None and finite(later):
                 trials.append((probe, early[0], gap[1], early[1]))
                 if _apart(gap[1], early[0]) < GROWN - 1.0 or _apart(later, early[1]) > SAME:
@@ -206,7 +204,7 @@ def _forgets(tracker: TrackerUnderTest) -> Finding | None:
     if len(trials) < LEAST:
         return None
     probe, small, large, after = trials[0]
-    sigmas = [float(np.sqrt(np.trace(estimate.covariance[:2, :2]))) for estimate in (small, large, after)]
+    sigmas = list(map(position_sigma, (small, large, after)))
     text = (
         f"a prediction over {STEP:g} s makes the same covariance of any before it: the standard deviation of the "
         f"position is {sigmas[0]:.3g} or {sigmas[1]:.3g} m before, {sigmas[2]:.3g} m after it ({len(trials)} trials)"
@@ -234,7 +232,7 @@ def _stays(tracker: TrackerUnderTest) -> Finding | None:
     text = (
         f"{GAP:g} s without a measurement leave the covariance as it is, while the mean moves by "
         f"{np.hypot(*(later.mean - now.mean)[:2]):.3g} m: the standard deviation of the position is "
-        f"{np.sqrt(np.trace(now.covariance[:2, :2])):.3g} m before and after it ({len(targets)} targets)"
+        f"{position_sigma(now):.3g} m before and after it ({len(targets)} targets)"
     )
     panels = (Panel("before", now.covariance, "before"), Panel(f"{GAP:g} s later", later.covariance))
     exhibit = state_matrices(f"Covariance over {GAP:g} s: {probe.description}", panels, ())

@@ -225,7 +225,7 @@ def _measure_at_once(tracker: TrackerUnderTest, probe: Probe, first: str) -> Non
     session = TrackerSession(tracker.make)
     with tracker.recording_failures(probe.name):
         for k in range(STARTED):
-            if session.step(probe.scan(first, tracker.sensors[first], 0.1 * k)) is not None:
+            if session.step(tracker.scan(probe, first, 0.1 * k)) is not None:
                 break
         for name, sensor in tracker.sensors.items():
             scan = probe.scan(name, sensor, 0.1 * k)

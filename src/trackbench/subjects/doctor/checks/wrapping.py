@@ -142,7 +142,7 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             for probe in probes
             for name in sensors
             # The sensor has to see the target near the azimuth pi.
-            if angle == "course" or np.pi - abs(probe.scan(name, tracker.sensors[name], 0.0).measurement[1]) < NEAR_PI
+            if angle == "course" or np.pi - abs(tracker.scan(probe, name, 0.0).measurement[1]) < NEAR_PI
             for sensor_set in tracker.sensor_sets()
             for jump in _jumps_of(tracker, probe, name, sensor_set, angle == "azimuth")
         ]
@@ -289,7 +289,7 @@ def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tup
     session = TrackerSession(tracker.make)
     try:
         session.follow([turned_mounting(scan, angle) for scan in tracker.approach(probe, sensor_set)])
-        scan = turned_mounting(probe.scan(name, tracker.sensors[name], 0.0), angle)
+        scan = turned_mounting(tracker.scan(probe, name, 0.0), angle)
         prediction = session.predict(scan)
     except StepFailed:
         return None

@@ -6,6 +6,8 @@ run, and its innovations are not independent: intervals come from the means of b
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from trackbench.base.distributions import chi_square_quantile, t_quantile
@@ -64,10 +66,7 @@ def block_interval(values: Array, outside: float = OUTSIDE) -> tuple[float, floa
 def log_noise(log: RecordedLog) -> PartResult:
     """Compare the variance that the change of the covariance implies with the stated one."""
     result = PartResult()
-    for sensor, of, why in _each(log):
-        if why is not None:
-            result.add(f"log_noise.{sensor}", None, why)
-            continue
+    for sensor, of in _judged(log, result, "log_noise"):
         implied, names = of.stacked(of.implied), SENSOR_MODELS[of.kind].components
         with np.errstate(all="ignore"):
             low, factor, high = np.nanquantile(implied, [0.1, 0.5, 0.9], axis=1)
@@ -99,10 +98,7 @@ def log_noise(log: RecordedLog) -> PartResult:
 def timing(log: RecordedLog) -> PartResult:
     """Fit the time by which the measurements of each sensor are off, and try the largest one on the tracker."""
     result, fits = PartResult(), {}
-    for sensor, of, why in _each(log):
-        if why is not None:
-            result.add(f"log_timing.{sensor}", None, why)
-            continue
+    for sensor, of in _judged(log, result, "log_timing"):
         rate, whitened = of.stacked(of.rate), of.stacked(of.whitened)
         power = float(np.mean(np.sum(rate**2, axis=0)))
         interval = block_interval(np.sum(whitened * rate, axis=0), OF_TIME)
@@ -170,11 +166,7 @@ def _tried(log: RecordedLog, sensor: str, offset: float) -> Finding | None:
 def log_innovations(log: RecordedLog) -> PartResult:
     """Judge the mean, the size and the correlation of the innovations of each sensor."""
     result, growth = PartResult(), dict[str, Finding]()
-    for sensor, of, why in _each(log):
-        if why is not None:
-            for name in ("log_nis", "log_whiteness", "log_mean"):
-                result.add(f"{name}.{sensor}", None, why)
-            continue
+    for sensor, of in _judged(log, result, "log_nis", "log_whiteness", "log_mean"):
         # A bias has a check of its own.
         whitened = of.stacked(of.whitened)
         whitened = whitened - whitened.mean(axis=1, keepdims=True)
@@ -233,10 +225,10 @@ def _mean(result: PartResult, sensor: str, of: LogInnovations, lags: bool) -> No
 def log_wrapping(log: RecordedLog) -> PartResult:
     """Compare the updates where the difference of two angles passes pi with what the own covariance says."""
     result = PartResult()
-    for sensor, of, why in _each(log):
+    for sensor, of in _judged(log, result, "log_wrapping"):
         crossing = np.array(of.crosses, dtype=bool)
-        if why is not None or not crossing.any():
-            result.add(f"log_wrapping.{sensor}", None, why or "no azimuth passes pi between prediction and measurement")
+        if not crossing.any():
+            result.add(f"log_wrapping.{sensor}", None, "no azimuth passes pi between prediction and measurement")
             continue
         apart = np.array(of.apart)
         here, elsewhere = float(np.median(apart[crossing])), float(np.quantile(apart[~crossing], 0.9))
@@ -264,11 +256,14 @@ def _shown(sensor: str, of: LogInnovations) -> OverTime:
     return OverTime(f"Innovations of {sensor}", "time, s", np.array(of.time)[chosen], courses)
 
 
-def _each(log: RecordedLog) -> list[tuple[str, LogInnovations, str | None]]:
-    """The innovations of each sensor, and why they are not judged."""
-    judged = []
+def _judged(log: RecordedLog, result: PartResult, *names: str) -> Iterator[tuple[str, LogInnovations]]:
+    """The innovations of each sensor that are judged; of the others the named checks are added with the reason."""
     for sensor in log.sensors:
         of = log.followed.innovations.get(sensor, LogInnovations(""))
-        few = f"{len(of.time)} innovations, of {LEAST} needed" if len(of.time) < LEAST else None
-        judged.append((sensor, of, few if log.followed.moved else NO_PREDICTION))
-    return judged
+        why = f"{len(of.time)} innovations, of {LEAST} needed" if len(of.time) < LEAST else None
+        why = why if log.followed.moved else NO_PREDICTION
+        if why is None:
+            yield sensor, of
+        else:
+            for name in names:
+                result.add(f"{name}.{sensor}", None, why)

@@ -13,13 +13,14 @@ from trackbench.subjects.doctor.traffic import (
     NEAR,
     OBJECTS,
     RATE,
+    FollowedTrack,
     Make,
     MultiObjectSession,
     Site,
     column_of_nearest,
     distances,
     moved_objects,
-    note,
+    with_detections,
 )
 from trackbench.subjects.doctor.traffic_checks.tracks import LONGEST
 from trackbench.subjects.doctor.traffic_checks.weights import NO_CLUTTER, WeighedTrack
@@ -71,13 +72,9 @@ BEGINNING, SLOWER, AWAITED = 0.6, 1.5, 3.0
 )
 def nearer_of_two(make: Make, site: Site) -> PartResult:
     """Two detections in a track's gate, on one side of where it is expected and then on the other, in both orders."""
-    target = OBJECTS[:, 0]
-    scans = site.scans(target[:, None], FOLLOWED)
-    tracks = MultiObjectSession(make).follow(scans)[-1]
-    column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
-    if column is None or len(tracks.ids) != 1:
+    track = WeighedTrack.of_object(make, site, OBJECTS[:, 0], FOLLOWED)
+    if track is None or len(track.tracks.ids) != 1:
         return PartResult()
-    track = WeighedTrack(make, site, scans, tracks, column)
     taken = []
     for side in (1, -1):
         far, near = side * track.beside, side * NEARER * track.beside
@@ -90,7 +87,7 @@ def nearer_of_two(make: Make, site: Site) -> PartResult:
         f"of two detections in its gate, one {1 / NEARER:.2g} times as far away as the other, a track goes at least "
         f"{min(taken):.0%} of the step that the farther one alone causes, on both sides and in both orders"
     )
-    return note(PartResult(), "nearer_of_two", not min(taken) > FARTHER, text, "assignment_inverted")
+    return PartResult().note("nearer_of_two", not min(taken) > FARTHER, text, "assignment_inverted")
 
 
 @doctor_check(
@@ -115,34 +112,24 @@ def predicted_place(make: Make, site: Site) -> PartResult:
         f"{GAP:g} s after the last scan, {back} of {len(ways)} tracks take a detection where they were and leave the "
         "one where they are predicted to be"
     )
-    return note(PartResult(), "predicted_place", 2 * back <= len(ways), text, "associated_unpredicted")
+    return PartResult().note("predicted_place", 2 * back <= len(ways), text, "associated_unpredicted")
 
 
 def _way_back(make: Make, site: Site, target: Array) -> float | None:
     """How far a track goes from its own prediction to its last place, as a share of the way; None: it has ended."""
-    scans = site.scans(target[:, None], FOLLOWED)
-    tracks = MultiObjectSession(make).follow(scans)[-1]
-    column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
-    if column is None:
+    track = FollowedTrack.of_object(make, site, target, FOLLOWED)
+    if track is None:
         return None
-    last, random = scans[-1].time, np.random.default_rng(0)
-    empty = site.scan(last + GAP, site.detections(target[:, None])[:, :0], random)
-    predicted = _mean_of(MultiObjectSession(make).follow([*scans, empty])[-1], int(tracks.ids[column]))
-    if predicted is None:
+    time, random = track.scans[-1].time + GAP, np.random.default_rng(0)
+    missed = track.after_scan(site.scan(time, site.detections(target[:, None])[:, :0], random))
+    if missed is None:
         return None
-    old = tracks.mean[:, column]
-    both = site.scan(last + GAP, site.detections(np.stack([predicted, old], axis=1)), random)
-    after = _mean_of(MultiObjectSession(make).follow([*scans, both])[-1], int(tracks.ids[column]))
-    way = old[:2] - predicted[:2]
+    predicted, _ = missed
+    both = site.detections(np.stack([predicted, track.mean], axis=1))
+    after, way = track.after_scan(site.scan(time, both, random)), track.mean[:2] - predicted[:2]
     if after is None or np.hypot(*way) < 0.5 * GAP * np.hypot(*target[2:]):
         return None
-    return float((after - predicted)[:2] @ way / (way @ way))
-
-
-def _mean_of(tracks: Tracks, identity: int) -> Array | None:
-    """``(4,)`` of the track with an identity."""
-    column = np.flatnonzero(tracks.ids == identity)
-    return tracks.mean[:, column[0]] if len(column) else None
+    return float((after[0] - predicted)[:2] @ way / (way @ way))
 
 
 @doctor_check(Question("new_predicted", "Is a new track predicted from one detection to the next?"), place=13)
@@ -156,7 +143,7 @@ def new_predicted(make: Make, site: Site) -> PartResult:
         f"the first estimate of {same} of {len(behind)} new tracks is the same whatever the time between the "
         f"detections, and up to {max(behind):.2g} of the way between two of them behind the last one"
     )
-    return note(PartResult(), "new_predicted", not min(behind) > BEHIND, text, "associated_unpredicted")
+    return PartResult().note("new_predicted", not min(behind) > BEHIND, text, "associated_unpredicted")
 
 
 def _behind_at_first(make: Make, site: Site, target: Array) -> float | None:
@@ -210,25 +197,21 @@ def allowed_pair(make: Make, site: Site) -> PartResult:
     other = expected - away
     other[0] -= APART - 2 * away[0]
     step = float(np.hypot(*(gain @ away)[:2]))
-    alone, both = (
-        _moved_by(make, scans, tracks, columns[0], detections) / step
-        for detections in ([expected + away], [expected + away, other])
-    )
+    track = FollowedTrack(make, site, scans, tracks, columns[0])
+    alone, both = (_moved_by(track, detections) / step for detections in ([expected + away], [expected + away, other]))
     if alone < TAKEN:
         return PartResult()
     text = (
         f"a track goes {alone:.0%} of a Kalman filter's step towards a detection one standard deviation away, and "
         f"{both:.0%} of it where a second detection is {APART:g} m from all tracks"
     )
-    return note(PartResult(), "allowed_pair", both > TAKEN, text, "gated_after_assignment")
+    return PartResult().note("allowed_pair", both > TAKEN, text, "gated_after_assignment")
 
 
-def _moved_by(make: Make, scans: Sequence[Scan], tracks: Tracks, column: int, detections: Sequence[Array]) -> float:
+def _moved_by(track: FollowedTrack, detections: Sequence[Array]) -> float:
     """How far a track goes by detections at the time of the last scan, m."""
-    measured = np.stack(detections, axis=1)
-    last = scans[-1]._replace(measurement=measured, valid=np.ones(measured.shape[1], dtype=bool))
-    after = _mean_of(MultiObjectSession(make).follow([*scans, last])[-1], int(tracks.ids[column]))
-    return 0.0 if after is None else float(np.hypot(*(after - tracks.mean[:, column])[:2]))
+    after = track.after_scan(with_detections(track.scans[-1], np.stack(detections, axis=1)))
+    return 0.0 if after is None else float(np.hypot(*(after[0] - track.mean)[:2]))
 
 
 @doctor_check(Question("deletion.among_others", "Does a track end when all detections are elsewhere?"), place=42)
@@ -250,7 +233,7 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
         tracks = session.step(site.scan(time, site.detections(places, 0.0, random), random))
         there += bool((distances(tracks, moved_objects(target, time)[:2, None]) < 4 * NEAR).any())
     text = f"it is there for {there / RATE:.1f} s of {count / RATE:g} s in which all detections are elsewhere"
-    return note(PartResult(), "deletion.among_others", there / RATE <= LONGEST, text, "never_deletes")
+    return PartResult().note("deletion.among_others", there / RATE <= LONGEST, text, "never_deletes")
 
 
 @doctor_check(
@@ -278,7 +261,7 @@ def ended_alone(make: Make, site: Site) -> PartResult:
         tracks = session.step(scan)
         lost |= [column_of_nearest(tracks, target) is None for target in moved_objects(STAYING, scan.time).T]
     text = f"of {len(lost)} objects that every scan detects, {sum(lost)} lose their tracks after two others have gone"
-    result = note(PartResult(), "ended_alone", not lost.any(), text, "wrong_track_deleted")
+    result = PartResult().note("ended_alone", not lost.any(), text, "wrong_track_deleted")
     return result if lost.any() else _predicted_alone(make, site, result)
 
 
@@ -296,7 +279,7 @@ def _predicted_alone(make: Make, site: Site, result: PartResult) -> PartResult:
     if before > BEHIND / 2:
         return result
     text = f"a track is behind its object by {max(after):.2g} of the time between two scans after others have ended"
-    return note(result, "predicted_alone", max(after) < BEHIND, text, "associated_unpredicted")
+    return result.note("predicted_alone", max(after) < BEHIND, text, "associated_unpredicted")
 
 
 def _behind(tracks: Tracks, targets: Array) -> float:
@@ -313,10 +296,7 @@ def ended_detected(make: Make, site: Site) -> PartResult:
     session, random = MultiObjectSession(make), np.random.default_rng(9)
     lost, had = (np.zeros(STAYING.shape[1], dtype=bool) for _ in range(2))
     for k, scan in enumerate(site.scans(STAYING, DETECTED, random)):
-        empty = k % 4 == 3
-        tracks = session.step(
-            scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0]) if empty else scan
-        )
+        tracks = session.step(with_detections(scan, scan.measurement[:, :0]) if k % 4 == 3 else scan)
         there = np.array(
             [column_of_nearest(tracks, target) is not None for target in moved_objects(STAYING, scan.time).T]
         )
@@ -324,4 +304,4 @@ def ended_detected(make: Make, site: Site) -> PartResult:
     if not had.all():
         return PartResult()
     text = f"of {len(lost)} objects that three of four scans detect for {DETECTED:g} s, {sum(lost)} lose their tracks"
-    return note(PartResult(), "ended_detected", not lost.any(), text, "wrong_track_deleted")
+    return PartResult().note("ended_detected", not lost.any(), text, "wrong_track_deleted")

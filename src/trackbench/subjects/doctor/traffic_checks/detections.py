@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.distributions import chi_square_quantile
-from trackbench.base.types import Array, Scan, Tracks
+from trackbench.base.types import Array, Scan
 from trackbench.subjects.doctor.findings import CheckResult, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
     DETECTION,
     NEAR,
     OBJECTS,
     RATE,
+    FollowedTrack,
     Make,
     MultiObjectSession,
     Site,
     column_of_nearest,
     distances,
     moved_objects,
-    note,
+    with_detections,
 )
 
 #: A detection that no gate should leave out, by its probability, and a squared distance that none should let in.
@@ -73,10 +72,10 @@ def gate_limits(make: Make, site: Site) -> PartResult:
     result = PartResult()
     if kept:
         text = f"{sum(kept)} of {len(kept)} tracks take one at the {100 * INSIDE:.0f} % point of their innovation"
-        note(result, "gate_inside", float(np.mean(kept)) > 0.5, text, "gate_too_small")
+        result.note("gate_inside", float(np.mean(kept)) > 0.5, text, "gate_too_small")
     if taken:
         text = f"{sum(taken)} of {len(taken)} tracks take one {np.sqrt(OUTSIDE):.0f} standard deviations away"
-        note(result, "gate_outside", float(np.mean(taken)) < 0.5, text, "gate_too_large")
+        result.note("gate_outside", float(np.mean(taken)) < 0.5, text, "gate_too_large")
     return result
 
 
@@ -103,8 +102,7 @@ def _step(make: Make, site: Site, target: Array, component: int, distance: float
         return 0.0, 0
     expected, covariance, gain = site.expected(tracks, column)
     away = linalg.cholesky(covariance).lower()[:, component] * np.sqrt(distance)
-    detection = (expected + away)[:, None]
-    after = session.step(scan._replace(measurement=detection, valid=np.ones(1, dtype=bool)))
+    after = session.step(with_detections(scan, (expected + away)[:, None]))
     _, before, behind = np.intersect1d(tracks.ids, after.ids, return_indices=True)
     steps = np.hypot(*(after.mean[:2, behind] - tracks.mean[:2, before]))
     count = int((distances(tracks, moved_objects(target, scan.time)[:, None]) < NEAR).sum())
@@ -137,7 +135,7 @@ def stated_figures(make: Make, site: Site) -> PartResult:
     if track is None:
         return result
     last = track.scans[-1]
-    empty = last._replace(measurement=last.measurement[:, :0], valid=last.valid[:0])
+    empty = with_detections(last, last.measurement[:, :0])
     misses = [empty._replace(detection_probability=stated) for stated in (LITTLE, *PROBABILITIES)]
     odds = [track.odds(), *(track.odds(miss) for miss in misses)]
     positive = [value for value in odds if value]
@@ -154,12 +152,12 @@ def stated_figures(make: Make, site: Site) -> PartResult:
     off = max(abs(probability - stated) for stated, probability in implied.items())
     each = " and ".join(f"{probability:.2f} where {stated:g} is stated" for stated, probability in implied.items())
     text = f"a miss lowers the odds of existence as if the detection probability were {each}"
-    note(result, "detection_probability", off < PROBABILITY, text, "pd_misstated")
+    result.note("detection_probability", off < PROBABILITY, text, "pd_misstated")
     factors = _clutter_factors(track, certain) if off < PROBABILITY else []
     if factors:
         factor = max(factors, key=lambda ratio: abs(np.log(ratio)))
         text = f"a detection raises the odds of existence as if the clutter were {factor:.3g} times what is stated"
-        note(result, "clutter", abs(np.log(factor)) < np.log(FACTOR), text, "clutter_misstated")
+        result.note("clutter", abs(np.log(factor)) < np.log(FACTOR), text, "clutter_misstated")
     return result
 
 
@@ -186,15 +184,8 @@ def _clutter_factors(track: _Track, certain: float) -> list[float]:
     return [DETECTION * peak / ratio / density for ratio, density in zip(rises, stated, strict=True)]
 
 
-@dataclass(frozen=True)
-class _Track:
+class _Track(FollowedTrack):
     """The track of one object, with a probability of existence whose odds can be computed."""
-
-    make: Make
-    site: Site
-    scans: list[Scan]
-    tracks: Tracks
-    column: int
 
     @classmethod
     def of_one_object(cls, make: Make, site: Site) -> _Track | None:
@@ -210,7 +201,7 @@ class _Track:
     def odds(self, scan: Scan | None = None) -> float | None:
         """After one more scan, if any; None: there is no track any more."""
         tracks = self.tracks if scan is None else MultiObjectSession(self.make).follow([*self.scans, scan])[-1]
-        column = column_of_nearest(tracks, self.tracks.mean[:2, self.column])
+        column = column_of_nearest(tracks, self.mean)
         if column is None or tracks.existence is None:
             return None
         return float(tracks.existence[column] / max(1 - tracks.existence[column], np.finfo(float).eps))

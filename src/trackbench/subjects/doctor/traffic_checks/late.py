@@ -17,7 +17,6 @@ from trackbench.subjects.doctor.traffic import (
     Site,
     column_of_nearest,
     moved_objects,
-    note,
 )
 
 #: An old scan is older than the latest one by the latency of its sensor, within these, s; and where it has none.
@@ -70,7 +69,7 @@ def _old_scan(make: Make, site: Site, age: float, result: PartResult) -> None:
         f"was without; if the scan were new that would be {np.hypot(*new):.2f} m ({sum(taken)} of {len(clear)} tracks "
         "as if new)"
     )
-    note(result, "late", 2 * sum(taken) <= len(clear), text, "late_processed_as_new")
+    result.note("late", 2 * sum(taken) <= len(clear), text, "late_processed_as_new")
 
 
 def _clear_moves(make: Make, site: Site, age: float, share: float) -> list[tuple[Array, Array]]:
@@ -108,7 +107,7 @@ def _all_late(make: Make, site: Site, age: float, result: PartResult) -> None:
         f"when all scans arrive {age:g} s after they were taken, the tracks at the time of arrival are {lag:.2g} s of "
         "their motion behind their objects"
     )
-    note(result, "all_late", lag < BEHIND * age, text, "late_processed_as_new")
+    result.note("all_late", lag < BEHIND * age, text, "late_processed_as_new")
 
 
 def _place(tracks: Tracks, target: Array) -> Array | None:

@@ -19,7 +19,6 @@ from trackbench.subjects.doctor.traffic import (
     column_of_nearest,
     distances,
     moved_objects,
-    note,
 )
 
 #: Longest time until a track is confirmed whose object every scan detects, and until one without detections ends, s.
@@ -66,7 +65,7 @@ def following(make: Make, site: Site) -> PartResult:
     first = np.array([np.argmax(own > 0) if own.any() else len(own) for own in count.T])
     waited, never = float(np.median(first)) / RATE, bool(np.median(first) == len(scans))
     text = f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s"
-    result = note(PartResult(), "confirmation", waited <= LATEST, text, "confirms_too_late")
+    result = PartResult().note("confirmation", waited <= LATEST, text, "confirms_too_late")
     return _single_tracks(result, "double_tracks", count)
 
 
@@ -130,7 +129,7 @@ def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
         place = np.array([[r * np.cos(angle * k)], [r * np.sin(angle * k)], [0.0], [0.0]])
         ids |= set(session.step(site.scan(k / RATE, site.detections(place, 0.0, random), random)).ids.tolist())
     text = f"{len(ids)} tracks of {count} false alarms, each at another place"
-    return note(PartResult(), "false_alarms", len(ids) <= FALSE_TRACKS * count, text, "confirms_too_soon")
+    return PartResult().note("false_alarms", len(ids) <= FALSE_TRACKS * count, text, "confirms_too_soon")
 
 
 @doctor_check(
@@ -171,7 +170,7 @@ def leaving(make: Make, site: Site) -> PartResult:
         f"it is there for {lasted[0]:.1f} s of {away:g} s without a detection while others are detected, "
         f"and for {lasted[1]:.1f} s of {away:g} s of empty scans"
     )
-    note(result, "deletion", max(lasted) <= LONGEST, text, "never_deletes")
+    result.note("deletion", max(lasted) <= LONGEST, text, "never_deletes")
     earlier = {track for tracks in (before, *fewer) for track in tracks.ids.tolist()} - set(none[-1].ids.tolist())
     again, count, time = 0, 0, stay + 2 * away
     for turn in (0.0, 0.4):
@@ -184,7 +183,7 @@ def leaving(make: Make, site: Site) -> PartResult:
         earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away
     if count:
         text = f"of the identities of {count} new tracks {again} were those of earlier ones"
-        note(result, "identities", not again, text, "ids_reused")
+        result.note("identities", not again, text, "ids_reused")
     return result
 
 
@@ -213,7 +212,7 @@ def order(make: Make, site: Site) -> PartResult:
         if not changed:
             break
     text = f"the same detections in another order give {changed or 'the same tracks'}"
-    return note(PartResult(), "order", not changed, text, "order_dependent")
+    return PartResult().note("order", not changed, text, "order_dependent")
 
 
 def _meeting(site: Site) -> Array:
@@ -277,7 +276,7 @@ def tracks_at_empty_scans(make: Make, site: Site) -> PartResult:
                 f"at an empty scan {elapsed:.2g} s after the last detection a track that moves {np.median(way):.2g} m "
                 f"in this time is {np.median(error):.2g} m from where it should be"
             )
-    return note(PartResult(), "empty_scan", 0.0 <= worst < 0.5, text, "empty_scan_not_predicted")
+    return PartResult().note("empty_scan", 0.0 <= worst < 0.5, text, "empty_scan_not_predicted")
 
 
 def _single_tracks(result: PartResult, name: str, count: Array) -> PartResult:
@@ -285,7 +284,7 @@ def _single_tracks(result: PartResult, name: str, count: Array) -> PartResult:
     # Of the object in the middle: a second track of another one may come of a single outlying detection.
     twice = float(np.median((count > 1).mean(axis=0)))
     text = f"an object has two tracks or more for {100 * twice:.0f} % of the time"
-    return note(result, name, twice <= TOLERATED, text, "double_tracks")
+    return result.note(name, twice <= TOLERATED, text, "double_tracks")
 
 
 def _on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array:

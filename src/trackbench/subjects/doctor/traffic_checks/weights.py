@@ -10,25 +10,22 @@ is that of the miss and that of the update, as their weights say, and b (1 - b) 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.distributions import chi_square_quantile
-from trackbench.base.types import Array, Scan, Tracks
+from trackbench.base.types import Array
 from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
 from trackbench.subjects.doctor.traffic import (
     DETECTION,
     OBJECTS,
+    FollowedTrack,
     Make,
-    MultiObjectSession,
     Site,
-    column_of_nearest,
-    moved_objects,
-    note,
+    with_detections,
 )
 from trackbench.subjects.doctor.traffic_checks.detections import INSIDE
 
@@ -53,15 +50,8 @@ ODDS, MOST = 2.0, 1.35
 BOTH = 0.2
 
 
-@dataclass(frozen=True)
-class WeighedTrack:
+class WeighedTrack(FollowedTrack):
     """A track before a measurement at the time of the last scan."""
-
-    make: Make
-    site: Site
-    scans: Sequence[Scan]
-    tracks: Tracks
-    column: int
 
     @cached_property
     def geometry(self) -> tuple[Array, Array, Array]:
@@ -87,31 +77,24 @@ class WeighedTrack:
         """Mean and covariance after some detections; None: the track has ended, or no answer comes of such clutter."""
         expected = self.geometry[0][:, None]
         measured = expected + np.stack(detections, axis=1) if detections else expected[:, :0]
-        scan = self.scans[-1]._replace(
-            measurement=measured,
-            valid=np.ones(measured.shape[1], dtype=bool),
-            detection_probability=chance,
-            clutter_density=density,
-        )
+        scan = self.scans[-1]._replace(detection_probability=chance, clutter_density=density)
         try:
-            tracks = MultiObjectSession(self.make).follow([*self.scans, scan])[-1]
+            return self.after_scan(with_detections(scan, measured))
         except TrackFault:
             return None
-        same = np.flatnonzero(tracks.ids == self.tracks.ids[self.column])
-        return (tracks.mean[:, same[0]], tracks.covariance[:, :, same[0]]) if len(same) else None
 
     @cached_property
     def whole(self) -> Array | None:
         """``(4,)`` the step to the detection beside without clutter."""
         after = self.after([self.beside], DETECTION, NO_CLUTTER * self.even)
-        return None if after is None else after[0] - self.tracks.mean[:, self.column]
+        return None if after is None else after[0] - self.mean
 
     def share(self, detections: Sequence[Array], chance: float, clutter: float) -> float | None:
         """How far the track goes along the whole step, as a share of it."""
         after, whole = self.after(detections, chance, clutter * self.even), self.whole
         if after is None or whole is None:
             return None
-        return float((after[0] - self.tracks.mean[:, self.column])[:2] @ whole[:2] / (whole[:2] @ whole[:2]))
+        return float((after[0] - self.mean)[:2] @ whole[:2] / (whole[:2] @ whole[:2]))
 
     def odds(self, chance: float, clutter: float, away: Array | None = None) -> float | None:
         """Of the detection beside, or another one, against a miss; None where one of them does not count."""
@@ -135,17 +118,13 @@ class WeighedTrack:
 )
 def weights(make: Make, site: Site) -> PartResult:
     """State other detection probabilities and clutter, and give two detections at once."""
-    result, target = PartResult(), OBJECTS[:, 0]
-    scans = site.scans(target[:, None], FOLLOWED)
-    tracks = MultiObjectSession(make).follow(scans)[-1]
-    column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
-    if column is None:
+    result, track = PartResult(), WeighedTrack.of_object(make, site, OBJECTS[:, 0], FOLLOWED)
+    if track is None:
         return result
-    track = WeighedTrack(make, site, scans, tracks, column)
     way = np.hypot(*(track.geometry[2] @ track.beside)[:2])
     if track.whole is None or np.hypot(*track.whole[:2]) < LEAST * way:
         return result
-    if tracks.existence is None:
+    if track.tracks.existence is None:
         # With an existence its odds say the same, and more exactly.
         _of_odds(track, result)
     _of_spread(track, result)
@@ -165,7 +144,7 @@ def _of_odds(track: WeighedTrack, result: PartResult) -> None:
             f"a miss rise {odds / other:.3g} times, where {RATIO:g} times is right"
         )
         passed = abs(np.log(odds / other / RATIO)) < np.log(BAND)
-        note(result, "weight_of_misses", bool(passed), text, "pd_misstated")
+        result.note("weight_of_misses", bool(passed), text, "pd_misstated")
         if not passed:
             return
     others = ((change, track.odds(DETECTION, change * clutter)) for change in CHANGES)
@@ -180,7 +159,7 @@ def _of_odds(track: WeighedTrack, result: PartResult) -> None:
         factor = 1 / (odds * clutter)
         text = f"a detection weighs against a miss as if the clutter were {factor:.3g} times what is stated"
         passed = abs(np.log(factor)) < np.log(SIZE)
-    note(result, "weight_of_clutter", bool(passed), text, "clutter_misstated")
+    result.note("weight_of_clutter", bool(passed), text, "clutter_misstated")
 
 
 def _of_spread(track: WeighedTrack, result: PartResult) -> None:
@@ -196,7 +175,7 @@ def _of_spread(track: WeighedTrack, result: PartResult) -> None:
         "two detections on both sides of the predicted one leave the mean as it is, and the variance rises "
         f"{added:.3g} times as much as the distance of the two means causes"
     )
-    note(result, "spread_of_means", added > SPREAD, text, "covariance_update_wrong")
+    result.note("spread_of_means", added > SPREAD, text, "covariance_update_wrong")
 
 
 def _of_one(track: WeighedTrack, result: PartResult) -> None:
@@ -219,4 +198,4 @@ def _of_one(track: WeighedTrack, result: PartResult) -> None:
         f"with one detection, whose weight is {share:.2g} against a miss, the variance has {added:.3g} times the "
         "spread of the two means"
     )
-    note(result, "spread_of_one", SPREAD < added < MOST, text, "covariance_update_wrong")
+    result.note("spread_of_one", SPREAD < added < MOST, text, "covariance_update_wrong")
