@@ -15,8 +15,8 @@ from tests.support.traffic_scans import traffic, vehicles
 import trackbench as tb
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import log_likelihood
 from trackbench.trackers.multi import build_multi
+from trackbench.trackers.track_steps import log_likelihood
 
 
 def mixed_scans() -> list[Scan]:

@@ -26,9 +26,10 @@ from trackbench.trackers.answers import (
 )
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker, SmoothedTracker, TrackState
+from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 from trackbench.trackers.library import maker
 from trackbench.trackers.multi import MultiObjectState, MultiObjectTracker, build_multi
+from trackbench.trackers.track_steps import TrackState
 
 
 class Traits(NamedTuple):

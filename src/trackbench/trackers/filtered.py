@@ -6,114 +6,26 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
-from trackbench.base import linalg
-from trackbench.base.types import Array, Estimate, Gaussian, Indices, Mask, Scan
-from trackbench.engine.choice import filter_by, used
+from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
+from trackbench.engine.choice import used
 from trackbench.engine.equations import EngineUsed
-from trackbench.filters import (
-    AnyBelief,
-    Belief,
-    Filter,
-    MultiModelBelief,
-    SingleModelFilter,
-    Step,
-    StepGuard,
-    Update,
-    bare,
-    choose,
-)
+from trackbench.filters import Step, Update, bare, choose
 from trackbench.models.motion import Kinematics
-from trackbench.models.motion.base import YAW
 from trackbench.trackers import initial
-from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
-from trackbench.trackers.initial import Prior, TentativeTrack
+from trackbench.trackers.initial import Prior
 from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed, up_to_date
-from trackbench.trackers.retrodiction import Retrodiction, retrodicted
-
-
-def estimate_of(belief: AnyBelief, cartesian: Gaussian) -> Estimate:
-    """The estimate of a belief whose px, py, vx, vy ``(4, ...)`` are known."""
-    if isinstance(belief, MultiModelBelief):
-        return Estimate(*cartesian, repaired=belief.repaired, mode_probabilities=belief.probability)
-    return Estimate(*cartesian, belief.mean, belief.covariance, repaired=belief.repaired)
-
-
-def with_innovation(estimate: Estimate, update: Update[Any], tracked: Mask | None) -> Estimate:
-    """The estimate with the innovation of its measurement.
-
-    Args:
-        estimate: after the measurement.
-        update: by it.
-        tracked: ``(...)`` where there was a track before the measurement; None: everywhere.
-    """
-    return estimate._replace(
-        innovation=where_tracked(tracked, update.innovation),
-        innovation_covariance=update.innovation_covariance,
-        whitened_innovation=where_tracked(tracked, update.whitened_innovation),
-        log_likelihood=None if update.mixture is None else where_tracked(tracked, update.mixture),
-    )
-
-
-def chosen_update(where: Mask, first: Update[Any], second: Update[Any]) -> Update[Any]:
-    """The first update where it holds, the second elsewhere."""
-    mixture = (
-        None if first.mixture is None or second.mixture is None else np.where(where, first.mixture, second.mixture)
-    )
-    return Update(
-        choose(where, first.belief, second.belief),
-        np.where(where, first.innovation, second.innovation),
-        np.where(where, first.innovation_covariance, second.innovation_covariance),
-        np.where(where, first.whitened_innovation, second.whitened_innovation),
-        mixture=mixture,
-    )
-
-
-def where_tracked(tracked: Mask | None, values: Array) -> Array:
-    """The values, NaN where there is no track; None: there is one everywhere."""
-    return values if tracked is None or np.all(tracked) else np.where(tracked, values, np.nan)
-
-
-def log_likelihood(estimate: Estimate) -> Array | None:
-    """``(batch,)`` log density of the measurement under the prediction, ``N(y; 0, S)`` of innovation and covariance.
-
-    NaN where there was no prediction; None where the estimate has no innovation.
-    """
-    if estimate.log_likelihood is not None:
-        return np.asarray(estimate.log_likelihood)
-    y, s = estimate.innovation, estimate.innovation_covariance
-    if y is None or s is None:
-        return None
-    factor = linalg.cholesky(s)
-    return np.where(factor.positive, factor.log_density(factor.whiten(y)), np.nan)
-
-
-def total_log_likelihood(history: Sequence[ProcessedScan[Any, Estimate]]) -> Array | float:
-    """``(batch,)`` log density of all measurements of some scans."""
-    total: Array | float = 0.0
-    for processed in history:
-        logarithm = None if processed.answer is None else log_likelihood(processed.answer)
-        if logarithm is not None:
-            total = total + np.where(processed.scan.valid & ~np.isnan(logarithm), logarithm, 0.0)
-    return total
-
-
-class TrackState(NamedTuple):
-    """The state of a built-in tracker after a scan."""
-
-    time: float
-    """Of the latest scan at which the state advanced, s."""
-    belief: AnyBelief
-    started: Mask
-    """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
-    waiting: TentativeTrack | None = None
-    fallback: CartesianFallback | None = None
-    """The tracks whose course is unknown; it replaces their belief."""
-    history: tuple[ProcessedScan[TrackState, Estimate], ...] = ()
-    """The latest scans, where late ones may come."""
+from trackbench.trackers.track_steps import (
+    TrackState,
+    TrackSteps,
+    belief_estimate,
+    chosen_update,
+    total_log_likelihood,
+    with_innovation,
+)
 
 
 @dataclass(frozen=True)
@@ -140,7 +52,7 @@ class FilterTracker(ScanTracker):
             belief = self.filter.begin(lambda motion: initial.placeholder(motion, scan.valid.shape))
             state = TrackState(-np.inf, belief, np.zeros_like(scan.valid))
         if scan.asked or not self.advances(scan.sensor):
-            return state, self.estimate(self.predicted(state, scan.time))
+            return state, self.steps.estimate(self.steps.predicted(state, scan.time))
         return self._after_scan(state, scan._replace(time=scan.arrival_time) if self.late == "as_new" else scan)
 
     def advances(self, sensor: str) -> bool:
@@ -170,148 +82,70 @@ class FilterTracker(ScanTracker):
         return replace(self, prior=Prior(time, belief))
 
     @cached_property
-    def computed_filter(self) -> Filter[Any]:
-        """The filter as the engine computes it."""
-        return filter_by(self.engine, self.filter)
+    def steps(self) -> TrackSteps:
+        """The steps of its filter."""
+        return TrackSteps(self.filter, self.engine, self.initial, self.cartesian_fallback)
 
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return used(self.computed_filter)
-
-    @property
-    def guard(self) -> StepGuard | None:
-        """Tells of a predicted belief where a step is not the filter's alone."""
-        return self._fallback.guard
-
-    def predicted(self, state: TrackState, time: float) -> TrackState:
-        """The state predicted to a time at which it does not advance."""
-        elapsed = time - state.time
-        if elapsed <= 0.0:
-            # A prediction over no time would draw sigma points anew, and change the last digits.
-            return state
-        belief, fallback = self._predicted(state, elapsed)
-        return state._replace(time=time, belief=belief, fallback=fallback)
-
-    def estimate(self, state: TrackState) -> Estimate:
-        """The estimate of a state; NaN, or at rest if so configured, where no track has started."""
-        started, fallback = state.started, state.fallback
-        mean, covariance = self.computed_filter.cartesian(state.belief)
-        if fallback is not None:
-            mean = np.where(fallback.where, fallback.belief.mean, mean)
-            covariance = np.where(fallback.where, fallback.belief.covariance, covariance)
-        if not np.all(started):
-            before: Gaussian | tuple[float, float] = (np.nan, np.nan)
-            if state.waiting is not None and self.initial.waiting == "at_rest":
-                before = initial.at_rest(state.waiting, self.initial)
-            mean = np.where(started, mean, before[0])
-            covariance = np.where(started, covariance, before[1])
-        estimate = estimate_of(state.belief, Gaussian(mean, covariance))
-        if estimate.mode_probabilities is not None:
-            estimate = estimate._replace(mode_probabilities=where_tracked(started, estimate.mode_probabilities))
-        return estimate if estimate.repaired is None else estimate._replace(repaired=estimate.repaired & started)
-
-    def smoothed(self, state: TrackState, later: TrackState) -> TrackState:
-        """The state smoothed by a later one, by that of Rauch, Tung and Striebel."""
-        elapsed = later.time - state.time
-        # Where there is no track yet, what is smoothed means nothing.
-        belief = choose(state.started, self.computed_filter.smooth(state.belief, later.belief, elapsed), state.belief)
-        fallback = state.fallback
-        if fallback is not None:
-            estimate = self.estimate(later)
-            cartesian = Gaussian(estimate.mean, estimate.covariance)
-            belief, fallback = self._fallback.smoothed(fallback, elapsed, cartesian, belief)
-        return state._replace(belief=belief, fallback=fallback)
+        return used(self.steps.computed_filter)
 
     def _in_sequence(
         self, state: TrackState, scan: Scan, origins: Indices | None = None
     ) -> tuple[TrackState, Estimate]:
-        elapsed, started, waiting = scan.time - state.time, state.started, state.waiting
         some = bool(np.any(scan.valid))
         # Without a measurement the kernel of a step gives other last bits than that of a prediction.
         reads = (self.sensors is None or scan.sensor in self.sensors) and (some or self.engine == "fused")
-        step, own = self._fused_step(state, scan, elapsed) if reads else (None, started)
+        step, own = self.steps.fused_step(state, scan) if reads else (None, state.started)
         if step is not None and np.all(own):
             belief = step.update.belief
-            estimate = estimate_of(belief, step.cartesian)
-            estimate = with_innovation(estimate, step.update, None) if some else estimate
+            estimate = belief_estimate(belief, step.cartesian)
+            estimate = with_innovation(estimate, step.update) if some else estimate
             return state._replace(time=scan.time, belief=belief._replace(repaired=None)), estimate
-        update: Update[Any] | None = None
-        if step is not None and self.prior is None and np.array_equal(own, started):
-            update, fallback = step.update, None
-            belief = choose(started, update.belief, state.belief)
-        else:
-            belief, fallback = self._predicted(state, elapsed)
-            if self.prior is not None:
-                belief, started = self.prior.begin(scan.time, belief, started, self.computed_filter)
-            if reads:
-                update, fallback = self._updated(belief, fallback, scan, started)
-                if step is not None:
-                    update = chosen_update(own, step.update, update)
-                    fallback = None if fallback is None else fallback._replace(where=fallback.where & ~own)
-                belief = update.belief
-        before = started
+        after, update = self._filtered(state, scan, reads, step, own)
+        tracked = after.started
         starting = self.initial.sensors or self.sensors
-        if self.prior is None and (starting is None or scan.sensor in starting) and not np.all(started):
-            start = initial.start(self.initial, scan, waiting)
-            fresh = start.ready & ~started
-            if np.any(fresh):
-                belief = choose(fresh, self.filter.begin(start.state_of), belief)
-                fallback = self._fallback.begun(fallback, fresh, start.state_of)
-            started, waiting = started | fresh, start.waiting
-        if fallback is not None:
-            belief, fallback = self._fallback.returned(fallback, belief)
-        after = TrackState(scan.time, belief, started, waiting, fallback)
-        estimate = self.estimate(after)
+        if self.prior is None and (starting is None or scan.sensor in starting):
+            after = self.steps.with_starts(after, scan)
+        if after.fallback is not None:
+            belief, fallback = self.steps.fallback.returned(after.fallback, after.belief)
+            after = after._replace(belief=belief, fallback=fallback)
+        estimate = self.steps.estimate(after)
         if step is not None:
             mean, covariance = step.cartesian
             estimate = estimate._replace(
                 mean=np.where(own, mean, estimate.mean), covariance=np.where(own, covariance, estimate.covariance)
             )
         if update is not None and some:
-            estimate = with_innovation(estimate, update, before)
-        return after._replace(belief=belief._replace(repaired=None)), estimate
+            estimate = with_innovation(estimate, update, tracked)
+        return after._replace(belief=after.belief._replace(repaired=None)), estimate
 
-    def _fused_step(self, state: TrackState, scan: Scan, elapsed: float) -> tuple[Step[Any] | None, Mask]:
-        """Prediction and update at once, and of which tracks: not those that are, or would be, in the fallback.
+    def _filtered(
+        self, state: TrackState, scan: Scan, reads: bool, step: Step[Any] | None, own: Mask
+    ) -> tuple[TrackState, Update[Any] | None]:
+        """The tracks at the time of a scan, and their update if its measurements are read.
 
-        It does not depend on the other tracks of the batch, so that their number changes no bit of an estimate.
+        ``step``: prediction and update at once of the tracks ``own`` ``(...)``; None: of none.
         """
-        own = state.started if state.fallback is None else state.started & ~state.fallback.where
-        if not np.any(own):
-            return None, own
-        step = self.computed_filter.step(state.belief, elapsed, scan, self.guard)
-        return step, own if step.refused is None else own & ~step.refused
-
-    def _predicted(self, state: TrackState, elapsed: float) -> tuple[AnyBelief, CartesianFallback | None]:
-        belief, started = state.belief, state.started
-        if np.any(started):
-            belief = self.computed_filter.predict(belief, elapsed)
-            if not np.all(started):
-                # A placeholder stays as it is, so that its covariance does not grow without bound.
-                belief = choose(started, belief, state.belief)
-        return belief, self._fallback.predicted(state.fallback, elapsed, belief, started)
-
-    def _updated(
-        self, belief: AnyBelief, fallback: CartesianFallback | None, scan: Scan, started: Mask
-    ) -> tuple[Update[Any], CartesianFallback | None]:
-        if fallback is None:
-            # For placeholders alone nothing is compiled.
-            return (self.computed_filter if np.any(started) else self.filter).update(belief, scan), None
-        return self._fallback.updated(fallback, scan, lambda part: self.computed_filter.update(belief, part))
-
-    @cached_property
-    def _fallback(self) -> FallbackFilter:
-        config = self.initial
-        with_yaw = any(set(YAW) & set(motion.components) for motion in self.filter.motions)
-        # A stated covariance is that of the motion model's own state.
-        possible = with_yaw and config.source != "truth" and config.covariance_diag is None
-        at_start = possible and self.cartesian_fallback != "never"
-        later = possible and self.cartesian_fallback == "always"
-        return FallbackFilter(self.filter, self.engine, initial.sigmas(config), at_start, later)
+        if step is not None and self.prior is None and np.array_equal(own, state.started):
+            belief = choose(state.started, step.update.belief, state.belief)
+            return state._replace(time=scan.time, belief=belief, fallback=None), step.update
+        state = self.steps.advanced(state, scan.time)
+        if self.prior is not None:
+            filter = self.steps.computed_filter
+            belief, started = self.prior.begin(scan.time, state.belief, state.started, filter)
+            state = state._replace(belief=belief, started=started)
+        if not reads:
+            return state, None
+        update, fallback = self.steps.updated(state, scan)
+        if step is not None:
+            update = chosen_update(own, step.update, update)
+            fallback = None if fallback is None else fallback._replace(where=fallback.where & ~own)
+        return state._replace(belief=update.belief, fallback=fallback), update
 
     def _present(self, state: TrackState) -> Estimate:
-        return self.estimate(state)
+        return self.steps.estimate(state)
 
     def _after_late(
         self, state: TrackState, scan: Scan, origins: Indices | None, number: int
@@ -334,22 +168,15 @@ class FilterTracker(ScanTracker):
         """Correct the present by a late scan, where a track has gone on since before it."""
         history = up_to_date(self._in_sequence, state.history, number)
         before = history[number].before
-        going_on = before.started & state.started
-        part = scan._replace(valid=going_on & scan.valid)
+        part = scan._replace(valid=before.started & state.started & scan.valid)
         if before.fallback is not None or state.fallback is not None or not np.any(part.valid):
-            return state._replace(history=history), self.estimate(state)
-        assert isinstance(self.filter, SingleModelFilter)
-        assert isinstance(before.belief, Belief)
-        assert isinstance(state.belief, Belief)
+            return state._replace(history=history), self.steps.estimate(state)
         times = tuple(processed.scan.time for processed in history[number:])
-        update = retrodicted(self.filter, Retrodiction(before.belief, before.time, state.belief, times), part)
-        after = state._replace(belief=update.belief)
-        estimate = with_innovation(self.estimate(after), update, going_on)
+        after, estimate = self.steps.retrodicted(before, state, part, times)
         late: ProcessedScan[TrackState, Estimate] = ProcessedScan(before, part)
         # The states after the late scan lack it.
         outdated = (processed._replace(outdated=True) for processed in history[number:])
-        history = (*history[:number], late, *outdated)
-        return after._replace(belief=update.belief._replace(repaired=None), history=history), estimate
+        return after._replace(history=(*history[:number], late, *outdated)), estimate
 
 
 @dataclass(frozen=True)
@@ -369,9 +196,9 @@ class SmoothedTracker:
         while instants:
             state, own = instants.pop()
             if later is not None:
-                state = self.tracker.smoothed(state, later)
+                state = self.tracker.steps.smoothed(state, later)
             # The filter's own state, of which nothing is scored, would take as much memory again.
-            smoothed[state.time] = self.tracker.estimate(state)._replace(state=None, state_covariance=None)
+            smoothed[state.time] = self.tracker.steps.estimate(state)._replace(state=None, state_covariance=None)
             if own:
                 later = state
         return [smoothed[scan.time] for scan in scans]
@@ -389,6 +216,6 @@ class SmoothedTracker:
                 state, _ = tracker.step(state, scan)
                 own = own or tracker.advances(scan.sensor)
             assert state is not None
-            seen = state if own else tracker.predicted(state, time)
+            seen = state if own else tracker.steps.predicted(state, time)
             instants.append((seen._replace(time=time, belief=bare(seen.belief)), own))
         return instants

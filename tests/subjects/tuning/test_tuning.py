@@ -29,7 +29,7 @@ from trackbench.subjects.tuning.parameters import Parameter, parse_range, start_
 from trackbench.subjects.tuning.search import search, usual_trials
 from trackbench.subjects.tuning.study import Study, TuningTrial
 from trackbench.trackers.builtin import ekf
-from trackbench.trackers.filtered import log_likelihood
+from trackbench.trackers.track_steps import log_likelihood
 
 TEXT = """# Two cars.
 name: two_cars

@@ -21,7 +21,8 @@ from trackbench.filters.base import linear_update
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.builtin import build, ukf
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import FilterTracker, TrackState
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.track_steps import TrackState
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense_known
 from trackbench.subjects.tuning.entry import Entry
 from trackbench.subjects.tuning.measures import CONDITIONS, OF_ALL, Sums, condition_members
-from trackbench.trackers.filtered import log_likelihood
+from trackbench.trackers.track_steps import log_likelihood
 
 #: Shortest time at the beginning of a stretch that counts neither for tuning nor for trying, s.
 GAP = 1.0
