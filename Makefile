@@ -38,7 +38,7 @@ FUZZ_FROM ?= 0
 fuzz: $(VENV)/.installed-dev
 	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=20000 $(BIN)/pytest tests/fuzz/test_fuzz_scenarios.py
 	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=10000 $(BIN)/pytest tests/fuzz/test_fuzz_recordings.py
-	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=3000 $(BIN)/pytest tests/fuzz/test_fuzz_results.py tests/fuzz/test_fuzz_history.py
+	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=3000 $(BIN)/pytest tests/fuzz/test_fuzz_results.py
 	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=3000 $(BIN)/pytest tests/fuzz/test_fuzz_tracks.py
 
 lint: $(VENV)/.installed-dev

@@ -7,8 +7,8 @@ draws is held against it.
 
 import numpy as np
 import pytest
+from tests.support.reference import smoothed
 from tests.support.scenes import scan
-from tests.support.smoother import smoothed
 
 from trackbench.base.types import Gaussian
 from trackbench.filters import InteractingMultipleModel, KalmanFilter

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.special import logsumexp
+from tests.support.reference import smoothed
 from tests.support.scenes import LIDAR_NOISE, NOISE, scan
-from tests.support.smoother import smoothed
 
 from trackbench.base.types import Gaussian
 from trackbench.filters import (

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy import stats
+from tests.support.reference import smoothed
 from tests.support.scenes import LIDAR_NOISE, NOISE, scan
-from tests.support.smoother import smoothed
 
 from trackbench.base.types import Gaussian
 from trackbench.base.units import difference

@@ -1,7 +1,8 @@
-"""Whatever is in the folder of a run, it is compared, reported, inspected and shown, or refused in one message."""
+"""Whatever is in the folder of a run, or in a history, it is read, reported and shown, or refused in one message."""
 
 from __future__ import annotations
 
+import json
 import random
 import shutil
 from pathlib import Path
@@ -9,7 +10,11 @@ from pathlib import Path
 import pytest
 from tests.fuzz.conftest import Tried
 from tests.fuzz.mutations import cases, damage
+from tests.support.past_results import past
 
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.subjects.history.report import saved_document
 from trackbench.subjects.recording import viewer
 
 FORMATS = ["terminal", "html", "markdown", "latex", "csv", "svg"]
@@ -76,3 +81,30 @@ def _commands(chance: random.Random, damaged: Path) -> list[list[str]]:
     )
     picture = ["snapshot", run, "--at", "1", *whole, "out.png"]
     return [["compare", run, *others], ["compare", run], ["report", run, *form], ["inspect", run, *moment], picture]
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("kept", [False, True], ids=["results", "kept"])
+def test_a_damaged_history_is_one_line(kept: bool, tmp_path: Path) -> None:
+    for number, kf in enumerate((0.1, 0.1, 0.14)):
+        past(number, {"raw": 0.2, "kf": kf}).save(tmp_path / f"night{number}")
+    file = tmp_path / "history.json"
+    file.write_text(json.dumps(tb.history(tmp_path).json()), encoding="utf-8")
+    # Of tables the one that intervals are made of.
+    files = [file] if kept else [*tmp_path.rglob("result.json")] * 5 + [*tmp_path.rglob("runs.parquet")]
+    messages: list[str] = []
+    for case in cases(20):
+        chance = random.Random(case)
+        chosen = chance.choice(files)
+        raw = chosen.read_bytes()
+        damage(chance, chosen)
+        try:
+            if kept:
+                str(saved_document(file))
+            else:
+                str(tb.history(tmp_path, limits={"position_rmse": 5}).report())
+        except InputError as error:
+            messages.append(str(error))
+        chosen.write_bytes(raw)
+    assert messages
+    assert [message for message in messages if not 0 < len(message) < 1000 or "\n" in message] == []

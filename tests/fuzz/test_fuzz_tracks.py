@@ -15,8 +15,7 @@ import pytest
 import yaml
 from tests.fuzz.mutations import cases, edited_bytes, edited_mcap, edited_table, edited_text
 from tests.support.exported import HIDDEN, SCENARIO
-from tests.support.mcap_logs import log_of, mounted
-from tests.support.mcap_tracks import write_tracks
+from tests.support.mcap_files import log_of, mounted, write_tracks
 from tests.support.ros_bags import Messages, write_bag
 from tests.support.traffic_files import OPTIONS, WRITERS
 

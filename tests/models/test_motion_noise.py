@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import minimize_scalar
+from tests.support.reference import smoothed
 from tests.support.scenes import CONTINUOUS, NOISE, scan, tracker
-from tests.support.smoother import smoothed
 from tests.support.udacity import data_folder
 
 from trackbench.base.units import difference

@@ -5,10 +5,12 @@ A function ``residual(a, b)`` is ``a - b`` with its angles wrapped.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
+
+from trackbench.filters.base import B, Filter
 
 Residual = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Function = Callable[[np.ndarray], np.ndarray]
@@ -103,3 +105,17 @@ def unscented_update(x, p, points, z, h: Function, r, subtract_x: Residual, subt
     k = (state_deviations * wc) @ deviations.T @ np.linalg.inv(s)
     innovation = subtract_z(z, expected)
     return x + k @ innovation, p - k @ s @ k.T, innovation, s
+
+
+def smoothed(filter: Filter[B], filtered: Sequence[B], intervals: Sequence[float]) -> list[B]:
+    """A filter's beliefs given all measurements, from the last to the first.
+
+    Args:
+        filter: the one that gave the beliefs.
+        filtered: ``(T,)`` after the update of each instant; those with batch axes are smoothed together.
+        intervals: ``(T - 1,)`` from each instant to the next, s.
+    """
+    result = [filtered[-1]]
+    for belief, dt in zip(reversed(filtered[:-1]), reversed(intervals), strict=True):
+        result.append(filter.smooth(belief, result[-1], dt))
+    return result[::-1]

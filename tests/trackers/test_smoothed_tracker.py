@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.filters.test_filters_properties import TRUTH_START, measurements, through
+from tests.support.reference import smoothed
 from tests.support.scenes import NOISE, member, scan, tracker
-from tests.support.smoother import smoothed
 from tests.trackers.test_imm_tracker import primed
 
 import trackbench as tb

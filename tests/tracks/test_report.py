@@ -1,8 +1,9 @@
-"""The report of a run of hidden identities."""
+"""The report of a run of hidden identities, also in a browser, and the page that describes it."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from matplotlib.figure import Figure as Canvas
 from matplotlib.text import Annotation
 from rich.console import Console
+from tests.support.browser import look
+from tests.support.places import DOCS
 from tests.support.results import with_differences
 
 import trackbench as tb
@@ -290,3 +293,29 @@ def test_errors_of_matched_tracks_say_from_where_on_a_track_is_matched(document:
     assert "Errors and NEES are of tracks within 2.5 m of their object" in text(document)
     (table,) = (table for table in document.tables if table.name == "errors-of-matched-tracks")
     assert "NEES inside" in [column.heading for column in table.columns]
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_the_page_fits_its_screen(
+    tmp_path_factory: pytest.TempPathFactory, traffic_result: Result, failing_result: Result
+) -> None:
+    results = {"traffic": traffic_result, "failing": failing_result}
+    pages = {name: to_html(result_document(result)) for name, result in results.items()}
+    seen = look(tmp_path_factory.mktemp("browser"), pages, (390, 1280))
+    assert seen.console == []
+    for (page, width), frame in seen.frames.items():
+        assert frame["scrollWidth"] <= width, page
+        assert frame["overflowing"] == [], page
+        assert frame["smallest"] >= 12
+        assert len(frame["figures"]) == (5 if page == "traffic" else 3)
+
+
+PAGE = DOCS / "traffic.md"
+
+
+@pytest.mark.docs_pages
+def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(PAGE, tmp_path) == 10
+    names = {file.name for file in (tmp_path / "exported").rglob("*") if file.is_file()}
+    assert names == {"gt.txt", "seqinfo.ini", "motorway.txt", "events.csv"}

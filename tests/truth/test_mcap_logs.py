@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from tests.support.exported import HIDDEN, SCENARIO
-from tests.support.mcap_logs import log_of, mounted
+from tests.support.mcap_files import log_of, mounted
 
 import trackbench as tb
 from trackbench.base.errors import InputError

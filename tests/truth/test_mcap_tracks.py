@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.mcap_tracks import write_tracks
+from tests.support.mcap_files import write_tracks
 
 from trackbench.base.errors import InputError
 from trackbench.subjects.export.mcap import mcap_messages

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support.exported_log import write_scenes
+from tests.support.exported import write_scenes
 
 from trackbench.base.types import RecordedDetections, Scan
 from trackbench.results import Result

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from tests.support.mcap_tracks import write_tracks
+from tests.support.mcap_files import write_tracks
 from tests.support.places import DOCS
 
 import trackbench as tb

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.exported_log import write_scenes
+from tests.support.exported import write_scenes
 
 import trackbench as tb
 from trackbench.base.errors import InputError

@@ -18,8 +18,7 @@ from trackbench.scenario.truth import truths_of
 from trackbench.subjects.export.manifest import MANIFEST, manifest_writer, scan_manifest, truth_manifest
 from trackbench.subjects.export.mcap import mcap_scan_files, mcap_truth_files
 from trackbench.subjects.export.osi import osi_scan_files, osi_truth_files
-from trackbench.subjects.export.source import ScanSource
-from trackbench.subjects.export.tables import scan_table, truth_table
+from trackbench.subjects.export.scans import ScanSource, scan_table, truth_table
 
 #: By the name of a file in the folder, what writes it.
 Files = dict[str, Callable[[Path], object]]

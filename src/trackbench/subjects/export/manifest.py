@@ -16,8 +16,7 @@ from trackbench.scenario import Scenario
 from trackbench.sensing.detections import stated_detection
 from trackbench.sensing.scans import IdealSensor, scan_rate
 from trackbench.sensing.view import field_of_view
-from trackbench.subjects.export.source import ScanSource
-from trackbench.subjects.export.tables import TRUTH, ExportColumn, component_columns, scan_columns
+from trackbench.subjects.export.scans import TRUTH, ExportColumn, ScanSource, component_columns, scan_columns
 
 MANIFEST = "manifest.json"
 #: Of the manifest and of the tables that it describes.

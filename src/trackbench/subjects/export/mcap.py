@@ -16,8 +16,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Scan, Truth
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Mount
-from trackbench.subjects.export.source import RunKey, ScanSource
-from trackbench.subjects.export.tables import component_columns
+from trackbench.subjects.export.scans import RunKey, ScanSource, component_columns
 from trackbench.truth.recorded.foxglove import BOXES, POINTS, SCAN, TRANSFORMS
 
 TYPES = {float: "number", int: "integer", str: "string", bool: "boolean"}

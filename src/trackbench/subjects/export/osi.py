@@ -16,7 +16,7 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan, Truth
 from trackbench.models.sensors import Lidar, Radar, Sensor
-from trackbench.subjects.export.source import RunKey, ScanSource
+from trackbench.subjects.export.scans import RunKey, ScanSource
 from trackbench.truth.formats import osi
 
 #: Of the interface: major, minor, patch.

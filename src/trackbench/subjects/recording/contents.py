@@ -30,8 +30,8 @@ from trackbench.results import (
 )
 from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
-from trackbench.subjects.recording.error_map import ErrorMap
 from trackbench.subjects.recording.focus import Focus, moment_of
+from trackbench.subjects.recording.views import ErrorMap
 
 
 @dataclass(frozen=True)

@@ -105,13 +105,10 @@ def _send_lane(stream: Stream, place: tuple[str, ...], time: Array, states: Arra
 
 
 def _send_log(stream: Stream, tracker: str, events: Sequence[FunctionEvent]) -> None:
-    if not events:
-        return
     ordered = sorted(events, key=lambda event: event.time_s)
     texts = [f"{tracker}: {e.function} {e.word} by {e.wrong_s:.2f} s, {e.object or 'no object'}" for e in ordered]
-    levels = ["WARN" if event.word in WRONG else "INFO" for event in ordered]
-    log = rr.TextLog.columns(text=texts, level=levels)
-    stream.columns(path(LOG, tracker), np.array([event.time_s for event in ordered]), log)
+    warnings = [event.word in WRONG for event in ordered]
+    stream.log(path(LOG, tracker), [event.time_s for event in ordered], texts, warnings)
 
 
 def _send_rings(

@@ -16,7 +16,17 @@ import rerun as rr
 from trackbench.base.types import Array
 from trackbench.document.palette import OBSERVER_COLOUR, TRUTH_COLOUR
 from trackbench.results.columns import Columns, columns, split
-from trackbench.subjects.recording.stream import Stream, in_plane, path, pixels, pose, rgba, send_ellipses, send_points
+from trackbench.subjects.recording.stream import (
+    Y_DOWN,
+    Stream,
+    in_plane,
+    path,
+    pixels,
+    pose,
+    rgba,
+    send_ellipses,
+    send_points,
+)
 
 WORLD = ("world",)
 ROADS = (*WORLD, "roads")
@@ -53,8 +63,7 @@ def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float, name
         colour = OBSERVER_COLOUR if observer else TRUTH_COLOUR
         alive = rows["alive"].astype(bool)
         px, py = rows["px_m"][alive], rows["py_m"][alive]
-        y_down = np.tile(np.diag([1.0, -1.0, 1.0]), (len(px), 1, 1))
-        frame = rr.Transform3D.columns(translation=in_plane(px, py), mat3x3=y_down)
+        frame = rr.Transform3D.columns(translation=in_plane(px, py), mat3x3=np.tile(Y_DOWN, (len(px), 1, 1)))
         stream.columns(path(*FRAMES, name), rows["time_s"][alive], frame)
 
         entity = path(*VEHICLES, name)

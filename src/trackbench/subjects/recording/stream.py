@@ -15,6 +15,8 @@ from trackbench.metrics.consistency import point95
 
 #: The recording's one timeline, seconds of simulated time.
 TIMELINE = "sim_time"
+#: The rotation of a frame whose y is down.
+Y_DOWN = np.diag([1.0, -1.0, 1.0])
 #: Rows at each time.
 Count = npt.NDArray[np.integer[Any]]
 
@@ -63,6 +65,16 @@ class Stream:
         """What changes over time in a style that does not: one row, or ``count`` rows, for each of ``time`` (s)."""
         self.columns(entity, time, *(batches if count is None else [batch.partition(count) for batch in batches]))
         self.static(entity, style)
+
+    def turn_y_down(self, entity: str) -> None:
+        """Make an entity a frame whose y is down, as Rerun's 2D views have it, so that a left turn goes left."""
+        self.static(entity, rr.Transform3D(mat3x3=Y_DOWN))
+
+    def log(self, entity: str, time: list[float], texts: list[str], warnings: list[bool]) -> None:
+        """A log: a text at each time (s), as a warning or as information."""
+        if texts:
+            levels = ["WARN" if warning else "INFO" for warning in warnings]
+            self.columns(entity, np.array(time), rr.TextLog.columns(text=texts, level=levels))
 
     def markdown(self, entity: str, text: str) -> None:
         """A text."""

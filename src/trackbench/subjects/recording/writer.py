@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-import numpy as np
 import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
@@ -149,21 +148,19 @@ def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel:
     """On the map, and as a log."""
     events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
     send_marks(stream, tracker, events, metres_per_pixel)
-    if events:
-        levels = ["WARN" if event.kind in MARKED else "INFO" for event in events]
-        parts = (
-            (
-                event.kind,
-                f"vehicle {event.object}" if event.object else "",
-                "" if event.track is None else f"track {event.track}",
-                event.reason,
-                f"{event.cost_m2:.3g} m²" if event.cost_m2 else "",
-            )
-            for event in events
+    parts = (
+        (
+            event.kind,
+            f"vehicle {event.object}" if event.object else "",
+            "" if event.track is None else f"track {event.track}",
+            event.reason,
+            f"{event.cost_m2:.3g} m²" if event.cost_m2 else "",
         )
-        texts = [f"{tracker}: {', '.join(filter(None, of_event))}" for of_event in parts]
-        log = rr.TextLog.columns(text=texts, level=levels)
-        stream.columns(path(layout.EVENTS, tracker), np.array([event.time_s for event in events]), log)
+        for event in events
+    )
+    texts = [f"{tracker}: {', '.join(filter(None, of_event))}" for of_event in parts]
+    warnings = [event.kind in MARKED for event in events]
+    stream.log(path(layout.EVENTS, tracker), [event.time_s for event in events], texts, warnings)
 
 
 #: In a table of events, rows.
@@ -243,7 +240,7 @@ def _scene_tab(scene: ReplayScene) -> rrb.Container:
 
 def _send_scene(stream: Stream, scene: ReplayScene) -> None:
     world = (scene.name, "world")
-    stream.static(path(*world, FRAME), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
+    stream.turn_y_down(path(*world, FRAME))
     for track in scene.paths:
         place = (*world, track.name)
         send_points(stream, path(*place), track.time, track.position, track.colour, track.dot, 20.0)
