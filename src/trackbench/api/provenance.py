@@ -81,7 +81,7 @@ _REFERENCE = re.compile(r"[^\W\d][\w.]*:[^\W\d][\w.]*")
 
 def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
     """By name of each tracker with code that is not part of trackbench, the sha256 of that code."""
-    folder, code = loaded.path.resolve().parent, {}
+    folder, code = loaded.folder, {}
     for name, tracker in loaded.config.trackers.items():
         references = {*_references(loaded.document.value["trackers"][name])}
         use = tracker.reference if isinstance(tracker, PluginConfig) else ""

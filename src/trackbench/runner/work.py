@@ -316,7 +316,7 @@ def work_of(
             for item in truths
         ],
         trackers=scenario.trackers,
-        folder=loaded.path.resolve().parent,
+        folder=loaded.folder,
         settle=scenario.score.settle_s,
         divergence=scenario.score.divergence_m,
         lost_after=scenario.score.lost_after_s,

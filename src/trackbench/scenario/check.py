@@ -28,12 +28,10 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
             the recording.
     """
-    config, folder = loaded.config, loaded.path.resolve().parent
-    kinds = {name: sensor.type for name, sensor in config.sensors.items()}
     notes: list[str] = []
 
     def check_truth() -> None:
-        notes.extend(own_source(loaded).check(folder=folder, sensors=kinds) or ())
+        notes.extend(own_source(loaded).check(folder=loaded.folder, sensors=loaded.config.sensor_kinds) or ())
         require_rates(loaded)
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
@@ -73,10 +71,10 @@ def _not_apart(loaded: Scenario, isolation: Isolation) -> list[str]:
 
 def _columns(loaded: Scenario) -> list[str]:
     """Of each file of tracks, what was read from where."""
-    folder, lines = loaded.path.resolve().parent, []
+    lines = []
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, TracksConfig):
-            notes = read_tracks(tracker, name, folder).notes
+            notes = read_tracks(tracker, name, loaded.folder).notes
             lines += [f"{name}: {', '.join(notes)}"] if notes else []
     return lines
 
@@ -97,7 +95,7 @@ def _all(loaded: Scenario, steps: list[Step]) -> None:
 def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Iterator[Step]:
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, TracksConfig):
-            yield partial(read_tracks, tracker, name, loaded.path.resolve().parent)
+            yield partial(read_tracks, tracker, name, loaded.folder)
         if isinstance(tracker, PluginConfig):
             yield partial(_try, loaded, name, tracker, isolation, started)
 
@@ -107,7 +105,7 @@ def _try(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolatio
     from trackbench.driving.remote import TrackerTrial
 
     use = f"trackers.{name}.use"
-    config, folder = loaded.config, loaded.path.resolve().parent
+    config, folder = loaded.config, loaded.folder
     with closing(TrackerTrial(tracker, folder, isolation)) as trial:
         try:
             trial.check()

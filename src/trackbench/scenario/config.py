@@ -278,6 +278,11 @@ class ScenarioKeys(Config):
         return entry
 
     @property
+    def sensor_kinds(self) -> dict[str, str]:
+        """The kind of each sensor, by name."""
+        return {name: sensor.type for name, sensor in self.sensors.items()}
+
+    @property
     def own_metrics(self) -> list[Metric]:
         """Those beside the built-in ones: of its functions, and those that it names."""
         hidden = self.sensing.identities == "hidden"

@@ -37,7 +37,7 @@ def scenario_problems(scenario: ScenarioConfig) -> Iterator[Problem]:
         yield from recorded_checks.recording_problems(scenario, scenario.truth)
     if isinstance(scenario.truth, SteppedTruth):
         yield from _times(scenario, scenario.truth)
-    fed = scenario.truth.feeds({name: sensor.type for name, sensor in scenario.sensors.items()})
+    fed = scenario.truth.feeds(scenario.sensor_kinds)
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None and name not in fed:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")

@@ -45,6 +45,11 @@ class Scenario:
         """By tracker, also one that was not selected, its place in the file, from 0."""
         return {name: place for place, name in enumerate(self.document.value["trackers"])}
 
+    @property
+    def folder(self) -> Path:
+        """Where relative paths start."""
+        return self.path.resolve().parent
+
     def __repr__(self) -> str:
         runs = counted(self.config.monte_carlo.runs, "run")
         return f"<scenario {self.config.name}: {counted(len(self.config.trackers), 'tracker')}, {runs}>"
@@ -221,15 +226,13 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
 
 def own_modules(loaded: Scenario) -> list[Path]:
     """The modules beside a scenario that it names, as in ``use: my_tracker:Tracker``."""
-    folder = loaded.path.resolve().parent
-    files = (folder / f"{name}.py" for name in _named(loaded) if name.isidentifier())
+    files = (loaded.folder / f"{name}.py" for name in _named(loaded) if name.isidentifier())
     return list(dict.fromkeys(file for file in files if file.is_file()))
 
 
 def own_folder(loaded: Scenario) -> Path | None:
     """The scenario's folder, if there are modules or packages in it that the scenario names."""
-    folder = loaded.path.resolve().parent
-    tops = {name.partition(".")[0] for name in _named(loaded)}
+    folder, tops = loaded.folder, {name.partition(".")[0] for name in _named(loaded)}
     there = any((folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file() for top in tops)
     return folder if there else None
 

@@ -254,7 +254,7 @@ def written_with_changes(loaded: Scenario, folder: Path) -> str:
     truth = loaded.document.value["truth"]
     changes = [*loaded.overrides]
     if isinstance(truth, dict) and isinstance(truth.get("path"), str):
-        changes.append(f"truth.path={json.dumps(path_from(truth['path'], loaded.path.resolve().parent, folder))}")
+        changes.append(f"truth.path={json.dumps(path_from(truth['path'], loaded.folder, folder))}")
     return changed_text(loaded.text, changes)
 
 

@@ -31,7 +31,7 @@ SYNTHETIC = (
 
 def recording_problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
     """Everything that is wrong between the recording and the other sections."""
-    kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
+    kinds = scenario.sensor_kinds
     fed = truth.feeds(kinds)
     yield from _columns(truth, kinds)
     yield from _hidden(scenario, truth)
@@ -122,8 +122,7 @@ def same_every_run(scenario: ScenarioConfig) -> bool:
     """Whether all measurements are recorded, and no tracker's start is drawn."""
     if not isinstance(scenario.truth, RecordingTruth):
         return False
-    kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
     drawn = any(
         isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values()
     )
-    return len(scenario.truth.feeds(kinds)) == len(kinds) and not drawn
+    return len(scenario.truth.feeds(scenario.sensor_kinds)) == len(scenario.sensors) and not drawn

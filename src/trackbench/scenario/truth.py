@@ -65,7 +65,7 @@ def require_rates(loaded: Scenario) -> None:
     Raises:
         InputError: one is.
     """
-    most = own_source(loaded).recorded_rate(loaded.path.resolve().parent)
+    most = own_source(loaded).recorded_rate(loaded.folder)
     for name, sensor in loaded.config.sensors.items():
         if most is not None and sensor.rate_hz is not None and sensor.rate_hz > most * (1 + 1e-6):
             more = f"{sensor.rate_hz:g} Hz is more than the truth has, which is recorded at {most:g} Hz"
@@ -143,8 +143,7 @@ class _Load:
     def of(cls, loaded: Scenario, source: TruthSource) -> _Load:
         config = loaded.config
         draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
-        kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-        return cls(source, draw, loaded.path.resolve().parent, kinds, _hides(loaded))
+        return cls(source, draw, loaded.folder, config.sensor_kinds, _hides(loaded))
 
     def made(self, progress: Progress) -> LoadedTruth:
         """The truth of the scene."""

@@ -12,7 +12,7 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config import IdTargets, NearestTargets, VehicleSizes
+from trackbench.truth.config import FixedObserver, IdTargets, NearestTargets, VehicleSizes
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,13 @@ class Frames:
             length=float(self.length[body]),
             width=float(self.width[body]),
         )
+
+
+def fixed_observer(observer: FixedObserver, steps: int) -> Observer:
+    """A point at rest."""
+    at_rest = np.zeros(steps)
+    yaw = np.deg2rad(observer.yaw_deg)
+    return Observer(at_rest + observer.x, at_rest + observer.y, at_rest + yaw, at_rest, at_rest, at_rest)
 
 
 def hold_nearest(values: Array, alive: Mask) -> Array:

@@ -18,11 +18,19 @@ from gymnasium.envs.registration import load_env_creator
 
 from trackbench.base.deferred import imported_when_used
 from trackbench.base.errors import InputError, nearest
-from trackbench.base.types import Observer, Progress, Truth, no_progress
+from trackbench.base.types import Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
 from trackbench.truth.audit import Reported, audited_truth, by_euler
-from trackbench.truth.config import FixedObserver, HighwayOptions
-from trackbench.truth.frames import Frames, bodies_near, hold_nearest, lane_edges, target_bodies, with_sizes
+from trackbench.truth.config import HighwayOptions
+from trackbench.truth.frames import (
+    Frames,
+    bodies_near,
+    fixed_observer,
+    hold_nearest,
+    lane_edges,
+    target_bodies,
+    with_sizes,
+)
 from trackbench.truth.jumps import summarised
 
 # Of these, half a second to import, highway-env needs nothing for what is done here.
@@ -124,7 +132,7 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
 
 def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: EndedEarly | None) -> Truth:
     carrier = 0 if config.observer == "ego" else None
-    observer = frames.carrier(0) if config.observer == "ego" else _fixed(config.observer, len(frames.px))
+    observer = frames.carrier(0) if config.observer == "ego" else fixed_observer(config.observer, len(frames.px))
     bodies = targets = target_bodies(config.targets, frames, observer, carrier)
     if not targets:
         raise InputError(f"there is no vehicle to track in {config.env} with this configuration", key="truth.targets")
@@ -158,11 +166,6 @@ def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
             env, drivers if rate is None else drivers.model_copy(update={"steering_rate_degps": rate}), config
         )
     return None if rate is None else steered(math.radians(rate))
-
-
-def _fixed(at: FixedObserver, steps: int) -> Observer:
-    px, py, yaw, zero = (np.full(steps, value) for value in (at.x, at.y, math.radians(at.yaw_deg), 0.0))
-    return Observer(px, py, yaw, zero, zero, zero)
 
 
 def prepare_env(config: HighwayOptions, render_mode: str | None = None) -> AbstractEnv:

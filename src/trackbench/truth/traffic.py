@@ -18,7 +18,7 @@ from trackbench.truth.audit import audited_truth
 from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.traffic import Smoothing, TrafficOptions
-from trackbench.truth.frames import Frames, bodies_near, target_bodies
+from trackbench.truth.frames import Frames, bodies_near, fixed_observer, target_bodies
 from trackbench.truth.motion_audit import (
     SMOOTHER,
     MotionFigures,
@@ -27,7 +27,6 @@ from trackbench.truth.motion_audit import (
     recorded_noise,
     refuse_impossible,
 )
-from trackbench.truth.recorded.drive import fixed_observer
 from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks, start_of
 

@@ -166,7 +166,7 @@ def _of_scenario(
         if tracker.smoother is not None:
             raise InputError(f"{name} is a smoother, which needs all measurements of a run; remove smoother", file=path)
         return _startable(ExaminedTracker(name, lambda: build(tracker), used, notes=notes))
-    folder = loaded.path.resolve().parent
+    folder = loaded.folder
     if config.sensing.identities == "hidden":
         return ExaminedTracker(name, fresh_tracks(tracker, folder, isolation), used, multi_object=True)
     return _startable(ExaminedTracker(name, fresh(tracker, folder, isolation), used))

@@ -116,7 +116,7 @@ def require_same(loaded: Scenario, hashes: Mapping[str, str]) -> None:
 
 
 def _named(loaded: Scenario) -> Iterator[tuple[str, Path]]:
-    folder = loaded.path.resolve().parent
+    folder = loaded.folder
     texts = {*_texts(loaded.document.value), *_texts(loaded.config.truth.model_dump(mode="json"))}
     for text in texts:
         path = os.path.expanduser(os.path.expandvars(text))

@@ -93,7 +93,7 @@ class TrackedEnv(gymnasium.Env[Any, Any]):
         if unguarded := isolation.missing(name, entry):
             gymnasium.logger.warn(unguarded)
         try:
-            return Tracked(name, entry, loaded.path.resolve().parent, isolation)
+            return Tracked(name, entry, loaded.folder, isolation)
         except InputError as error:
             raise InputError(error.message, key=f"tracker.{error.key or 'use'}") from error
 

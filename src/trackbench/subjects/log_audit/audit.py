@@ -49,7 +49,7 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
         places = [truth, *(truth.get("readings") or {}).values(), (truth.get("columns") or {}).get("observer")]
         for place in places:
             if isinstance(place, dict) and isinstance(place.get("path"), str):
-                place["path"] = path_from(place["path"], loaded.path.resolve().parent, folder)
+                place["path"] = path_from(place["path"], loaded.folder, folder)
     lines = [f"# {finding.title}." + ("" if finding.changes else " Not put in.") for finding in findings]
     head = [f"# {loaded.path.name} with the findings of `trackbench audit` put in:", *(lines or ["# none."])]
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
@@ -270,7 +270,7 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
             message = f"an audit looks at one log, and these are {truth.number_of_logs}; name one file"
             raise InputError(message, key="truth.path")
         truth = truth.scenes()[0]
-        drive = read_drive(truth, kinds, loaded.path.resolve().parent)
+        drive = read_drive(truth, kinds, loaded.folder)
         found = {name: with_boxes(name, loaded.config.sensors[name], drive, truth) for name in drive.detections}
         drive = replace(drive, logs={**drive.logs, **found})
         if not drive.logs:

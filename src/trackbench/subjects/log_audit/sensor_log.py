@@ -13,8 +13,9 @@ from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.sensing.view import sensor_motion
 from trackbench.subjects.log_audit.reference import ReferenceNoise
 from trackbench.truth.config.columns import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
+from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded import Drive
-from trackbench.truth.recorded.drive import Log, RowOrder, carrier, fixed_observer
+from trackbench.truth.recorded.drive import Log, RowOrder, carrier
 from trackbench.truth.sources import RecordingTruth
 
 #: The errors of time and mounting that every sensor may have, with their units.

@@ -74,7 +74,7 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
     Raises:
         InputError: no such tracker, it cannot start, or not one lidar and one radar at most.
     """
-    config, folder = loaded.config, loaded.path.resolve().parent
+    config, folder = loaded.config, loaded.folder
     if name not in config.trackers:
         raise InputError(f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}", file=loaded.path)
     tracker = config.driven(name)

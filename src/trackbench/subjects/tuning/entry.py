@@ -87,7 +87,7 @@ def entry_with(loaded: Scenario, tracker: str, values: Values) -> Entry:
     Raises:
         ValidationError: the values do not go together.
     """
-    return _TRACKER.validate_python(plain(loaded, tracker, values), context={"folder": loaded.path.resolve().parent})
+    return _TRACKER.validate_python(plain(loaded, tracker, values), context={"folder": loaded.folder})
 
 
 def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
@@ -95,7 +95,7 @@ def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
     try:
         trackers = {**loaded.document.value["trackers"], tracker: plain(loaded, tracker, values)}
         ScenarioConfig.model_validate(
-            {**loaded.document.value, "trackers": trackers}, context={"folder": loaded.path.resolve().parent}
+            {**loaded.document.value, "trackers": trackers}, context={"folder": loaded.folder}
         )
     except InputError as error:
         # What it advises is for the command line's --set.
@@ -114,7 +114,7 @@ def current(loaded: Scenario, tracker: str, key: str) -> Any:
         stated = node.measurement_noise.get(parts[1], {}).get(parts[2])
         return getattr(config.sensors.get(parts[1]), parts[2], None) if stated is None else stated
     if isinstance(node, PluginConfig) and len(parts) == 2 and parts[0] == "options" and parts[1] not in node.options:
-        return stated_default(node.reference, parts[1], loaded.path.resolve().parent)
+        return stated_default(node.reference, parts[1], loaded.folder)
     if (
         isinstance(node, FilterConfig)
         and isinstance(node.motion, MotionModel)

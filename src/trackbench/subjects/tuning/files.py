@@ -200,7 +200,7 @@ def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: P
     entries = {name: plain(loaded, name, values) for name, values in tuned.items()}
 
     def seen(path: str) -> str:
-        return path_from(path, loaded.path.resolve().parent, folder)
+        return path_from(path, loaded.folder, folder)
 
     truth = loaded.document.value["truth"]
     wanted = {

@@ -147,7 +147,7 @@ def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
     config, document = bench.scenario.config, bench.scenario.document.value
     entry = config.trackers[tracker]
     use = entry.reference if isinstance(entry, PluginConfig) else ""
-    source = module_file(use, bench.scenario.path.resolve().parent)
+    source = module_file(use, bench.scenario.folder)
     return {
         **{key: value for key, value in document.items() if key not in ("trackers", "expect")},
         "truth": config.truth.model_dump(mode="json", fallback=str),

@@ -7,7 +7,6 @@ autonomous driving? The KITTI vision benchmark suite", and the readme.txt of its
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -20,7 +19,7 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth import jumps
-from trackbench.truth.recorded.rows import NUMBER, log_text
+from trackbench.truth.recorded.rows import log_text, stated_number
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
 
@@ -68,7 +67,7 @@ def numbers_of(lines: Sequence[TextLine], column: int, file: Path) -> Array:
     values = np.empty(len(lines))
     for row, line in enumerate(lines):
         cell = line.cells[column]
-        values[row] = float(cell) if NUMBER.fullmatch(cell) else math.nan
+        values[row] = stated_number(cell)
         if not abs(values[row]) <= jumps.LARGEST["length"]:
             message = f"column {column + 1} is {cell[:20]!r}, where a number up to {jumps.LARGEST['length']:.0e} is due"
             raise InputError(message, file=file, line=line.number)

@@ -20,7 +20,7 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
-from trackbench.truth.recorded.rows import Rows, log_text, read_table, time_stamps
+from trackbench.truth.recorded.rows import Rows, log_text, read_table, reading_parquet, time_stamps
 from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
 
 #: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
@@ -150,14 +150,10 @@ def header(file: Path, form: str) -> list[str]:
         if len(names) == 1 and (other := re.search(r"[;\t|]", names[0])):
             raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=1)
     else:
-        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        try:
+        with reading_parquet(file):
             names = list(pq.read_schema(file).names)
-        except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
-            reason = str(error).splitlines()[0]
-            raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
     if not all(name.isprintable() and len(name) <= LONGEST_NAME for name in names):
         raise InputError("this is no row of column names", file=file)
     for name in names:

@@ -13,8 +13,8 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import KINEMATICS, Array, Indices, Observer, RecordedAlarms, RecordedMeasurements, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.recording import ReferenceTruth
+from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded.cycles import Cycles, cycles
 
 if TYPE_CHECKING:
@@ -324,13 +324,6 @@ def _spans(time: Array, first: float, last: float) -> tuple[str, str, str]:
     own, other = (f"from {round(a, 2):.12g} to {round(b, 2):.12g} s" for a, b in ((begin, end), (first, last)))
     apart = max(begin - last, first - end)
     return own, other, f", {round(apart, 2):.12g} s apart" if apart > 0 else ""
-
-
-def fixed_observer(observer: FixedObserver, steps: int) -> Observer:
-    """A point at rest."""
-    at_rest = np.zeros(steps)
-    yaw = np.deg2rad(observer.yaw_deg)
-    return Observer(at_rest + observer.x, at_rest + observer.y, at_rest + yaw, at_rest, at_rest, at_rest)
 
 
 def carrier(motion: Motion, times: Array) -> Observer:

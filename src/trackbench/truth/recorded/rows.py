@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,11 +34,28 @@ def log_text(file: Path) -> str:
 
 #: A name as columns have it.
 _COLUMN = re.compile(r"[\w .()\[\]/%°²#-]{0,64}")
-NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Of times: nanoseconds since 1970 are 2e18.
 LARGEST = 1e30
 #: Of one file. Each takes about 700 bytes of memory.
 MOST_ROWS = 10_000_000
+
+
+def stated_number(text: str) -> float:
+    """The number that a text is; NaN where it is none. It may be too large for a double, and infinite."""
+    return float(text) if _NUMBER.fullmatch(text) else math.nan
+
+
+@contextmanager
+def reading_parquet(file: Path) -> Iterator[None]:
+    """Raise what Parquet's reader finds wrong with a file as an ``InputError``."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
 
 
 class Rows(NamedTuple):
@@ -112,7 +130,7 @@ class Rows(NamedTuple):
         if _empty(value):
             raise self.error(row, f"{column} is empty, where a number is expected")
         if isinstance(value, str):
-            number = float(value.strip()) if NUMBER.fullmatch(value.strip()) else math.nan
+            number = stated_number(value.strip())
         else:
             number = float(value) if isinstance(value, int | float | Decimal) else math.nan
         if not math.isfinite(number):
@@ -165,19 +183,15 @@ def _csv(file: Path, names: list[str]) -> Rows:
 
 
 def _parquet(file: Path, names: list[str]) -> Rows:
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
+    with reading_parquet(file):
         metadata = pq.read_metadata(file)
         header = metadata.schema.to_arrow_schema().names
         _require(names, header, file, None)
         _require_few(metadata.num_rows, file)
         table = pq.read_table(file, columns=names)
         columns = {name: table[name].to_pylist() for name in names}
-    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
     return Rows(file, columns, None)
 
 

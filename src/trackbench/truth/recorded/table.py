@@ -25,13 +25,13 @@ from trackbench.truth.config.columns import (
     Units,
 )
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded.drive import (
     Drive,
     Log,
     Motion,
     RowOrder,
     carrier,
-    fixed_observer,
     row_order,
     slope,
     times_with_observer,

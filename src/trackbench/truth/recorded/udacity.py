@@ -16,7 +16,7 @@ from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.rows import NUMBER, log_text
+from trackbench.truth.recorded.rows import log_text, stated_number
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -87,7 +87,7 @@ def parse_line(text: str) -> Measurement:
 
 
 def _number(text: str, name: str, quantity: str) -> float:
-    value = float(text) if NUMBER.fullmatch(text) else math.nan
+    value = stated_number(text)
     if not math.isfinite(value):
         raise InputError(f"{name} is not a finite number: {_short(text)}")
     problem = why_too_large(value, quantity)
