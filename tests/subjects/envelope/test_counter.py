@@ -2,18 +2,116 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.subjects.envelope.conftest import Commanded
+from tests.support.claims import claim_of
 
 import trackbench as tb
 from trackbench.document import Code, Figure, Paragraph, Row, Section
+from trackbench.metrics.moments import scene_at
+from trackbench.metrics.recorded_run import load_recorded_run
 from trackbench.subjects.envelope.api import FinishedEnvelope
+from trackbench.subjects.envelope.axes import point_distance
 from trackbench.subjects.envelope.claim import Envelope, read_envelope
-from trackbench.subjects.envelope.counter_page import counter_sections
+from trackbench.subjects.envelope.counter import base_of, nearest_failing
+from trackbench.subjects.envelope.counter_page import condition_of, counter_sections, event_of
 from trackbench.subjects.envelope.report import envelope_document
+
+#: Eleven values of each, a tenth of the range apart.
+SQUARE: dict[str, Any] = {
+    "q": {"key": "sensors.radar.range_sigma_m", "from": 0, "to": 10, "levels": 11},
+    "r": {"key": "sensors.radar.azimuth_sigma_deg", "from": 0, "to": 1, "levels": 11},
+}
+
+
+def faces(axes: dict[str, Any], value: Any, **more: Any) -> dict[str, Any]:
+    """By face, the point that fails."""
+    claim = claim_of(axes, {"ekf": value}, **more)
+    return {
+        f"{facing.axis} {facing.side}": claim.cells[facing.cell].at
+        for facing in nearest_failing(claim, base_of(claim, "ekf"))
+    }
+
+
+def test_the_border_is_met_along_each_axis_from_the_scenario() -> None:
+    # Fails with q from 8 on, with r from .9 on and with r up to .1.
+    found = faces(SQUARE, lambda q, r: 2.0 if q > 0.75 or abs(r - 0.5) > 0.35 else 0.5, base=[5, 0.5])
+    assert found == {"q high": (8, 0.5), "r high": (5, 0.9), "r low": (5, 0.1)}
+
+
+def test_a_cell_that_fails_for_another_axis_is_no_counter_example_of_this_one() -> None:
+    # At q 8 everything fails, also far from r .5: that is not for r.
+    assert faces(SQUARE, lambda q, r: 2.0 if q > 0.75 else 0.5, base=[5, 0.5]) == {"q high": (8, 0.5)}
+
+
+def test_a_failure_that_needs_both_axes_lies_towards_the_face_of_the_further_one() -> None:
+    found = faces(SQUARE, lambda q, r: 2.0 if q > 0.65 and r > 0.85 else 0.5, base=[5, 0.5])
+    assert found == {"r high": (7, 0.9)}
+
+
+def test_distances_are_in_the_units_of_scale() -> None:
+    value = lambda q, r: 2.0 if q > 0.75 or r > 0.75 else 0.5  # noqa: E731
+    claim = claim_of(SQUARE, {"ekf": value}, base=[5, 0.5], scale={"q": 6, "r": 0.1})
+    first, second = nearest_failing(claim, base_of(claim, "ekf"))
+    assert (first.axis, first.distance) == ("q", pytest.approx(0.5))
+    assert (second.axis, second.distance) == ("r", pytest.approx(3))
+
+
+def test_each_other_choice_is_a_face() -> None:
+    axes = {"kind": {"key": "sensors.radar.type", "choices": ["radar", "lidar", "speed_radar"]}, "q": SQUARE["q"]}
+    found = faces(axes, lambda kind, q: 2.0 if kind > 0.75 and q > 0.45 else 0.5, base=["radar", 5])
+    assert found == {"kind speed_radar": ("speed_radar", 5)}
+
+
+def test_a_scenario_that_fails_counts_from_the_nearest_cell_that_holds() -> None:
+    claim = claim_of(SQUARE, {"ekf": lambda q, r: 2.0 if q > 0.45 else 0.5}, base=[6, 0.5])
+    base = base_of(claim, "ekf")
+    assert base.at == (4, 0.5)
+    assert base.note.startswith("the scenario itself fails")
+    assert faces(SQUARE, lambda q, r: 2.0 if q > 0.45 else 0.5, base=[6, 0.5]) == {"q high": (5, 0.5)}
+
+
+def test_a_scenario_that_is_no_cell_is_not_said_to_fail() -> None:
+    base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 2.0 if q > 0.45 else 0.5}, base=[12, 0.5]), "ekf")
+    assert base.note.startswith("the cell nearest to the scenario fails")
+
+
+def test_where_nothing_holds_the_scenario_stays_the_base() -> None:
+    base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 2.0}, base=[6, 0.5]), "ekf")
+    assert (base.at, base.note) == ((6, 0.5), "no cell holds: distances are from the scenario itself")
+
+
+def test_an_axis_without_a_value_of_the_scenario_takes_its_middle() -> None:
+    base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 0.5}, base=[None, 0.2]), "ekf")
+    assert base.at == (5, 0.2)
+    assert "no value of q" in base.note
+
+
+def test_undecided_cells_are_no_counter_examples() -> None:
+    assert faces(SQUARE, lambda q, r: 1.0 if q > 0.75 else 0.5, base=[5, 0.5]) == {}
+
+
+@given(st.sets(st.tuples(st.integers(0, 10), st.integers(0, 10)), max_size=30))
+def test_the_nearest_of_all_cells_that_fail_is_always_found(failing: set[tuple[int, int]]) -> None:
+    claim = claim_of(
+        SQUARE,
+        {"ekf": lambda q, r: 2.0 if (round(10 * q), round(10 * r)) in failing - {(5, 5)} else 0.5},
+        base=[5, 0.5],
+    )
+    found = nearest_failing(claim, base_of(claim, "ekf"))
+    ways = [
+        point_distance(claim.axes, (5, 0.5), cell.at) for cell in claim.cells if cell.trackers["ekf"].state == "fails"
+    ]
+    assert min((facing.distance for facing in found), default=math.inf) == min(ways, default=math.inf)
+    assert all(claim.cells[facing.cell].trackers["ekf"].state == "fails" for facing in found)
+    assert len({(facing.axis, facing.side) for facing in found}) == len(found) <= 4
 
 
 @pytest.fixture(scope="module")
@@ -121,3 +219,66 @@ def test_none_are_made_where_none_are_wanted(searched: FinishedEnvelope) -> None
     assert searched.claim.counter_examples is not None
     assert searched.claim.counter_examples.examples == []
     assert searched.envelope.shown == {}
+
+
+CAR: dict[str, Any] = {"start": {"x": 30, "y": 5, "speed_mps": 10}}
+
+
+def result_of(pieces: list[dict[str, float]]) -> tb.Result:
+    """A filter that expects hardly any acceleration."""
+    scenario = {
+        "name": "turn",
+        "truth": {"source": "scripted", "duration_s": 12, "rate_hz": 10, "objects": {"car": {**CAR, "pieces": pieces}}},
+        "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.2}},
+        "trackers": {"kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 0.5}},
+        "monte_carlo": {"runs": 10},
+    }
+    return tb.run(scenario, workers=1)
+
+
+def test_a_turn_carries_the_error_and_holds_the_worst_moment() -> None:
+    result = result_of([{"for_s": 5}, {"for_s": 2, "turn_rate_degps": 30}, {"for_s": 5}])
+    said = condition_of(result, "kf")
+    breakdown = result["kf"].breakdown
+    assert breakdown is not None
+    turning, every = breakdown.manoeuvre["turning"], breakdown.all
+    assert turning.position_rmse is not None
+    assert every.position_rmse is not None
+    carried = turning.count * turning.position_rmse.value**2 / (every.count * every.position_rmse.value**2)
+    assert said.startswith(f"turning: {100 * carried:.0f} % of the squared position error in ")
+    assert event_of(result, "kf").startswith("position error ")
+    time = float(event_of(result, "kf").rpartition(" at ")[2].removesuffix(" s"))
+    assert 5 < time < 8.5
+
+
+def test_where_all_conditions_are_alike_none_is_named() -> None:
+    assert condition_of(result_of([{"for_s": 12}]), "kf") == ""
+
+
+@pytest.mark.slow
+def test_of_tracks_it_is_the_kind_of_event_that_costs_most() -> None:
+    result = tb.run(tb.load("traffic/side_by_side", runs=3), workers=1)
+    name = result.summary.ranking[-1]
+    said = condition_of(result, name)
+    assert said.endswith("of the cost of all events")
+    assert " s, " in event_of(result, name)
+
+
+def test_of_a_function_it_is_what_it_did_on_the_tracks() -> None:
+    result = tb.run(tb.load("functions/euro_ncap_braking", runs=5), workers=1)
+    (metric, name) = "warn_delay.fcw", "ekf_cv"
+    chosen = "tracker == 'ekf_cv' and run == 0 and function == 'fcw'"
+    (event,) = result.to_pandas("function_events").query(chosen).itertuples()
+    late = "late" if event.delay_s > 0 else "early"
+    text = f"fcw {late} at lead at {event.time_s:.2f} s, by {abs(event.delay_s):.2f} s" if event.delay_s else ""
+    first, *errors = event_of(result, name, metric).split(", with ")
+    assert first == text
+    if text:
+        (estimate,) = (
+            found
+            for found in scene_at(result, load_recorded_run(result), event.time_s).estimates
+            if (found.tracker, found.object) == (name, "lead")
+        )
+        position, velocity = estimate.position_error_m, estimate.velocity_error_mps
+        assert errors == [f"a position error of {position:.2f} m and a velocity error of {velocity:.2f} m/s then"]
+    assert condition_of(result, name, metric) == ""

@@ -21,10 +21,10 @@ from tests.subjects.envelope.conftest import SMALL, map_of, small
 from trackbench.base.errors import OutputError
 from trackbench.base.execution import executor
 from trackbench.subjects.envelope.api import envelope_of
+from trackbench.subjects.envelope.cells import Store
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Envelope, read_envelope
 from trackbench.subjects.envelope.files import looks_of
 from trackbench.subjects.envelope.mapping import EnvelopeMap
-from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.task import task_of
 
 Cli = Callable[..., Any]
@@ -100,7 +100,7 @@ def test_a_full_disk_is_said_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("trackbench.subjects.envelope.store.write_whole", full)
+    monkeypatch.setattr("trackbench.subjects.envelope.cells.write_whole", full)
 
     with pytest.raises(OutputError, match="No space left on device"):
         map_of(small(), store=Store(tmp_path, "one"))

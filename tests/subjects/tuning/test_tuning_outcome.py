@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 from matplotlib.figure import Figure as Canvas
+from tests.subjects.tuning.test_tuning import TEXT
 
 import trackbench as tb
 from trackbench.api.scenario import load
 from trackbench.document import Paragraph
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import _scale
+from trackbench.subjects.tuning.files import tuned_scenario_text
 from trackbench.subjects.tuning.held_out import SAME_MOTION, LackingMeasure
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
@@ -171,3 +176,94 @@ def test_an_axis_of_probabilities_has_few_plain_numbers() -> None:
         shown = axes.xaxis.get_major_formatter().format_ticks(list(axes.xaxis.get_majorticklocs()))
         assert shown == numbers
         assert not len(axes.xaxis.get_minorticklocs())
+
+
+FOUND = {"a": {"acceleration_sigma_mps2": 1.25}}
+CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
+LOG: dict[str, Any] = {
+    "name": "log",
+    "truth": {
+        "source": "recording",
+        "format": "csv",
+        "readings": {"lidar": {"path": "lidar.csv", "time": "t", "x": "x", "y": "y"}},
+        "ego": {"path": "car/ego.csv", "time": "t", "px": "x", "py": "y", "yaw": "yaw"},
+    },
+    "sensing": {"identities": "hidden"},
+    "sensors": {"lidar": {"type": "lidar", "position_sigma_m": 0.2, "max_range_m": 50}},
+    "monte_carlo": {"runs": 1},
+    "trackers": {"gnn": {**CV, "associate": {"method": "gnn"}}},
+}
+
+
+def test_the_values_are_written_into_the_scenario(tmp_path: Path) -> None:
+    scenario = load(TEXT)
+    found = {"ekf": {"acceleration_sigma_mps2": 1.25}, "ukf": {"initial.skip": 2}, "many_2": {}}
+    text = tuned_scenario_text(scenario, found, tmp_path)
+    again = load(text)
+    assert (
+        again.config.trackers["ekf"]
+        == load(TEXT, {"trackers.ekf.acceleration_sigma_mps2": 1.25}).config.trackers["ekf"]
+    )
+    assert again.config.trackers["ekf_start"] == scenario.config.trackers["ekf"]
+    assert again.config.trackers["lidar_only"] == scenario.config.trackers["lidar_only"]
+    assert again.config.trackers["many_2_tuned"] == scenario.config.trackers["many_2"]
+    assert again.config.trackers["ukf"].initial.skip == 2  # type: ignore[union-attr]
+    assert "# as in the paper" in text
+    assert text.replace("\n  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 1.25}", "").count("\n") < 42
+
+
+def with_trackers(trackers: str) -> Scenario:
+    return load(TEXT[: TEXT.index("trackers:")] + trackers + "\nmonte_carlo: {runs: 3, seed: 4}  # three\n")
+
+
+FLOW = "{filter: ekf, motion: cv, acceleration_sigma_mps2: 2}"
+
+
+@pytest.mark.parametrize(
+    ("trackers", "comment_stays"),
+    [
+        (f"trackers: {{\n  a: {FLOW},\n  b: {FLOW}\n}}", True),
+        (f"trackers: {{b: {FLOW}, a: {FLOW}}}", True),
+        (f"trackers:\n  ? a\n  : {FLOW}\n  b: {FLOW}", False),
+        (f"trackers:\n  b: &b {FLOW}\n  <<: {{a: {FLOW}}}", False),
+        (f"trackers:\n  b: {FLOW}\n  a: {{<<: {FLOW}, alpha: 0.123456789012345}}".replace("ekf", "ukf"), True),
+    ],
+)
+def test_a_scenario_of_any_form_is_written(trackers: str, comment_stays: bool, tmp_path: Path) -> None:
+    scenario = with_trackers(trackers)
+    text = tuned_scenario_text(scenario, FOUND, tmp_path)
+    again = load(text).config.trackers
+    before = scenario.config.trackers
+    assert again == {
+        "a": load(scenario.text, {"trackers.a.acceleration_sigma_mps2": 1.25}).config.trackers["a"],
+        "a_start": before["a"],
+        "b": before["b"],
+    }
+    assert ("# three" in text) is comment_stays
+
+
+def test_what_was_tuned_is_tuned_again(tmp_path: Path) -> None:
+    once = load(tuned_scenario_text(with_trackers(f"trackers:\n  a: {FLOW}"), FOUND, tmp_path))
+    again = load(tuned_scenario_text(once, {"a": {"acceleration_sigma_mps2": 1.5}}, tmp_path))
+    sigmas = {name: entry.motion.acceleration_sigma_mps2 for name, entry in again.config.trackers.items()}  # type: ignore[union-attr]
+    assert sigmas == {"a": 1.5, "a_start_2": 1.25, "a_start": 2}
+
+
+@pytest.mark.parametrize("overrides", [{}, {"monte_carlo.seed": 1}])
+def test_a_recording_is_found_from_where_the_scenario_is_written(overrides: dict[str, Any], tmp_path: Path) -> None:
+    for name in ("log/lidar.csv", "log/car/ego.csv"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "log" / "log.yaml").write_text(load(LOG).text, encoding="utf-8")
+    loaded = load_scenario(tmp_path / "log" / "log.yaml", [f"{k}={v}" for k, v in overrides.items()])
+    text = tuned_scenario_text(loaded, {}, tmp_path / "elsewhere")
+    truth = load(text).config.truth
+    assert truth.measurements["lidar"].path == "../log/lidar.csv"  # type: ignore[attr-defined]
+    assert truth.ego.path == "../log/car/ego.csv"  # type: ignore[attr-defined]
+
+
+def test_a_path_with_a_variable_or_from_the_root_stays(tmp_path: Path) -> None:
+    paths = ["$LOGS/lidar.csv", "/logs/ego.csv"]
+    log = load(LOG, {"truth.readings.lidar.path": paths[0], "truth.ego.path": paths[1]})
+    truth = load(tuned_scenario_text(log, {}, tmp_path)).config.truth
+    assert [truth.measurements["lidar"].path, truth.ego.path] == paths  # type: ignore[attr-defined]

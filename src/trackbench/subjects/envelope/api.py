@@ -29,7 +29,7 @@ from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
 from trackbench.subjects.envelope.audited_log import audited_log
 from trackbench.subjects.envelope.axes import overrides
-from trackbench.subjects.envelope.cells import CellDecision
+from trackbench.subjects.envelope.cells import CellDecision, Store
 from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
@@ -47,7 +47,6 @@ from trackbench.subjects.envelope.files import hashes_of
 from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
 from trackbench.subjects.envelope.margins import AxisMargin, margins
 from trackbench.subjects.envelope.sensitivity import Sensitivity, sensitivities
-from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.suites import CheapestSuite, cheapest_suites
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
 from trackbench.subjects.envelope.worst import require_cma, worst_runs

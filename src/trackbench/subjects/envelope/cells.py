@@ -1,15 +1,21 @@
-"""A cell of the map: the scenario at one point, the runs that were made there, and what they decide."""
+"""A cell of the map: the scenario at one point, the runs that were made there, and what they decide.
+
+Its runs are kept until the map is finished, so that the same command goes on where it was interrupted.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import pickle
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, OutputError
+from trackbench.base.files import write_whole
 from trackbench.base.types import Indices
 from trackbench.compare.comparison import TIMES
 from trackbench.driving.isolation import ISOLATED, Isolation
@@ -28,6 +34,7 @@ from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import Expectation
+from trackbench.subjects.envelope.axes import Point
 from trackbench.truth import LoadedTruth
 
 State = Literal["holds", "fails", "undecided"]
@@ -271,3 +278,61 @@ def coverage_of(runs: Runs, claim: Claim) -> Interval | None:
         return None
     share = ratio(scores.errors.per_run[ERROR["given"]], scores.due, at_least=0.0, at_most=1.0)
     return clustered(share, runs.scene) if claim == "traffic like these" else _by_repetition(share, runs.run)
+
+
+#: Bytes of the sha256 that a file begins with.
+DIGEST = 32
+
+
+class Store:
+    """A folder with a file for each look at each cell.
+
+    Args:
+        folder: None keeps nothing.
+        signature: what determines the runs; the files of another one have other names.
+    """
+
+    def __init__(self, folder: Path | None, signature: str) -> None:
+        self._folder, self._signature = folder, signature
+        self.taken = 0
+        """Looks that were there already."""
+
+    def load(self, point: Point, look: int) -> Any:
+        """What a look at a cell left; None where it was not made, or its file is damaged."""
+        if self._folder is None:
+            return None
+        try:
+            raw = self._file(self._folder, point, look).read_bytes()
+        except OSError:
+            return None
+        if hashlib.sha256(raw[DIGEST:]).digest() != raw[:DIGEST]:
+            return None
+        try:
+            content = pickle.loads(raw[DIGEST:])
+        except (AttributeError, ImportError, TypeError):
+            # Written by a program that had other classes.
+            return None
+        self.taken += 1
+        return content
+
+    def save(self, point: Point, look: int, content: Any) -> None:
+        """Keep what a look at a cell left; the file is there whole, or not at all.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if self._folder is None:
+            return
+        raw, file = pickle.dumps(content), self._file(self._folder, point, look)
+        try:
+            try:
+                write_whole(file, hashlib.sha256(raw).digest() + raw)
+            except FileNotFoundError:
+                # Another command with the same map has ended, and removed the folder.
+                write_whole(file, hashlib.sha256(raw).digest() + raw)
+        except OSError as error:
+            raise OutputError(f"cannot write {self._folder}: {error.strerror or error}") from error
+
+    def _file(self, folder: Path, point: Point, look: int) -> Path:
+        name = hashlib.sha256(f"{self._signature} {point!r}".encode()).hexdigest()[:24]
+        return folder / f"{name}-{look}"

@@ -148,6 +148,7 @@ def envelope_command(
     """
     from trackbench.document.terminal import print_document
     from trackbench.subjects.envelope.api import EnvelopePlan, make_envelope
+    from trackbench.subjects.envelope.claim_commands import suite_of_claim
     from trackbench.subjects.envelope.files import (
         claim_text,
         folder_of,
@@ -155,7 +156,6 @@ def envelope_command(
         require_envelope_folder,
         save_envelope,
     )
-    from trackbench.subjects.envelope.junit import suite_of_claim
     from trackbench.subjects.envelope.report import envelope_summary, headlines
 
     if search is not None:

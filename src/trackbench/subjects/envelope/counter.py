@@ -19,7 +19,6 @@ from trackbench.runner.tables import run_values
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, point_distance
-from trackbench.subjects.envelope.causes import condition_of, event_of, finding_on
 from trackbench.subjects.envelope.cells import Requirement, Runs
 from trackbench.subjects.envelope.claim import Claim, ClaimCell
 from trackbench.subjects.envelope.counter_models import (
@@ -31,6 +30,7 @@ from trackbench.subjects.envelope.counter_models import (
     ShownExample,
     ShownRun,
 )
+from trackbench.subjects.envelope.counter_page import condition_of, event_of, finding_on
 from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
 
 

@@ -19,9 +19,8 @@ from trackbench.document.drawing import HATCHES, INK, MARKERS, MUTED, WIDTH, log
 from trackbench.document.margins import shortened
 from trackbench.subjects.envelope.audited_log import log_values
 from trackbench.subjects.envelope.axes import MapAxis, Value
-from trackbench.subjects.envelope.border import Border, Slice, border_of, slices
 from trackbench.subjects.envelope.claim import Claim, State
-from trackbench.subjects.envelope.margins import distance_from
+from trackbench.subjects.envelope.margins import Border, Slice, border_of, distance_from, slices
 
 #: Distinct to a colour-blind reader, and by their hatch.
 STATE_COLOURS: dict[State, str] = {"holds": "#009E73", "fails": "#D55E00", "undecided": MUTED}

@@ -32,13 +32,13 @@ from trackbench.subjects.envelope.cells import (
     Runs,
     Spending,
     State,
+    Store,
     coverage_of,
     decide,
     joint_state,
     make_runs,
     work_of_cell,
 )
-from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
 from trackbench.truth import LoadedTruth
 

@@ -24,9 +24,8 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_modules
 from trackbench.subjects.log_audit.audit import LogAudit, audit_log, corrected
 from trackbench.subjects.log_audit.findings import SensorAudit
-from trackbench.subjects.log_audit.noise import Band
+from trackbench.subjects.log_audit.noise import GATE_M, Band, Unlabelled
 from trackbench.subjects.log_audit.report import log_audit_document, log_audit_summary
-from trackbench.subjects.log_audit.unlabelled import GATE_M, Unlabelled
 
 SCHEMA_VERSION = 1
 

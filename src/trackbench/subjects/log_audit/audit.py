@@ -22,10 +22,16 @@ from trackbench.scenario.source import Origin
 from trackbench.scenario.truth import own_source
 from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, quantity_text, sensor_findings
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
-from trackbench.subjects.log_audit.noise import detection_shares, residual_noises
-from trackbench.subjects.log_audit.reference import VelocityCheck, reference_noise, velocity_check
-from trackbench.subjects.log_audit.sensor_log import Clock, SensorLog, clock_of, wrong_units
-from trackbench.subjects.log_audit.unlabelled import unlabelled_detections, with_boxes
+from trackbench.subjects.log_audit.noise import detection_shares, residual_noises, unlabelled_detections, with_boxes
+from trackbench.subjects.log_audit.sensor_log import (
+    Clock,
+    SensorLog,
+    VelocityCheck,
+    clock_of,
+    reference_noise,
+    velocity_check,
+    wrong_units,
+)
 from trackbench.truth.recorded import Drive, read_drive
 from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles

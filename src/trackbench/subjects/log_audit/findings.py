@@ -12,9 +12,8 @@ from trackbench.base.types import Array
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.sensing.detections import stated_detection
 from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
-from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift
+from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, Unlabelled, clock_drift
 from trackbench.subjects.log_audit.sensor_log import SensorLog, WrongUnit
-from trackbench.subjects.log_audit.unlabelled import Unlabelled
 from trackbench.truth.config.columns import COMPONENT_QUANTITIES
 
 #: A finding changes a measurement by at least this share of the standard deviation of its noise.

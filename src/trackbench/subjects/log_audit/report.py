@@ -1,15 +1,19 @@
-"""The report of an audit of a log."""
+"""The report of an audit of a log, and its tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from trackbench.base.errors import counted
-from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status, Table
-from trackbench.subjects.log_audit import tables
+from trackbench.document import Block, Cell, Code, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table
+from trackbench.metrics.blocks import BlockInterval
+from trackbench.report.numbers import NOT_AVAILABLE
 from trackbench.subjects.log_audit.audit import LogAudit, corrected
 from trackbench.subjects.log_audit.figures import band_figures, finding_figure
-from trackbench.subjects.log_audit.findings import SensorAudit, spelt
+from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, quantity_text, spelt
+from trackbench.subjects.log_audit.noise import GATE_M, ResidualNoise
 
 _METHOD = (
     "The errors of time, mount and bias of a sensor are estimated together, by least squares of measurement minus "
@@ -32,7 +36,7 @@ def log_audit_document(audit: LogAudit) -> Document:
         *_findings(audit),
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
         *(Section("Unlabelled detections", (table,)) for table in _unlabelled(audit)),
-        Section("Truth and clocks", (tables.clocks_table(audit), tables.velocities_table(audit))),
+        Section("Truth and clocks", (clocks_table(audit), velocities_table(audit))),
         Section("The scenario with the findings put in", (Code(corrected(audit.scenario, audit.findings), "yaml"),)),
     ]
     facts = (
@@ -49,8 +53,8 @@ def log_audit_summary(audit: LogAudit) -> Document:
     blocks: list[Block] = [*_verdict(audit)]
     if items:
         blocks.append(Section("Findings", (Items(items, numbered=True),)))
-    detections = (tables.rates_table(audit), *_unlabelled(audit))
-    blocks += [Section("Noise", (tables.noise_table(audit),)), Section("Detections", detections)]
+    detections = (rates_table(audit), *_unlabelled(audit))
+    blocks += [Section("Noise", (noise_table(audit),)), Section("Detections", detections)]
     hidden = [Item(text, name) for name, item in audit.sensors.items() for text in _hidden(item)]
     if hidden:
         blocks.append(Section("What this log cannot tell", (Items(tuple(hidden)),)))
@@ -58,7 +62,7 @@ def log_audit_summary(audit: LogAudit) -> Document:
 
 
 def _unlabelled(audit: LogAudit) -> list[Table]:
-    return [tables.unlabelled_table(audit)] if any(item.unlabelled for item in audit.sensors.values()) else []
+    return [unlabelled_table(audit)] if any(item.unlabelled for item in audit.sensors.values()) else []
 
 
 def _verdict(audit: LogAudit) -> Iterator[Block]:
@@ -88,19 +92,19 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     rows = len(item.log.log.time)
     if item.fit is None:
         yield Paragraph(f"{counted(rows, 'measurement')}: too few to estimate anything.")
-        yield tables.detections_table(item)
+        yield detections_table(item)
         return
     outliers = int(item.fit.outlier.sum())
     yield Paragraph(f"{counted(rows, 'measurement')}, {counted(outliers, 'outlier')} beyond four sigma.")
     yield Row(tuple(band_figures(item)))
-    yield tables.errors_table(item)
+    yield errors_table(item)
     hidden = tuple(_hidden(item))
     if hidden:
         yield Items(tuple(Item(text) for text in hidden))
         yield Paragraph(_ALIKE)
-    yield tables.components_table(item)
-    yield tables.covariance_table(item)
-    yield tables.detections_table(item)
+    yield components_table(item)
+    yield covariance_table(item)
+    yield detections_table(item)
 
 
 def _hidden(item: SensorAudit) -> Iterator[str]:
@@ -115,7 +119,205 @@ def _hidden(item: SensorAudit) -> Iterator[str]:
         else:
             yield f"{spelt(name)}: it changes none of these measurements."
     for estimate in item.fit.estimates.values():
-        if estimate.correlated is not None and abs(estimate.correlated[1]) > tables.STRONG:
+        if estimate.correlated is not None and abs(estimate.correlated[1]) > STRONG:
             other, correlation = estimate.correlated
             name = spelt(estimate.name)
             yield f"{name}: correlated with {spelt(other)} by {correlation:+.3f}, so its interval is wide."
+
+
+#: Two estimates are called correlated from here on.
+STRONG = 0.95
+_INTERVAL = "95 % interval"
+
+
+def noise_table(audit: LogAudit) -> Table:
+    """Mean error and standard deviation of all components."""
+    rows: list[tuple[str, ResidualNoise | None]] = []
+    for name, item in audit.sensors.items():
+        rows += [(name if number == 0 else "", component) for number, component in enumerate(item.noise or (None,))]
+    sensors = [Cell(name) for name, _ in rows]
+    return Table.of_columns(
+        "noise", [(Column("sensor", left=True), sensors), *_component_columns([component for _, component in rows])]
+    )
+
+
+def rates_table(audit: LogAudit) -> Table:
+    """How often each sensor looks and detects."""
+    detections = [item.detections for item in audit.sensors.values()]
+    rates = [
+        Cell(NOT_AVAILABLE, reason="no regular rate") if item.rate_hz is None else Cell(f"{item.rate_hz:.4g}")
+        for item in detections
+    ]
+    chances = Column("chances", "scans with an object in the field of view")
+    columns = [
+        (Column("sensor", left=True), [Cell(name) for name in audit.sensors]),
+        (Column("rate, Hz"), rates),
+        (chances, [Cell(str(item.chances)) for item in detections]),
+        (Column("detected, %", details=_INTERVAL), [_percents(item.share) for item in detections]),
+    ]
+    return Table.of_columns("rates", columns)
+
+
+def unlabelled_table(audit: LogAudit) -> Table:
+    """The detections of sensors whose detections nobody labelled."""
+    rows: list[list[Cell]] = []
+    gaps = {clock.name: f"{clock.longest_gap_s:.3g}" for clock in audit.clocks}
+    for name, sensor in audit.sensors.items():
+        if (item := sensor.unlabelled) is None:
+            continue
+        shares = [_number(item.per_scan), _percents(item.near), _number(item.others)]
+        rows.append([Cell(name), Cell(str(item.scans)), Cell(gaps[name]), *shares, Cell(f"{item.stated_others:.3g}")])
+        for band in item.bands:
+            where = Cell(f"{band.from_m:.0f} to {band.to_m:.0f} m")
+            rows.append([where, *[Cell("")] * 4, _number(band.interval), Cell("")])
+    columns = (
+        Column("sensor", left=True),
+        Column("scans"),
+        Column("gap, s", "the longest between two scans"),
+        Column("a scan", "detections", details=_INTERVAL),
+        Column("near a box, %", f"the nearest within {GATE_M:g} m", details=_INTERVAL),
+        Column("others a scan", "near no box: false alarms, and objects without one", details=_INTERVAL),
+        Column("stated"),
+    )
+    return Table.of_columns(
+        "unlabelled", [(column, [row[place] for row in rows]) for place, column in enumerate(columns)]
+    )
+
+
+def _number(interval: BlockInterval) -> Cell:
+    low, high = interval.bounds()
+    return Cell(f"{interval.value:.3g}", (f"{max(low, 0.0):.3g} to {high:.3g}",))
+
+
+def components_table(item: SensorAudit) -> Table:
+    """The noise of each component, and how it changes with the range."""
+    power = Column("proportional to range to the power", "0: the same at all ranges", details=_INTERVAL)
+    exponents = []
+    for component in item.noise:
+        if component.exponent is None:
+            exponents.append(Cell(NOT_AVAILABLE, reason="the range hardly changes in this log"))
+        else:
+            low, high = component.exponent.bounds()
+            exponents.append(Cell(f"{component.exponent.value:.2f}", (f"{low:.2f} to {high:.2f}",)))
+    columns = [*_component_columns(item.noise), (power, exponents)]
+    return Table.of_columns(f"components-{item.log.name}", columns, "Noise")
+
+
+def _component_columns(noises: Sequence[ResidualNoise | None]) -> list[tuple[Column, list[Cell]]]:
+    """Mean error, standard deviation and stated one of components; None of a sensor with too few measurements."""
+    rows = []
+    for component in noises:
+        if component is None:
+            rows.append([Cell("all"), *(Cell(NOT_AVAILABLE, reason="too few measurements") for _ in range(3))])
+            continue
+        unit = component.unit
+        rows.append(
+            [
+                Cell(component.name.replace("_", " ")),
+                _interval(component.mean, unit),
+                _interval(component.sigma, unit),
+                Cell(quantity_text(component.stated, unit)),
+            ]
+        )
+    columns = (
+        Column("component", left=True),
+        Column("mean error", "measurement minus truth, as logged", details=_INTERVAL),
+        Column("sigma", "of what the errors that were found leave", details=_INTERVAL),
+        Column("stated"),
+    )
+    return [(column, [row[place] for row in rows]) for place, column in enumerate(columns)]
+
+
+def errors_table(item: SensorAudit) -> Table:
+    """The errors that were estimated together."""
+    assert item.fit is not None
+    estimates = item.fit.estimates.values()
+    correlations = [
+        Cell(f"{spelt(estimate.correlated[0])} ({estimate.correlated[1]:+.2f})" if estimate.correlated else "")
+        for estimate in estimates
+    ]
+    others = [Cell(", ".join(map(spelt, (*estimate.or_else, *estimate.same_as)))) for estimate in estimates]
+    effect = Column("effect, sigma", "RMS of what it does to a measurement")
+    columns = [
+        (Column("error", left=True), [Cell(spelt(estimate.name)) for estimate in estimates]),
+        (Column("estimate", details=_INTERVAL), [_interval(item.interval, item.unit) for item in estimates]),
+        (effect, [Cell(f"{estimate.effect:.2g}") for estimate in estimates]),
+        (Column("most correlated with", left=True), correlations),
+        (Column("holds if there is no", left=True), others),
+    ]
+    caption = f"Errors of time, mount and bias, estimated together (condition number {item.fit.condition:.3g})"
+    return Table.of_columns(f"errors-{item.log.name}", columns, caption)
+
+
+def covariance_table(item: SensorAudit) -> Table:
+    """The suggested covariance of a measurement."""
+    names = [name.replace("_", " ") for name in item.log.components]
+    units = item.log.config.units
+    columns = (Column("R", left=True), *(Column(f"{name}, {unit}") for name, unit in zip(names, units, strict=True)))
+    rows = [
+        (Cell(name), *(Cell(f"{value:.3g}") for value in row))
+        for name, row in zip(names, item.covariance.tolist(), strict=True)
+    ]
+    return Table("covariance", columns, tuple(rows), "Suggested covariance of a measurement, SI units and radians")
+
+
+def detections_table(item: SensorAudit) -> Table:
+    """How often the sensor detects, by range."""
+    shares = item.detections
+    rows = [
+        ("all", shares.chances, shares.share),
+        *((f"{band.from_m:.0f} to {band.to_m:.0f}", band.count, band.interval) for band in shares.bands),
+    ]
+    columns = [
+        (Column("range, m", left=True), [Cell(name) for name, _, _ in rows]),
+        (Column("chances"), [Cell(str(chances)) for _, chances, _ in rows]),
+        (Column("detected, %", details=_INTERVAL), [_percents(share) for _, _, share in rows]),
+    ]
+    rate = "no regular rate" if shares.rate_hz is None else f"{shares.rate_hz:.4g} Hz"
+    seen = f"{np.rad2deg(shares.seen_half_angle):.1f}° to either side of the boresight and {shares.seen_range_m:.4g} m"
+    stated = f"; none beyond {seen}, which is what is counted: state fov_deg and max_range_m" if shares.narrower else ""
+    caption = f"Detections of objects in the field of view, {rate}{stated}"
+    return Table.of_columns("detections", columns, caption)
+
+
+def clocks_table(audit: LogAudit) -> Table:
+    """The times of the truth and of the sensors."""
+    single = Cell(NOT_AVAILABLE, reason="a single time")
+    usual = [single if clock.usual_s is None else Cell(f"{clock.usual_s * 1e3:.4g}") for clock in audit.clocks]
+    columns = [
+        (Column("rows of", left=True), [Cell(clock.name) for clock in audit.clocks]),
+        (Column("rows"), [Cell(str(clock.order.rows)) for clock in audit.clocks]),
+        (Column("usual interval, ms"), usual),
+        (Column("longest gap, s"), [Cell(f"{clock.longest_gap_s:.3g}") for clock in audit.clocks]),
+        (Column("out of order"), [Cell(str(clock.order.backwards)) for clock in audit.clocks]),
+        (Column("repeated"), [Cell(str(clock.order.duplicates)) for clock in audit.clocks]),
+        (Column("outside the truth"), [Cell(str(clock.outside)) for clock in audit.clocks]),
+    ]
+    return Table.of_columns("clocks", columns, "Times")
+
+
+def velocities_table(audit: LogAudit) -> Table:
+    """The velocity of the truth beside its displacement."""
+    checks = audit.velocities
+    differences = [Cell(f"{check.difference:.2g}", tone="bad" if check.contradicts else "") for check in checks]
+    columns = [
+        (Column("object", left=True), [Cell(check.name) for check in checks]),
+        (Column("noise, m", "of the positions, row to row"), [Cell(f"{check.noise:.2g}") for check in checks]),
+        (
+            Column("difference, m/s", "median over windows of half a second, or of more where the noise is large"),
+            differences,
+        ),
+        (Column("displacement over velocity"), [Cell(f"{check.scale:.3f}") for check in checks]),
+        (Column("jumps"), [Cell(str(check.jumps)) for check in checks]),
+    ]
+    return Table.of_columns("velocities", columns, "The truth's velocity against its displacement")
+
+
+def _interval(interval: BlockInterval, unit: str) -> Cell:
+    details = bounds_shown(interval.bounds(), unit) if np.isfinite(interval.sigma) else "no interval"
+    return Cell(quantity_text(interval.value, unit), (details,))
+
+
+def _percents(interval: BlockInterval) -> Cell:
+    low, high = (float(np.clip(bound, 0, 1)) for bound in interval.bounds())
+    return Cell(f"{100 * interval.value:.1f}", (f"{100 * low:.1f} to {100 * high:.1f}",))

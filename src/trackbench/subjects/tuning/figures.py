@@ -20,7 +20,7 @@ from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.tuning.measures import NEES_DOF
 from trackbench.subjects.tuning.objectives import has_nees, mean_nees
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.response import Response, ResponsePoint
+from trackbench.subjects.tuning.search import Response, ResponsePoint
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
 

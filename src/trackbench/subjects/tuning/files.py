@@ -26,7 +26,7 @@ from trackbench.scenario.overrides import expand_sweeps
 from trackbench.scenario.source import parse_yaml
 from trackbench.subjects.tuning.entry import Values, plain
 from trackbench.subjects.tuning.report import remarks, tuning_document, tuning_headline
-from trackbench.subjects.tuning.response import NEGLIGIBLE
+from trackbench.subjects.tuning.search import NEGLIGIBLE
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
 

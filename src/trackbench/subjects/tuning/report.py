@@ -17,7 +17,7 @@ from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureCo
 from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
 from trackbench.subjects.tuning.objectives import NeesDeviation, nees_deviations
 from trackbench.subjects.tuning.parameters import option_text
-from trackbench.subjects.tuning.response import STRONG, correlations
+from trackbench.subjects.tuning.search import STRONG, correlations
 from trackbench.subjects.tuning.tune import Tuning
 
 Tone = Literal["good", "warn", "bad"]

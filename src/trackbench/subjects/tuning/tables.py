@@ -13,7 +13,7 @@ from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.objectives import Parts, has_nees, mean_nees
 from trackbench.subjects.tuning.parameters import Parameter, option_text
-from trackbench.subjects.tuning.response import NEGLIGIBLE, Response, ResponsePoint
+from trackbench.subjects.tuning.search import NEGLIGIBLE, Response, ResponsePoint
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
 

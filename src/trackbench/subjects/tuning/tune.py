@@ -25,8 +25,7 @@ from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out, numbe
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective, source_of_part
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.response import FACTORS, Response, ResponsePoint, values_along
-from trackbench.subjects.tuning.search import search
+from trackbench.subjects.tuning.search import FACTORS, Response, ResponsePoint, search, values_along
 from trackbench.subjects.tuning.study import (
     Study,
     TuningTrial,
