@@ -1,4 +1,4 @@
-"""The runs of a cell: those of a run of the same scenario, whatever the looks, and intervals over what repeats."""
+"""A cell: its runs are those of a run of the same scenario, and its state follows from bounds that rarely err."""
 
 from __future__ import annotations
 

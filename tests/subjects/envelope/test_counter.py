@@ -1,4 +1,4 @@
-"""Counter-examples: the run that shows one, its repetition, its cause and its folder."""
+"""Counter-examples: the nearest cells that fail, the run that shows one, its repetition, its cause and its folder."""
 
 from __future__ import annotations
 

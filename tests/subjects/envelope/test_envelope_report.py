@@ -1,4 +1,4 @@
-"""The page of an envelope, its figures and its text."""
+"""The page of an envelope, its figures and its text; a claim in one line, as a picture and as test cases."""
 
 from __future__ import annotations
 

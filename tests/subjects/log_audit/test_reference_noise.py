@@ -1,4 +1,4 @@
-"""The audit of logs with noise in the reference."""
+"""The audit of logs with noise in the reference, and of logs without labels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trials are compared by the errors of all that is due, and by the innovations that the start gives."""
+"""Trials: compared by the errors of all that is due and the start's innovations, and alike in one batch or alone."""
 
 from __future__ import annotations
 

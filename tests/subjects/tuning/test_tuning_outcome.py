@@ -1,4 +1,4 @@
-"""What a tuning amounts to, in words."""
+"""What a tuning amounts to: in words, and in the scenario that is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search: a quadratic model of an objective's parts around the best trial, and the response of each option there."""
+"""The search: a quadratic model of an objective around the best trial, and the response of each option there."""
 
 from __future__ import annotations
 
