@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
-from trackbench.compare.ranking import FEWEST_SETS, Pairings, interval, ranking, sign_flip
+from trackbench.compare.ranking import FEWEST_SETS, Pairings, mean_rank_interval, ranked_trackers, sign_flip
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import LEVEL, holm, tracker_differences
 from trackbench.metrics.intervals import ratio, root
@@ -92,7 +92,7 @@ def _lead_shown(random: np.random.Generator, trackers: int, scenarios: int, ahea
     pairings = Pairings(found, "position_rmse")
     places = [(str(scenario), name) for scenario in range(scenarios) for name in names]
     scored = [_score(scenario, name, pairings.rank(scenario, name, names)) for scenario, name in places]
-    ranked, pairs = ranking(scored, pairings, [[str(scenario)] for scenario in range(scenarios)])
+    ranked, pairs = ranked_trackers(scored, pairings, [[str(scenario)] for scenario in range(scenarios)])
     return bool(pairs) and all(item.shown for item in pairs if ranked[0].tracker in (item.a, item.b))
 
 
@@ -163,7 +163,7 @@ def _any_shown(outcomes: np.ndarray) -> bool:
 
 def _covered(ranks: np.ndarray, expected: np.ndarray) -> list[bool]:
     """Whether the interval of each tracker holds its expected rank, but for what that itself is not known by."""
-    found = [interval(own, ranks.shape[1]) for own in ranks.T]
+    found = [mean_rank_interval(own, ranks.shape[1]) for own in ranks.T]
     return [
         ends is not None and ends[0] - 0.01 <= value <= ends[1] + 0.01
         for ends, value in zip(found, expected, strict=True)

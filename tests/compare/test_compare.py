@@ -19,13 +19,22 @@ import pytest
 from scipy import stats
 
 from trackbench.base.errors import InputError
-from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, load
+from trackbench.compare import (
+    Comparison,
+    Entrant,
+    Limit,
+    PairDifference,
+    ResultSet,
+    compare_results,
+    find_results,
+    load_comparison,
+)
 from trackbench.compare.comparability import Comparability, comparability, compared_metrics
 from trackbench.document import Paragraph
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.metrics.intervals import paired, ratio, unpaired
-from trackbench.report.comparison.sentences import answers
+from trackbench.report.comparison.sentences import answer_blocks
 from trackbench.results import Result
 
 Run = Callable[..., Result]
@@ -56,7 +65,7 @@ def keep(ran: Run, tmp_path_factory: pytest.TempPathFactory) -> Keep:
     def call(*overrides: str) -> ResultSet:
         folder = tmp_path_factory.mktemp("runs") / "tiny"
         ran(*overrides).save(folder, {})
-        return find(folder)
+        return find_results(folder)
 
     return call
 
@@ -71,7 +80,7 @@ def by_tracker(comparison: Comparison) -> dict[str, PairDifference]:
 
 def test_the_trackers_of_a_run_differ_as_its_result_says(ran: Run, keep: Keep) -> None:
     result, file = ran(TWIN, WORSE_EKF), Path(keep(TWIN, WORSE_EKF).label) / "result.json"
-    found = compare([find(file)], metrics=COMPARED)
+    found = compare_results([find_results(file)], metrics=COMPARED)
     stated = {(d.metric, frozenset((d.a, d.b))): d for d in result.differences}
     assert len(found.differences) == len(stated) == 33
     for item in found.differences:
@@ -86,7 +95,7 @@ def test_the_trackers_of_a_run_differ_as_its_result_says(ran: Run, keep: Keep) -
         if item.metric != "position_rmse":
             assert expected.p_value is None
     # By the metric that ranks alone the family is the same.
-    alone = compare([find(file)]).differences
+    alone = compare_results([find_results(file)]).differences
     assert {item.metric for item in alone} == {"position_rmse"}
     for item in alone:
         expected = stated[item.metric, frozenset((item.entrant.tracker, item.against.tracker))]
@@ -110,7 +119,7 @@ def test_every_metric_comes_back_from_the_table_of_the_runs(keep: Keep, metric: 
 
 def test_equal_measurements_are_paired_and_what_did_not_change_is_the_same(keep: Keep) -> None:
     base, later = keep(), keep(WORSE_EKF)
-    found = by_tracker(compare([base, later]))
+    found = by_tracker(compare_results([base, later]))
     assert found["raw"].identical
     assert (found["raw"].difference, found["raw"].verdict) == (0.0, EQUIVALENT)
     assert found["ekf"].verdict == "worse"
@@ -131,7 +140,7 @@ def test_equal_measurements_are_paired_and_what_did_not_change_is_the_same(keep:
 def test_other_noise_is_compared_unpaired(keep: Keep, setting: str, reason: str) -> None:
     found = how(keep(), keep(setting))
     assert (found.shared, found.reason) == (None, reason)
-    for item in compare([keep(), keep(setting)]).differences:
+    for item in compare_results([keep(), keep(setting)]).differences:
         own, other = (part.entries[0].interval(item.entrant.tracker, POSITION) for part in (keep(setting), keep()))
         assert own is not None
         assert other is not None
@@ -143,9 +152,9 @@ def test_runs_of_several_scenes_are_paired_scene_by_scene(keep: Keep) -> None:
     scenes = "truth.seeds=5"
     base, longer = keep(scenes, "monte_carlo.runs=4"), keep(scenes, "monte_carlo.runs=6", WORSE_EKF)
     assert how(base, longer).reason == "over the 20 runs of 30 here and 20 there with equal fingerprints"
-    found = by_tracker(compare([base, longer]))
+    found = by_tracker(compare_results([base, longer]))
     assert found["raw"].identical
-    same_length = by_tracker(compare([base, keep(scenes, "monte_carlo.runs=4", WORSE_EKF)]))["ekf"]
+    same_length = by_tracker(compare_results([base, keep(scenes, "monte_carlo.runs=4", WORSE_EKF)]))["ekf"]
     assert (found["ekf"].paired_runs, found["ekf"].scenes) == (20, 5)
     assert found["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
     own = base.entries[0].interval("ekf", POSITION)
@@ -156,13 +165,13 @@ def test_runs_of_several_scenes_are_paired_scene_by_scene(keep: Keep) -> None:
 def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
     """The run with a number is the same however many there are."""
     longer = keep("monte_carlo.runs=20", WORSE_EKF)
-    found = compare([keep(), longer], metrics=["position_rmse", "position_over_reference"])
+    found = compare_results([keep(), longer], metrics=["position_rmse", "position_over_reference"])
     (_, later) = found.scenarios[0].results
     assert later.shared_runs == 12
     assert later.reason == "over the 12 runs of 20 here and 12 there with equal fingerprints"
     position = {d.entrant.tracker: d for d in found.differences if d.metric == "position_rmse"}
     assert position["raw"].identical
-    same_length = by_tracker(compare([keep(), keep(WORSE_EKF)]))["ekf"]
+    same_length = by_tracker(compare_results([keep(), keep(WORSE_EKF)]))["ekf"]
     assert position["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
     assert {d.paired_runs for d in found.differences if d.metric == "position_over_reference"} == {12}
 
@@ -182,14 +191,14 @@ def test_results_that_are_not_comparable_are_refused_with_the_reason(ran: Run, s
     scenario = base.summary.scenario
     later = base.updated(scenario=scenario.model_copy(update={"overrides": [*scenario.overrides, setting]}))
     with pytest.raises(InputError) as caught:
-        compare([base, later])
+        compare_results([base, later])
     assert str(caught.value).startswith(f"results 2: cannot be compared with results 1: {reason}")
 
 
 def test_results_of_another_scene_are_refused_with_the_reason(keep: Keep) -> None:
     base, later = keep(), keep("truth.seed=3")
     with pytest.raises(InputError) as caught:
-        compare([base, later])
+        compare_results([base, later])
     reason = "another scenario: truth.seed is 3 here and 1 there"
     assert str(caught.value).startswith(f"{later.label}: cannot be compared with {base.label}: {reason}")
 
@@ -217,7 +226,7 @@ def test_another_motion_of_the_same_scenario_is_refused(keep: Keep, tmp_path: Pa
     moved = pa.array(np.asarray(table["px_m"]) + 0.01)
     pq.write_table(table.set_column(table.schema.get_field_index("px_m"), "px_m", moved), folder / "truth.parquet")
     with pytest.raises(InputError, match=r"the same scenario moved differently \(highway-env 0\.1 here and"):
-        how(base, find(folder))
+        how(base, find_results(folder))
 
 
 def test_random_motion_may_differ_with_the_seed(keep: Keep) -> None:
@@ -228,38 +237,38 @@ def test_random_motion_may_differ_with_the_seed(keep: Keep) -> None:
 
 def test_equal_seeds_are_not_taken_for_equal_measurements(keep: Keep, tmp_path: Path) -> None:
     base = keep()
-    found = how(base, find(changed(base, tmp_path / "run", fingerprints=["0"] * 12, versions={"numpy": "1.0"})))
+    found = how(base, find_results(changed(base, tmp_path / "run", fingerprints=["0"] * 12, versions={"numpy": "1.0"})))
     assert found.shared is None
     assert found.reason.startswith("numpy 1.0 here and ")
 
 
 def test_one_tracker_each_is_compared_whatever_its_name(keep: Keep) -> None:
-    found = compare([keep(TWIN), keep(TWIN, WORSE_EKF)], trackers=["twin"])
+    found = compare_results([keep(TWIN), keep(TWIN, WORSE_EKF)], trackers=["twin"])
     assert [item.identical for item in found.differences] == [True]
     first = keep("trackers={old: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_measurement}}")
     second = keep("trackers={new: {filter: ekf, motion: cv, acceleration_sigma_mps2: 30, initial: first_measurement}}")
-    (item,) = compare([first, second]).differences
+    (item,) = compare_results([first, second]).differences
     assert (item.entrant, item.against) == (Entrant(tracker="new", set=1), Entrant(tracker="old"))
     assert item.verdict == "worse"
 
 
 def test_trackers_of_one_run_only_are_named(keep: Keep) -> None:
-    found = compare([keep(), keep(TWIN)])
+    found = compare_results([keep(), keep(TWIN)])
     assert {item.entrant.tracker for item in found.differences} == {"raw", "ekf"}
     assert found.notes == [f"in {keep(TWIN).label} alone, so not compared: twin"]
     lonely = keep("trackers={other: {use: raw}}")
     with pytest.raises(InputError, match="nothing to compare: no tracker of the same name"):
-        compare([keep(), lonely])
+        compare_results([keep(), lonely])
 
 
 def test_p_values_are_corrected_for_all_differences_of_a_metric(keep: Keep) -> None:
-    one = compare([keep(), keep(WORSE_EKF)], trackers=["ekf"])
-    two = compare([keep(), keep(WORSE_EKF)])
+    one = compare_results([keep(), keep(WORSE_EKF)], trackers=["ekf"])
+    two = compare_results([keep(), keep(WORSE_EKF)])
     assert two.differences[0].p_value == pytest.approx(2 * one.differences[0].p_value)
 
 
 def test_one_run_shows_no_difference(keep: Keep) -> None:
-    found = compare([keep("monte_carlo.runs=1")])
+    found = compare_results([keep("monte_carlo.runs=1")])
     assert [(item.ci95, item.verdict) for item in found.differences] == [(None, UNDECIDED)]
     assert "one run is compared by nothing but its values" in found.notes
 
@@ -267,7 +276,7 @@ def test_one_run_shows_no_difference(keep: Keep) -> None:
 def test_a_metric_of_which_neither_is_better_is_larger_or_smaller(keep: Keep) -> None:
     sets = [keep(), keep("trackers.ekf.acceleration_sigma_mps2=0.01")]
     for order, verdict in ((sets, "larger"), (sets[::-1], "smaller")):
-        (item,) = compare(order, metrics=["nees.mean"], trackers=["ekf"]).differences
+        (item,) = compare_results(order, metrics=["nees.mean"], trackers=["ekf"]).differences
         assert (item.difference > 0, item.verdict) == (verdict == "larger", verdict)
 
 
@@ -303,7 +312,7 @@ def test_a_foreign_result_is_refused_in_one_line(
 ) -> None:
     folder = changed(keep(), tmp_path / "run", **change)
     with pytest.raises(InputError) as caught:
-        compare([find(folder)])
+        compare_results([find_results(folder)])
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -311,7 +320,7 @@ def test_a_foreign_result_is_refused_in_one_line(
 def test_a_scenario_that_is_none_is_refused(keep: Keep, tmp_path: Path) -> None:
     folder = changed(keep(), tmp_path / "run", scenario={"text": "a: 1"})
     with pytest.raises(InputError, match="its scenario is not one that this version reads: "):
-        compare([keep(), find(folder)])
+        compare_results([keep(), find_results(folder)])
 
 
 def test_a_table_of_another_run_is_noticed(keep: Keep, tmp_path: Path) -> None:
@@ -319,7 +328,7 @@ def test_a_table_of_another_run_is_noticed(keep: Keep, tmp_path: Path) -> None:
     other = Path(keep(WORSE_EKF).label) / "runs.parquet"
     (folder / "runs.parquet").write_bytes(other.read_bytes())
     with pytest.raises(InputError, match="they are not of the same run"):
-        compare([find(folder)])
+        compare_results([find_results(folder)])
 
 
 @pytest.mark.parametrize("name", ["runs", "truth"])
@@ -327,20 +336,20 @@ def test_a_missing_or_damaged_table_is_told(keep: Keep, tmp_path: Path, name: st
     folder = changed(keep(), tmp_path / "run")
     (folder / f"{name}.parquet").write_bytes(b"PAR1")
     with pytest.raises(InputError, match=rf"{name}\.parquet: not a readable table"):
-        compare([keep(), find(folder)])
+        compare_results([keep(), find_results(folder)])
     (folder / f"{name}.parquet").unlink()
     with pytest.raises(InputError, match=rf"no {name}\.parquet beside result\.json"):
-        compare([keep(), find(folder)])
+        compare_results([keep(), find_results(folder)])
 
 
 def judged(sets: list[ResultSet], percent: float, trackers: list[str] | None = None) -> dict[str, str]:
-    found = compare(sets, trackers=trackers, limits=[Limit("position_rmse", percent)])
+    found = compare_results(sets, trackers=trackers, limits=[Limit("position_rmse", percent)])
     return {item.entrant.tracker: item.outcome for item in found.gates}
 
 
 def test_a_regression_fails_when_it_is_real_and_more_than_allowed(keep: Keep) -> None:
     sets = [keep(), keep(WORSE_EKF)]
-    (item,) = compare(sets, trackers=["ekf"]).differences
+    (item,) = compare_results(sets, trackers=["ekf"]).differences
     assert item.percent is not None
     assert item.ci95 is not None
     assert judged(sets, item.percent - 1) == {"ekf": "failed", "raw": "passed"}
@@ -373,7 +382,7 @@ def test_a_tracker_that_fails_now_is_an_error(keep: Keep) -> None:
     assert broken.entries[0].failure("ekf")
     assert judged([keep(), broken], 5) == {"raw": "passed", "ekf": "error"}
     assert judged([broken, keep()], 5) == {"raw": "passed", "ekf": "undecided"}
-    (headline,) = answers(compare([keep(), broken]))
+    (headline,) = answer_blocks(compare_results([keep(), broken]))
     assert isinstance(headline, Paragraph)
     assert headline.text.startswith("ekf failed in B. By position RMSE: ")
 
@@ -422,7 +431,7 @@ def test_limits_that_are_none(text: str) -> None:
 )
 def test_metrics_that_have_no_limit(keep: Keep, metric: str, message: str) -> None:
     with pytest.raises(InputError, match=f"--fail-on-regression: {message}"):
-        compare([keep(), keep(WORSE_EKF)], limits=[Limit(metric, 5)])
+        compare_results([keep(), keep(WORSE_EKF)], limits=[Limit(metric, 5)])
 
 
 def test_limits() -> None:
@@ -443,7 +452,7 @@ def versions(keep: Keep, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
 
 
 def test_folders_of_several_scenarios_are_compared_by_scenario_and_overall(versions: tuple[Path, Path]) -> None:
-    found = compare([find(path) for path in versions], limits=[Limit("position_rmse", 5)])
+    found = compare_results([find_results(path) for path in versions], limits=[Limit("position_rmse", 5)])
     assert [scenario.name for scenario in found.scenarios] == ["other", "tiny"]
     assert {result.shared_runs for scenario in found.scenarios for result in scenario.results[1:]} == {12}
     assert {(d.scenario, d.entrant.tracker): d.verdict for d in found.differences} == {
@@ -461,40 +470,40 @@ def test_folders_of_several_scenarios_are_compared_by_scenario_and_overall(versi
         ("tiny", "failed"),
     ]
     # One question is asked of all scenarios, so all their differences are one family.
-    alone = compare([find(path / "tiny") for path in versions], trackers=["ekf"]).differences[0]
+    alone = compare_results([find_results(path / "tiny") for path in versions], trackers=["ekf"]).differences[0]
     (both,) = [d for d in found.differences if d.scenario == "tiny" and d.entrant.tracker == "ekf"]
     assert both.p_value >= 3 * alone.p_value
 
 
 def test_a_scenario_of_one_folder_only_is_told_and_not_passed(versions: tuple[Path, Path], tmp_path: Path) -> None:
     shutil.copytree(versions[1] / "tiny", tmp_path / "tiny")
-    sets = [find(versions[0]), find(tmp_path)]
-    found = compare(sets)
+    sets = [find_results(versions[0]), find_results(tmp_path)]
+    found = compare_results(sets)
     assert [scenario.name for scenario in found.scenarios] == ["tiny"]
     assert f"in {versions[0]} alone, so not compared: scenario other" in found.notes
     with pytest.raises(InputError, match="no result of the scenario 'other', which the baseline has"):
-        compare(sets, limits=[Limit("position_rmse", 5)])
+        compare_results(sets, limits=[Limit("position_rmse", 5)])
 
 
 def test_a_folder_of_several_scenarios_ranks_its_trackers(versions: tuple[Path, Path]) -> None:
-    found = compare([find(versions[0])])
+    found = compare_results([find_results(versions[0])])
     assert [(item.tracker, item.mean_rank, item.won) for item in found.ranking] == [("ekf", 1, 2), ("raw", 2, 0)]
     assert len(found.differences) == 2
     assert len(found.scenarios) == 2
 
 
 def test_results_of_python_are_compared_like_folders(ran: Run, keep: Keep) -> None:
-    of_folders = compare([keep(), keep(WORSE_EKF)])
-    assert compare([ran(), ran(WORSE_EKF)]).differences == of_folders.differences
+    of_folders = compare_results([keep(), keep(WORSE_EKF)])
+    assert compare_results([ran(), ran(WORSE_EKF)]).differences == of_folders.differences
     named = [ran("name=tiny"), ran("name=other")]
-    assert [item.tracker for item in compare([named]).ranking] == ["ekf", "raw"]
+    assert [item.tracker for item in compare_results([named]).ranking] == ["ekf", "raw"]
 
 
 def test_two_results_of_one_scenario_in_a_folder(keep: Keep, tmp_path: Path) -> None:
     for name in ("a", "b"):
         shutil.copytree(keep().label, tmp_path / name)
     with pytest.raises(InputError, match=f"two results of the scenario 'tiny', here and in {tmp_path}/a"):
-        find(tmp_path)
+        find_results(tmp_path)
 
 
 PLUGINS = """
@@ -530,7 +539,7 @@ def with_metric(
         result = run_tiny(metric, "expect=[{tracker: ekf, metric: within, above: 0}]", folder=code)
         folder = tmp_path_factory.mktemp("kept") / "tiny"
         result.save(folder, {})
-        return find(folder)
+        return find_results(folder)
 
     return call
 
@@ -553,7 +562,7 @@ def test_a_plugin_of_the_truth_must_be_there(ran: Run) -> None:
     gone = scenario.model_copy(update={"overrides": ["sensors.radar.type=not_here:Radar"]})
     later = result.updated(scenario=gone)
     with pytest.raises(InputError) as caught:
-        compare([result, later])
+        compare_results([result, later])
     assert str(caught.value).startswith(
         "results 2: sensors.radar.type: a plug-in of its truth and sensors must be importable here: "
         "cannot import 'not_here:Radar': no module named 'not_here'"
@@ -562,27 +571,27 @@ def test_a_plugin_of_the_truth_must_be_there(ran: Run) -> None:
 
 def test_a_metric_with_other_options_is_another_metric(with_metric: Callable[[float], ResultSet]) -> None:
     base, later = with_metric(0.5), with_metric(0.1)
-    assert compare([base, later]).differences
+    assert compare_results([base, later]).differences
     with pytest.raises(InputError, match=r"another metric within: limit_m is 0\.1 here and 0\.5 there$"):
-        compare([base, later], metrics=["within"])
+        compare_results([base, later], metrics=["within"])
 
 
 def test_two_results_of_one_scenario_in_a_list(ran: Run) -> None:
     twice = [ran(), ran(WORSE_EKF)]
     with pytest.raises(InputError, match=r"^results 1: two results of the scenario 'tiny' in one list; give each"):
-        compare([twice])
+        compare_results([twice])
 
 
 def test_a_comparison_is_kept_and_loaded(keep: Keep, versions: tuple[Path, Path], tmp_path: Path) -> None:
     for sets in (
         [keep("monte_carlo.runs=1"), keep("monte_carlo.runs=1", WORSE_EKF)],
-        [find(versions[0])],
-        [find(path) for path in versions],
+        [find_results(versions[0])],
+        [find_results(path) for path in versions],
     ):
-        found = compare(sets)
+        found = compare_results(sets)
         file = tmp_path / "comparison.json"
         file.write_text(json.dumps(found.json(), allow_nan=False), encoding="utf-8")
-        assert load(file).json() == found.json()
+        assert load_comparison(file).json() == found.json()
     assert "step_time" not in file.read_text(encoding="utf-8")
     assert found.scores[0].value("step_time") is not None
 
@@ -592,19 +601,19 @@ def test_what_is_no_comparison_is_refused_in_one_line(tmp_path: Path, text: str)
     file = tmp_path / "comparison.json"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        load(file)
+        load_comparison(file)
     assert "\n" not in str(caught.value)
 
 
 def test_every_pair_is_there_once(keep: Keep) -> None:
-    found = compare([keep(TWIN)])
+    found = compare_results([keep(TWIN)])
     pairs = [frozenset((d.entrant.tracker, d.against.tracker)) for d in found.differences]
     assert sorted(map(sorted, pairs)) == sorted(map(sorted, combinations(("ekf", "raw", "twin"), 2)))
 
 
 def test_estimates_that_come_later_fail_a_gate_by_what_they_cost(keep: Keep) -> None:
     few, late = "score.min_coverage=0.5", "trackers.ekf.initial={from: two_measurements, least_time_s: 0.5}"
-    found = compare([keep(few), keep(few, late)], limits=[Limit("position_rmse", 5.0)])
+    found = compare_results([keep(few), keep(few, late)], limits=[Limit("position_rmse", 5.0)])
     assert {item.entrant.tracker: item.outcome for item in found.gates} == {"raw": "passed", "ekf": "failed"}
     (note,) = found.notes
     assert note.startswith("ekf gave 7")
@@ -613,7 +622,7 @@ def test_estimates_that_come_later_fail_a_gate_by_what_they_cost(keep: Keep) -> 
 
 def test_what_turns_without_what_is_charged_is_not_called_better_and_it_is_said_why(keep: Keep, tmp_path: Path) -> None:
     base = keep()
-    best, rest = compare([base]).differences[0], base.entries[0].result.json()["trackers"]
+    best, rest = compare_results([base]).differences[0], base.entries[0].result.json()["trackers"]
     name, other = best.entrant.tracker, best.against.tracker
     assert best.verdict == "better"
     for entry in rest:
@@ -622,7 +631,7 @@ def test_what_turns_without_what_is_charged_is_not_called_better_and_it_is_said_
             error |= {"charged_share": 0.9, "without_charged": 0.01}
         coverage = {"value": 0.96 if entry["name"] == other else 1.0, "unit": "1"}
         entry["metrics"] |= {"position_rmse": error, "coverage": coverage}
-    found = compare([find(changed(base, tmp_path / "silent", trackers=rest))])
+    found = compare_results([find_results(changed(base, tmp_path / "silent", trackers=rest))])
     (item,) = found.differences
     assert item.verdict == "smaller"
     assert item.difference == best.difference
@@ -638,4 +647,4 @@ def test_a_kept_comparison_of_nothing_is_none(tmp_path: Path) -> None:
     version = Comparison.model_fields["schema_version"].default
     file.write_text(json.dumps({"schema_version": version, "sets": [], "scenarios": []}), encoding="utf-8")
     with pytest.raises(InputError, match="not a comparison: scenarios: "):
-        load(file)
+        load_comparison(file)

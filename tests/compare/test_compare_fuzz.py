@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from trackbench.base.errors import InputError
-from trackbench.compare import compare, find
+from trackbench.compare import compare_results, find_results
 from trackbench.results import Result
 
 pytestmark = pytest.mark.slow
@@ -35,7 +35,7 @@ def refusal(base: Path, later: Path) -> str:
     """The one line that refuses a comparison of two results or of the later one's trackers; empty where none does."""
     try:
         for paths in ((base, later), (later,)):
-            found = compare([find(path) for path in paths], metrics=["position_rmse", "nees.mean"])
+            found = compare_results([find_results(path) for path in paths], metrics=["position_rmse", "nees.mean"])
             json.dumps(found.json(), allow_nan=False)
     except InputError as error:
         return str(error)

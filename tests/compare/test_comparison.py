@@ -13,17 +13,17 @@ import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
-from trackbench.compare import Comparison, Entrant, compare, load, results_in
+from trackbench.compare import Comparison, Entrant, compare_results, load_comparison, results_in
 from trackbench.compare.comparison import GateResult
 from trackbench.document import Items, Paragraph, Section, Status
 from trackbench.document.drawing import matplotlib_figure
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import TRACKER_COLOURS, tracker_styles
-from trackbench.report.comparison.document import batch_files, comparison_files, document
+from trackbench.report.comparison.document import batch_files, comparison_document, comparison_files
 from trackbench.report.comparison.figures import rank_figure
-from trackbench.report.comparison.sentences import answers, ranking_answer
-from trackbench.report.numbers import reach
+from trackbench.report.comparison.sentences import answer_blocks, ranking_answer
+from trackbench.report.numbers import reach_text
 from trackbench.results import SCHEMA_VERSION, Result
 
 RUNS = 20
@@ -129,11 +129,11 @@ def compared() -> Comparison:
         scenario("third", {"good": 0.7, "fair": 0.6, "poor": 1.0}, failed=True),
         scenario("fourth", {"good": 0.4, "poor": 0.9}),
     ]
-    return compare([results])
+    return compare_results([results])
 
 
 def markdown(comparison: Comparison) -> str:
-    return to_markdown(document(comparison), figures="figures")
+    return to_markdown(comparison_document(comparison), figures="figures")
 
 
 def test_ranking(compared: Comparison) -> None:
@@ -182,7 +182,7 @@ def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
     ],
 )
 def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, claim: str) -> None:
-    found = compare([[scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(scenarios)]])
+    found = compare_results([[scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(scenarios)]])
     (pair,) = found.rank_differences
     assert (pair.a, pair.b, pair.p_value) == ("good", "poor", 2.0 ** (1 - scenarios))
     assert found.ranking[0].ci95 is None
@@ -190,7 +190,7 @@ def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, clai
 
 
 def test_equal_trackers_have_no_lead() -> None:
-    found = compare([[scenario(f"s{i}", {"good": 0.5, "fair": 0.501}) for i in range(8)]])
+    found = compare_results([[scenario(f"s{i}", {"good": 0.5, "fair": 0.501}) for i in range(8)]])
     assert [item.mean_rank for item in found.ranking] == [1.5, 1.5]
     assert "fair and good share the best mean rank, 1.50." in markdown(found)
 
@@ -210,7 +210,7 @@ def test_equal_trackers_have_no_lead() -> None:
     ],
 )
 def test_what_is_shown_is_said_before_what_was_compared(rmse: dict[str, float], first: str) -> None:
-    found = compare([[scenario(f"s{i}", rmse) for i in range(10)]])
+    found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
     assert f"\n\n{first} {len(rmse)} trackers over 10 scenarios." in markdown(found)
 
 
@@ -227,12 +227,12 @@ def test_what_is_shown_is_said_before_what_was_compared(rmse: dict[str, float], 
 def test_an_interval_with_unequal_halves_is_written_by_its_ends(
     bounds: tuple[float, float] | None, expected: str
 ) -> None:
-    assert reach(1.0, bounds, 2) == expected
+    assert reach_text(1.0, bounds, 2) == expected
 
 
 def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
     rmse = {"good": 0.5, "fair": 0.502, "poor": 0.9}
-    found = compare([[scenario(f"s{i}", rmse) for i in range(10)]])
+    found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
     assert {(item.a, item.b): item.shown for item in found.rank_differences} == {
         ("fair", "good"): False,
         ("fair", "poor"): True,
@@ -242,7 +242,7 @@ def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
 
 
 def test_one_scenario_claims_no_certainty() -> None:
-    found = compare([scenario("only", {"good": 0.5, "poor": 0.9})])
+    found = compare_results([scenario("only", {"good": 0.5, "poor": 0.9})])
     assert found.ranking[0].ci95 is None
     assert found.rank_differences == []
     assert "lead" not in markdown(found)
@@ -250,8 +250,8 @@ def test_one_scenario_claims_no_certainty() -> None:
 
 
 def test_the_answer_is_in_metres_and_says_what_is_shown() -> None:
-    found = compare([scenario("only", {"good": 0.5, "fair": 0.501, "poor": 0.9, "worst": 5.0}, tied=("fair",))])
-    (answer,) = answers(found)
+    found = compare_results([scenario("only", {"good": 0.5, "fair": 0.501, "poor": 0.9, "worst": 5.0}, tied=("fair",))])
+    (answer,) = answer_blocks(found)
     assert isinstance(answer, Paragraph)
     sentences = answer.text.split(". ")
     assert sentences[0] == "By position RMSE: good has the smallest, 0.500 m"
@@ -262,8 +262,8 @@ def test_the_answer_is_in_metres_and_says_what_is_shown() -> None:
 
 def test_the_axis_is_set_by_those_that_are_near() -> None:
     def limits(worst: float) -> tuple[float, float]:
-        found = compare([scenario("only", {"good": 0.5, "fair": 0.6, "poor": 0.7, "raw": worst})])
-        (figure,) = document(found).figures
+        found = compare_results([scenario("only", {"good": 0.5, "fair": 0.6, "poor": 0.7, "raw": worst})])
+        (figure,) = comparison_document(found).figures
         canvas = matplotlib_figure(figure)
         assert [text.get_text() for text in canvas.axes[0].texts] == [f"+{worst - 0.5:.3g} \N{RIGHTWARDS ARROW}"]
         return canvas.axes[0].get_xlim()
@@ -273,7 +273,9 @@ def test_the_axis_is_set_by_those_that_are_near() -> None:
 
 
 def test_over_scenarios_the_lead_is_in_metres() -> None:
-    found = compare([[scenario("one", {"good": 0.5, "fair": 0.6}), scenario("two", {"good": 0.5, "fair": 0.48})]])
+    found = compare_results(
+        [[scenario("one", {"good": 0.5, "fair": 0.6}), scenario("two", {"good": 0.5, "fair": 0.48})]]
+    )
     assert ranking_answer(found) == (
         "fair and good share the best mean rank, 1.50. Over 2 scenarios the position RMSE of good is between 0.1000 m "
         "smaller and 0.0200 m larger than that of fair: shown to be worse in 1, better in 1."
@@ -281,12 +283,12 @@ def test_over_scenarios_the_lead_is_in_metres() -> None:
 
 
 def test_a_failed_gate_stands_before_the_answer_and_an_undecided_limit_after_it() -> None:
-    found = compare([scenario("only", {"a": 0.5, "b": 0.9})])
+    found = compare_results([scenario("only", {"a": 0.5, "b": 0.9})])
     gates = [
         GateResult(scenario="only", entrant=Entrant(tracker=who), metric="x", percent=2.0, outcome=outcome, text="")
         for who, outcome in (("a", "undecided"), ("b", "failed"))
     ]
-    first, second, third, fourth = answers(found.model_copy(update={"gates": gates}))
+    first, second, third, fourth = answer_blocks(found.model_copy(update={"gates": gates}))
     assert first == Status("failed: 0 of 2 limits kept, 1 undecided", "bad")
     assert isinstance(second, Items)
     assert [item.label for item in second.items] == ["FAILED"]
@@ -309,14 +311,14 @@ def test_markdown(compared: Comparison) -> None:
 
 
 def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
-    text = to_html(document(compared, times=True))
+    text = to_html(comparison_document(compared, times=True))
     assert "good has the best mean rank" in text
     assert "Too few sets of scenes for a claim" in text
     assert "ValueError: matrix &lt;3&gt; is singular" in text
     assert text.count("<figure") == text.count("<figcaption") == 2
     assert re.search(r'<td class=" strong">0.510<small>±0.010</small></td>', text)
     assert "://" not in text
-    assert to_html(document(compared, times=True)) == text
+    assert to_html(comparison_document(compared, times=True)) == text
 
 
 def made(comparison: Comparison, folder: Path) -> dict[str, str]:
@@ -338,22 +340,24 @@ def test_times_are_in_the_page_and_not_in_what_is_kept(compared: Comparison, tmp
 def test_trackers_have_the_colours_of_the_first_scenario_that_has_them(tmp_path: Path) -> None:
     """``other`` has the place of ``poor`` in its scenario: the same colour, dashed."""
     results = [scenario("one", {"good": 0.5, "poor": 0.9}), scenario("two", {"poor": 0.9, "other": 0.7, "good": 0.5})]
-    found = compare([results])
+    found = compare_results([results])
     assert found.places == {"good": 0, "poor": 1, "other": 1}
     (tmp_path / "comparison.json").write_text(json.dumps(found.json()), encoding="utf-8")
-    styles = {style.name: style for style in document(load(tmp_path / "comparison.json")).trackers}
+    styles = {
+        style.name: style for style in comparison_document(load_comparison(tmp_path / "comparison.json")).trackers
+    }
     colours = {name: TRACKER_COLOURS.index(style.colour) for name, style in styles.items()}
     assert colours == {"good": 0, "poor": 1, "other": 1}
     assert [name for name, style in styles.items() if style.line != "solid"] == ["other"]
     earlier = {key: value for key, value in found.json().items() if key not in ("places", "passed")}
-    assert len({style.colour for style in document(Comparison.model_validate(earlier)).trackers}) == 3
+    assert len({style.colour for style in comparison_document(Comparison.model_validate(earlier)).trackers}) == 3
 
 
 def test_the_page_links_to_the_reports(tmp_path: Path) -> None:
     results = [scenario(name, {"good": 0.5, "poor": 0.9}) for name in ("one", "two")]
     (tmp_path / "one").mkdir()
     (tmp_path / "one" / "report.html").touch()
-    found = made(compare([results_in(tmp_path, results)]), tmp_path)
+    found = made(compare_results([results_in(tmp_path, results)]), tmp_path)
     assert '<a href="one/report.html">one</a>' in found["comparison.html"]
     assert "two/report.html" not in found["comparison.html"]
     assert "report.html" not in found["comparison.md"]
@@ -362,8 +366,8 @@ def test_the_page_links_to_the_reports(tmp_path: Path) -> None:
 def test_one_tracker_that_is_much_worse_does_not_bleach_the_others() -> None:
     def colours(worst: float) -> list[str]:
         rmse = {"good": 0.5, "fair": 0.6, "poor": worst}
-        comparison = compare([[scenario(f"s{i}", rmse) for i in range(2)]])
-        (figure,) = [figure for figure in document(comparison).figures if figure.name == "over-reference"]
+        comparison = compare_results([[scenario(f"s{i}", rmse) for i in range(2)]])
+        (figure,) = [figure for figure in comparison_document(comparison).figures if figure.name == "over-reference"]
         canvas = Figure()
         figure.paint(canvas)
         return [str(patch.get_facecolor()) for patch in canvas.axes[0].patches]
@@ -394,7 +398,7 @@ def test_figures_are_images_of_their_own(compared: Comparison, tmp_path: Path) -
 
 
 def test_a_failed_tracker_is_not_compared_and_that_is_told() -> None:
-    found = compare([scenario("third", {"good": 0.7, "fair": 0.6}, failed=True)])
+    found = compare_results([scenario("third", {"good": 0.7, "fair": 0.6}, failed=True)])
     text = markdown(found)
     assert f"position_rmse not compared**: mine in results 1: {REASON}".replace("<", "\\<").replace(">", "\\>") in text
     assert len(found.not_compared) == 2

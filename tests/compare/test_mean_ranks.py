@@ -14,7 +14,15 @@ from tests.support.scenes import truth
 
 from trackbench.base.types import RecordedDetections
 from trackbench.compare.comparison import Entrant, EntrantScore
-from trackbench.compare.ranking import ALL_SIGNS, Pairings, fewest_sets, interval, ranking, sets_of_scenes, sign_flip
+from trackbench.compare.ranking import (
+    ALL_SIGNS,
+    Pairings,
+    fewest_sets,
+    mean_rank_interval,
+    ranked_trackers,
+    sets_of_scenes,
+    sign_flip,
+)
 from trackbench.runner.assemble import scene_fingerprint
 
 
@@ -56,14 +64,14 @@ def test_fewest_sets(trackers: int, fewest: int) -> None:
 
 @given(st.lists(st.floats(1, 6), min_size=3, max_size=30))
 def test_an_interval_holds_the_mean_and_stays_among_the_ranks(ranks: list[float]) -> None:
-    found = interval(np.array(ranks), 6)
+    found = mean_rank_interval(np.array(ranks), 6)
     assert found is not None
     assert 1.0 <= found[0] <= np.mean(ranks) + 1e-9
     assert np.mean(ranks) - 1e-9 <= found[1] <= 6.0
 
 
 def test_always_first_is_not_known_to_be_always_first() -> None:
-    few, many = (interval(np.ones(scenarios), 6) for scenarios in (5, 50))
+    few, many = (mean_rank_interval(np.ones(scenarios), 6) for scenarios in (5, 50))
     assert few is not None
     assert many is not None
     assert few[0] == many[0] == 1.0
@@ -72,7 +80,7 @@ def test_always_first_is_not_known_to_be_always_first() -> None:
 
 @pytest.mark.parametrize(("scenarios", "trackers"), [(2, 6), (13, 3)])
 def test_no_interval_from_too_few(scenarios: int, trackers: int) -> None:
-    assert interval(np.linspace(1, trackers, scenarios), trackers) is None
+    assert mean_rank_interval(np.linspace(1, trackers, scenarios), trackers) is None
 
 
 def score(scenario: str, name: str, rank: float | None) -> EntrantScore:
@@ -90,7 +98,7 @@ def score(scenario: str, name: str, rank: float | None) -> EntrantScore:
 def test_ranks_of_a_scenario_add_up_whoever_has_a_score() -> None:
     scored = [score("one", name, rank) for name, rank in zip("abcd", (1.5, 1.5, None, None), strict=True)]
     scored += [score("two", name, rank) for name, rank in zip("abcd", (2, 1, 4, 3), strict=True)]
-    found, pairs = ranking(scored, Pairings([], "position_rmse"), [["one"], ["two"]])
+    found, pairs = ranked_trackers(scored, Pairings([], "position_rmse"), [["one"], ["two"]])
     assert {item.tracker: item.mean_rank for item in found} == {"b": 1.25, "a": 1.75, "d": 3.25, "c": 3.75}
     assert [(item.a, item.b) for item in pairs] == [
         ("b", "a"),
@@ -119,14 +127,14 @@ def test_scenarios_that_share_scenes_count_once() -> None:
         for kind, count, names in (("own", 9, "abcd"), ("copy", 10, "dcba"))
     )
     singles = [[f"own {number}"] for number in range(9)]
-    many = ranking(own + copies, ByName(), [*singles, [f"copy {number}" for number in range(10)]])
-    once = ranking(own + copies[:4], ByName(), [*singles, ["copy 0"]])
+    many = ranked_trackers(own + copies, ByName(), [*singles, [f"copy {number}" for number in range(10)]])
+    once = ranked_trackers(own + copies[:4], ByName(), [*singles, ["copy 0"]])
     for item, same in zip(many[0], once[0], strict=True):
         assert (item.tracker, item.mean_rank) == (same.tracker, pytest.approx(same.mean_rank))
         assert item.ci95 == pytest.approx(same.ci95)
     assert many[1] == once[1]
     assert many[0][0].tracker == "a"
-    apart, _ = ranking(own + copies, ByName(), [*singles, *([f"copy {number}"] for number in range(10))])
+    apart, _ = ranked_trackers(own + copies, ByName(), [*singles, *([f"copy {number}"] for number in range(10))])
     assert apart[0].tracker == "d"
 
 

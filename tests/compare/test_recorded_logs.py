@@ -12,8 +12,8 @@ from tests.support.udacity import synthetic_lines
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.compare.assembly import compare
-from trackbench.compare.entries import Entry, find
+from trackbench.compare.assembly import compare_results
+from trackbench.compare.entries import Entry, find_results
 from trackbench.compare.limits import Limit
 from trackbench.results import Result
 
@@ -52,7 +52,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def outcomes(
     sets: list[list[Result]], percent: float = 10, metric: str = "velocity_rmse"
 ) -> dict[tuple[str, str], str]:
-    comparison = compare(sets, limits=[Limit(metric, percent)])
+    comparison = compare_results(sets, limits=[Limit(metric, percent)])
     return {(item.scenario, item.entrant.tracker): item.outcome for item in comparison.gates}
 
 
@@ -60,7 +60,7 @@ def test_a_worse_tracker_fails_the_limit_and_an_equal_one_keeps_it(run: Run) -> 
     before, same, worse = run(), run(), run(q=60)
     assert outcomes([before, worse]) == {("log", "ekf"): "failed", ("log", "raw"): "passed"}
     assert outcomes([before, same]) == {("log", "ekf"): "passed", ("log", "raw"): "passed"}
-    comparison = compare([before, worse], metrics=["velocity_rmse"], trackers=["ekf"])
+    comparison = compare_results([before, worse], metrics=["velocity_rmse"], trackers=["ekf"])
     (item,) = comparison.differences
     assert (item.verdict, item.paired_runs, item.stretches) == ("worse", 1, 4)
     assert not comparison.notes
@@ -78,7 +78,7 @@ def test_a_log_that_is_too_short_says_what_is_missing(run: Run) -> None:
     short = run(lines=120)
     with pytest.raises(InputError, match=r"6 s of a single run give no interval: record at least 8 s"):
         outcomes([short, short])
-    (item, *_) = compare([short]).differences
+    (item, *_) = compare_results([short]).differences
     assert item.ci95 is None
 
 
@@ -99,7 +99,7 @@ def test_the_interval_is_that_of_the_run(run: Run) -> None:
 
 
 def test_logs_with_other_noise_are_compared_unpaired(run: Run) -> None:
-    comparison = compare([run(), run(seed=9)], trackers=["ekf"])
+    comparison = compare_results([run(), run(seed=9)], trackers=["ekf"])
     (item,) = comparison.differences
     assert (item.paired_runs, item.verdict) == (None, "equivalent") or item.verdict == "undecided"
     assert item.ci95 is not None
@@ -114,7 +114,7 @@ def test_a_damaged_table_of_stretches_is_refused(run: Run, tmp_path: Path) -> No
     assert np.array_equal(table["stretch"].to_numpy(), np.tile(np.arange(4.0), 2))
     pq.write_table(table.slice(1), file)
     with pytest.raises(InputError, match=r"stretches\.parquet does not hold the 4 stretches of ekf"):
-        compare([find(tmp_path / "before")])
+        compare_results([find_results(tmp_path / "before")])
 
 
 def test_the_command_line_says_what_a_difference_rests_on(run: Run, tmp_path: Path, cli) -> None:
@@ -136,7 +136,7 @@ def test_few_logs_of_one_scenario_are_compared_over_the_stretches_of_all(tmp_pat
         results.append(tb.run(file, workers=1))
     found = outcomes([[result] for result in results])
     assert found == {("both", "ekf"): "failed", ("both", "raw"): "passed"}
-    comparison = compare([[result] for result in results], trackers=["ekf"])
+    comparison = compare_results([[result] for result in results], trackers=["ekf"])
     (item,) = comparison.differences
     assert (item.paired_runs, item.stretches, item.scenes) == (2, 4 + 3, 2)
     table = results[0].tables.stretches.to_pandas().query("tracker == 'ekf'")

@@ -10,7 +10,7 @@ from typing import Any
 from tests.support.past_results import SCENE, past
 
 import trackbench as tb
-from trackbench.compare import compare, find
+from trackbench.compare import compare_results, find_results
 from trackbench.compare.limits import Limit
 
 Cli = Callable[..., Any]
@@ -51,13 +51,13 @@ def test_where_the_results_are_is_where_they_are_written_again(tmp_path: Path) -
     )
     run = "trackbench run scene.yaml --set x=1 --out"
     renamed = tmp_path / "renamed"
-    assert compare([find(renamed)], limits=[]).commands == [
+    assert compare_results([find_results(renamed)], limits=[]).commands == [
         f"{run} {renamed}",
         f"trackbench compare {renamed / 'scene'}",
     ]
     several = tmp_path / "several"
-    assert compare([find(several)]).commands == [f"{run} {several}", f"trackbench compare {several}"]
-    both = compare([find(renamed / "result.json"), result], limits=[Limit("position_rmse", 5)])
+    assert compare_results([find_results(several)]).commands == [f"{run} {several}", f"trackbench compare {several}"]
+    both = compare_results([find_results(renamed / "result.json"), result], limits=[Limit("position_rmse", 5)])
     assert both.commands[-1].endswith("'results 2/scene' --fail-on-regression position_rmse:5")
 
 

@@ -7,7 +7,7 @@ from tests.scenario.test_worlds import SCRIPTED
 
 import trackbench as tb
 from trackbench.compare.comparison import OrderInWorlds
-from trackbench.report.comparison.worlds import sentences
+from trackbench.report.comparison.worlds import order_sentences
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_the_differences_of_all_worlds_are_corrected_together(results: list[tb.R
 def test_the_sentence_names_the_worlds(results: list[tb.Result]) -> None:
     comparison = tb.compare(results)
     assert {name for order in comparison.worlds for name in (order.a, order.b)} == {"slow", "mid", "fast"}
-    smallest, order = sentences(comparison)
+    smallest, order = order_sentences(comparison)
     assert smallest == "small: smallest error of slow in ideal and typical."
     assert order.startswith("slow is ahead of ")
     assert "ideal" in order

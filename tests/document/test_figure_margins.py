@@ -11,7 +11,7 @@ from matplotlib.transforms import Bbox
 
 from trackbench.document.axes import QuickFigure
 from trackbench.document.drawing import logarithmic, panel_title
-from trackbench.document.margins import fit_margins, shortened, text_width
+from trackbench.document.margins import fit_margins, shortened_to_width, text_width
 
 WIDTH, HEIGHT = 430.0, 250.0
 LONG = "extended_kalman_filter_with_constant_velocity_and_low_noise_0p8"
@@ -68,7 +68,7 @@ def names_on_top(canvas):
 
 def long_rows(canvas):
     axes = canvas.add_subplot(xlabel="difference, %")
-    axes.set_yticks(range(2), [shortened(LONG, 0.55 * WIDTH)] * 2)
+    axes.set_yticks(range(2), [shortened_to_width(LONG, 0.55 * WIDTH)] * 2)
 
 
 @pytest.mark.parametrize("below", [0.0, 42.0])
@@ -134,12 +134,12 @@ def titles(axes):
 
 
 def test_a_name_keeps_its_ends():
-    assert shortened("ekf_cv", 100.0) == "ekf_cv"
-    cut = shortened(LONG, 120.0, 10)
+    assert shortened_to_width("ekf_cv", 100.0) == "ekf_cv"
+    cut = shortened_to_width(LONG, 120.0, 10)
     assert text_width(cut, 10) <= 120.0
     head, tail = cut.split("…")
     assert LONG.startswith(head)
     assert LONG.endswith(tail)
     assert len(tail) >= len(head) > 5
-    widths = [text_width(shortened(LONG, width)) for width in np.linspace(20, 400, 30)]
+    widths = [text_width(shortened_to_width(LONG, width)) for width in np.linspace(20, 400, 30)]
     assert widths == sorted(widths)

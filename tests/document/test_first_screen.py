@@ -7,7 +7,7 @@ import re
 import pytest
 
 from trackbench.document import Cell, Column, Document, Section, Table, TrackerStyle, end_of_axis, typeset
-from trackbench.document.files import text
+from trackbench.document.files import document_text
 from trackbench.document.html import to_html
 from trackbench.document.latex import table_to_latex
 from trackbench.document.markdown import to_markdown
@@ -67,7 +67,7 @@ def test_the_navigation_leads_to_every_top_section() -> None:
 
 
 def test_other_formats_have_the_texts() -> None:
-    for plain in (to_markdown(DOCUMENT), text(DOCUMENT), table_to_latex(TABLE)):
+    for plain in (to_markdown(DOCUMENT), document_text(DOCUMENT), table_to_latex(TABLE)):
         assert plain.count("optimistic") == 3
         assert "0.20" in plain
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trackbench.results import MetricValue, Result, to_json
+from trackbench.results import MetricValue, Result, json_text
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -169,7 +169,7 @@ def numbers(metrics: dict[str, MetricValue]) -> Iterator[tuple[str, float]]:
 
 
 def test_the_result_has_no_nan_and_every_metric_a_reason(outcome: Result) -> None:
-    parsed = json.loads(to_json(outcome.json()), parse_constant=pytest.fail)
+    parsed = json.loads(json_text(outcome.json()), parse_constant=pytest.fail)
     for tracker in parsed["trackers"]:
         if tracker["failed"]:
             assert tracker["metrics"]["position_rmse"] == {"value": None, "unit": "m", "reason": "the tracker failed"}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from trackbench.driving.isolation import Isolation
-from trackbench.results import Result, to_json
+from trackbench.results import Result, json_text
 from trackbench.scenario import load_scenario
 from trackbench.subjects.serve.session import Session, TrackerFailed, served
 from trackbench.truth.recorded.udacity import Measurement
@@ -199,7 +199,7 @@ def test_the_others_have_the_numbers_that_they_have_alone(outcome: Result, tiny_
 
 
 def test_the_result_can_be_written(outcome: Result) -> None:
-    json.loads(to_json(outcome.json()).encode("utf-8"))
+    json.loads(json_text(outcome.json()).encode("utf-8"))
 
 
 #: What a module does when it is imported, or its class when it is made.

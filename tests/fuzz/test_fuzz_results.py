@@ -14,7 +14,7 @@ from tests.support.past_results import past
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.subjects.history.report import saved_document
+from trackbench.subjects.history.report import saved_history
 from trackbench.subjects.recording import viewer
 
 FORMATS = ["terminal", "html", "markdown", "latex", "csv", "svg"]
@@ -100,7 +100,7 @@ def test_a_damaged_history_is_one_line(kept: bool, tmp_path: Path) -> None:
         damage(chance, chosen)
         try:
             if kept:
-                str(saved_document(file))
+                str(saved_history(file))
             else:
                 str(tb.history(tmp_path, limits={"position_rmse": 5}).report())
         except InputError as error:

@@ -13,7 +13,7 @@ import pytest
 from tests.support.places import ROOT
 
 from trackbench.base.errors import InputError
-from trackbench.compare import compare, find
+from trackbench.compare import compare_results, find_results
 from trackbench.compare.limits import Limit
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.built_in import metrics_in
@@ -68,9 +68,9 @@ def test_a_run_has_it_and_expects_something_of_it(folder: Path, name: str) -> No
 
 @NAMES
 def test_a_comparison_and_a_gate_know_it(folder: Path, name: str) -> None:
-    (item,) = compare([find(folder)], metrics=[name]).differences
+    (item,) = compare_results([find_results(folder)], metrics=[name]).differences
     assert (item.metric, item.entrant.tracker, item.verdict) == (name, "ekf", "better")
-    gates = compare([find(folder), find(folder)], limits=[Limit(name, 1.0)]).gates
+    gates = compare_results([find_results(folder), find_results(folder)], limits=[Limit(name, 1.0)]).gates
     assert {gate.outcome for gate in gates} == {"passed"}
 
 
@@ -170,7 +170,7 @@ def test_one_of_tracks_goes_the_same_way(
     assert 0 < gnn.value < many.value
     assert gnn.ci95 is not None
     assert [item.passed for item in result.summary.expectations] == [True, True]
-    (item,) = compare([find(tmp_path / "run" / "own_of_tracks")], metrics=["tracks"]).differences
+    (item,) = compare_results([find_results(tmp_path / "run" / "own_of_tracks")], metrics=["tracks"]).differences
     assert item.verdict in ("better", "worse")
     assert "mean number of tracks" in result.summary.score.metrics[-1].meaning
     assert cli("report", "run/own_of_tracks", "--format", "csv", "--out", "csv").status == 0

@@ -23,8 +23,8 @@ from trackbench.metrics.verdicts import (
     what_is_off,
 )
 from trackbench.report.console import track_values
-from trackbench.report.sentences import verdict as sentence
-from trackbench.report.tables import values
+from trackbench.report.sentences import tracker_verdict as sentence
+from trackbench.report.tables import metric_cells
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 from trackbench.results.metric_value import MetricsByPath
 
@@ -108,7 +108,7 @@ def test_both_words_are_said_with_what_is_off():
     text = sentence(tracker, 100, "reference")
     assert "pessimistic, heavy-tailed: the errors are smaller than its covariance states; large errors are more" in text
     assert "; 2 % beyond the 99.9 % point (0.1 % expected)" in text
-    (cell,) = values([tracker], "nees")
+    (cell,) = metric_cells([tracker], "nees")
     assert cell.details[0] == "pessimistic, heavy-tailed"
     assert cell.tone == "warn"
     others = [each for each in result.summary.trackers if each.name != tracker.name]

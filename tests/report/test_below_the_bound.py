@@ -12,7 +12,7 @@ from rich.console import Console
 import trackbench as tb
 from trackbench.report.console import print_summary
 from trackbench.report.sentences import below_the_bound
-from trackbench.report.tables import unranked
+from trackbench.report.tables import unranked_table
 from trackbench.results import MetricValue, Result
 
 PEEKS = """
@@ -56,7 +56,7 @@ def test_a_tracker_that_averages_over_runs_is_not_ranked_and_an_honest_one_is(
     reason = "it is below the Cramér-Rao bound: it knows more than its measurements say (random = True)"
     assert result.why_unscored(result["peeks"]) == reason
     assert not result.differences
-    numbers = unranked(result)
+    numbers = unranked_table(result)
     assert numbers is not None
     assert [row[0].tracker for row in numbers.rows] == ["peeks"]
     error = result["peeks"].position_rmse.value

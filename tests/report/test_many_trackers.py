@@ -12,7 +12,7 @@ from rich.console import Console
 import trackbench as tb
 from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.errors import InputError
-from trackbench.compare import compare
+from trackbench.compare import compare_results
 from trackbench.document.markdown import to_markdown
 from trackbench.metrics.differences import LEVEL, MOST_PAIRED, corrected_p_values, times_as_large
 from trackbench.report.console import print_summary
@@ -106,7 +106,7 @@ def test_a_difference_so_much_larger_is_just_shown(trackers: int, runs: int) -> 
 def test_a_comparison_of_them_says_the_same(many: Result) -> None:
     best = many.contenders[0].name
     own = {item.b: item for item in many.differences if (item.metric, item.a) == ("position_rmse", best)}
-    compared = compare([many]).differences
+    compared = compare_results([many]).differences
     assert len(compared) == len(many.contenders) - 1
     for item in compared:
         assert item.against.tracker == best

@@ -8,9 +8,9 @@ import pytest
 from tests.support.browser import Seen, look
 from tests.support.example_result import make_result
 
-from trackbench.compare import compare, results_in
+from trackbench.compare import compare_results, results_in
 from trackbench.document.html import to_html
-from trackbench.report.comparison.document import document
+from trackbench.report.comparison.document import comparison_document
 from trackbench.report.result import result_document
 from trackbench.results import Result
 
@@ -25,13 +25,13 @@ BROKEN = """<!doctype html>
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory: pytest.TempPathFactory, tiny_result: Result) -> Seen:
     scenario = tiny_result.summary.scenario.model_copy(update={"name": "a_second_scenario"})
-    several = compare(
+    several = compare_results(
         [results_in(tmp_path_factory.mktemp("results"), [tiny_result.updated(scenario=scenario), tiny_result])]
     )
     documents = {
         "example": result_document(make_result()),
         "tiny": result_document(tiny_result),
-        "comparison": document(several, times=True),
+        "comparison": comparison_document(several, times=True),
     }
     pages = {name: to_html(found) for name, found in documents.items()}
     return look(tmp_path_factory.mktemp("browser"), pages, (PHONE, DESKTOP))

@@ -30,9 +30,9 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.document.drawing import INK, MUTED, pdf_file, svg_file
-from trackbench.document.files import FORMATS, Format, files, text, to_csv
+from trackbench.document.files import FORMATS, Format, document_text, files, to_csv
 from trackbench.document.html import to_html
-from trackbench.document.latex import escape, table_to_latex
+from trackbench.document.latex import escape_latex, table_to_latex
 from trackbench.document.markdown import to_markdown
 from trackbench.report.result import result_document
 
@@ -199,7 +199,7 @@ def test_the_whole_report_of_a_run_is_balanced_latex(of_run: Document) -> None:
     ],
 )
 def test_latex_escapes(plain: str, expected: str) -> None:
-    assert escape(plain) == expected
+    assert escape_latex(plain) == expected
 
 
 def test_a_latex_table_has_the_rules_of_booktabs_and_every_row() -> None:
@@ -219,7 +219,7 @@ def test_a_latex_table_has_a_caption_and_a_label() -> None:
     lines = table_to_latex(TABLE).splitlines()
     assert (lines[0], lines[-1]) == (r"\begin{table}", r"\end{table}")
     captions = [line for line in lines if line.startswith((r"\caption", r"\label"))]
-    assert captions == [rf"\caption{{{escape(TABLE.caption)}}}", rf"\label{{tab:{TABLE.name}}}"]
+    assert captions == [rf"\caption{{{escape_latex(TABLE.caption)}}}", rf"\label{{tab:{TABLE.name}}}"]
     unnamed = table_to_latex(replace(TABLE, caption="", name="rank-differences"))
     assert r"\caption{Rank differences}" in unnamed
     main = made("latex")[0]["report.tex"].decode()
@@ -267,7 +267,7 @@ def test_markdown_shows_figures_only_where_their_files_are() -> None:
 
 @pytest.mark.parametrize("width", [80, 50])
 def test_a_terminal_shows_every_cell_in_its_width(of_run: Document, width: int) -> None:
-    shown = text(of_run, width)
+    shown = document_text(of_run, width)
     assert max(map(len, shown.splitlines())) <= max(width, max(len(c.text) for c in codes(of_run)))
     words = set(shown.split())
     for table in of_run.tables:

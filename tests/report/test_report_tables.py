@@ -16,7 +16,7 @@ from tests.support.results import with_differences
 from trackbench.document.markdown import to_markdown
 from trackbench.metrics.differences import MOST_PAIRED
 from trackbench.report.console import print_summary, words_explained
-from trackbench.report.pairs import Pairs, groups, letter
+from trackbench.report.pairs import Pairs, group_letter, groups
 from trackbench.report.result import result_document
 from trackbench.results import ConditionVerdict, MetricValue, Result
 
@@ -130,4 +130,4 @@ def test_more_groups_than_letters_are_told_apart(result: Result) -> None:
     assert len(set().union(*shown.values())) == MOST_PAIRED - 1
     for a, b in combinations(names, 2):
         assert bool(shown[a] & shown[b]) == ((a, b) not in differ)
-    assert [letter(i) for i in (0, 25, 26, 51, 52, 701, 702)] == ["a", "z", "aa", "az", "ba", "zz", "aaa"]
+    assert [group_letter(i) for i in (0, 25, 26, 51, 52, 701, 702)] == ["a", "z", "aa", "az", "ba", "zz", "aaa"]

@@ -18,7 +18,7 @@ from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
 from trackbench.report.tables import tone_of
-from trackbench.report.verdict import headline, next_step, verdict_of_run
+from trackbench.report.verdict import headline_sentence, next_step, verdict_of_run
 from trackbench.results import ExpectationResult, Health, MetricValue, Result
 
 
@@ -125,7 +125,7 @@ def test_the_margin_that_held_is_said() -> None:
     margins = {(BEST, NEXT): 0.0123, (NEXT, THIRD): 0.1}
     items = [item.model_copy(update={"margin": margins.get((item.a, item.b), 0.005)}) for item in result.differences]
     held = with_differences(result, items)
-    assert "equivalent to ekf_ctrv within 12 mm" in headline(held)
+    assert "equivalent to ekf_ctrv within 12 mm" in headline_sentence(held)
     assert "no difference over 5 to 100 mm" in standing(held).meaning
 
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from trackbench import results
 from trackbench.base import files
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.results import SCHEMA_VERSION, MetricValue, Result, by_value, folder, to_json
+from trackbench.results import SCHEMA_VERSION, MetricValue, Result, by_value, folder, json_text
 from trackbench.results.declared import LABELLED
 
 
@@ -147,7 +147,7 @@ def test_no_nan_in_json(value: float) -> None:
     with pytest.raises(ValidationError, match="finite number"):
         MetricValue(value=value, unit="m")
     with pytest.raises(ValueError, match="Out of range float"):
-        to_json({"value": value})
+        json_text({"value": value})
 
 
 def test_anyone_can_read_what_is_written(tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ def test_text_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         (b"[1, 2]", "result.json: schema_version is not 4 or 5"),
         (b'{"schema_version": 1}', "schema_version is not 4 or 5: this result is of another version"),
         (f'{{"schema_version": {SCHEMA_VERSION}}}'.encode(), "not a result: scenario: Field required"),
-        (to_json({**SMALL.json(), "ranking": []}).encode(), "ranking does not name its trackers"),
+        (json_text({**SMALL.json(), "ranking": []}).encode(), "ranking does not name its trackers"),
     ],
 )
 def test_damaged_results_are_refused(tmp_path: Path, content: bytes, message: str) -> None:

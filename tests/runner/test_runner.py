@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from trackbench.results import Difference, Result, to_json
+from trackbench.results import Difference, Result, json_text
 from trackbench.runner import expectations, work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Expectation
@@ -266,7 +266,7 @@ def expected(run_tiny: Run, request: pytest.FixtureRequest) -> Result:
     twin = "trackers.twin={filter: ekf, motion: cv, acceleration_sigma_mps2: 3}"
     result = run_tiny(twin, f"expect=[{stated}]", "monte_carlo.runs=8")
     assert result.json()["passed"] is False
-    json.loads(to_json(result.json()), parse_constant=pytest.fail)
+    json.loads(json_text(result.json()), parse_constant=pytest.fail)
     return result
 
 
@@ -276,7 +276,7 @@ def test_one_run_of_a_second_shows_no_difference(run_tiny: Run) -> None:
     metric = tracker(result, "ekf")["metrics"]["position_rmse"]
     assert metric["ci95"] is None
     assert metric["reason"] == "too short for an interval"
-    json.loads(to_json(result.json()), parse_constant=pytest.fail)
+    json.loads(json_text(result.json()), parse_constant=pytest.fail)
 
 
 def test_an_expectation_of_what_is_not_there_fails(tiny_result: Result) -> None:
@@ -346,7 +346,7 @@ def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
 
 def test_nothing_is_ever_seen(run_tiny: Run) -> None:
     result = run_tiny("sensors.radar.max_range_m=0.1", "sensors.lidar.max_range_m=0.1")
-    json.loads(to_json(result.json()), parse_constant=pytest.fail)
+    json.loads(json_text(result.json()), parse_constant=pytest.fail)
     assert result.json()["ranking"] == ["raw", "ekf"]
     for entry in result.json()["trackers"]:
         assert entry["failed"] is None
@@ -362,7 +362,7 @@ def test_objects_that_stand_still(run_tiny: Run) -> None:
         "truth={source: highway-env, env: parking-v0, config: {vehicles_count: 2}, duration_s: 2, rate_hz: 10, "
         "ego: idle, observer: {x: -40}, targets: {nearest: 2}}"
     )
-    json.loads(to_json(result.json()), parse_constant=pytest.fail)
+    json.loads(json_text(result.json()), parse_constant=pytest.fail)
     assert column(result.tables["truth"], "speed_mps", role="target").max() == 0
     for entry in result.json()["trackers"]:
         assert entry["failed"] is None
@@ -382,7 +382,7 @@ def test_a_tracker_that_never_is_wrong_by_its_own_account(run_tiny: Run, tmp_pat
         "        return 1, Estimate(np.ones(4), np.eye(4), None, None, np.zeros(size), np.eye(size))\n"
     )
     result = run_tiny(f"trackers.mine.use={write_module(tmp_path, code)}:T", folder=tmp_path)
-    json.loads(to_json(result.json()), parse_constant=pytest.fail)
+    json.loads(json_text(result.json()), parse_constant=pytest.fail)
     metrics = tracker(result, "mine")["metrics"]
     assert metrics["whiteness"]["radar"]["reason"] == "every innovation is zero"
     assert metrics["nis"]["radar"]["verdict"] == "pessimistic"

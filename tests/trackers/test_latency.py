@@ -137,8 +137,8 @@ def test_latency_costs(run_tiny: Run) -> None:
 def test_the_report_says_how_late_a_sensor_is_and_what_was_dropped(run_tiny: Run) -> None:
     def told(*overrides: str) -> tuple[Result, dict[str, list[str]], dict[str, list[str]]]:
         result = run_tiny(*overrides)
-        (radar, *_) = tables.innovations(result)
-        return result, columns(tables.sensors(result)), columns(radar)
+        (radar, *_) = tables.innovation_tables(result)
+        return result, columns(tables.sensor_table(result)), columns(radar)
 
     result, sensors, radar = told()
     assert "latency, s" not in sensors

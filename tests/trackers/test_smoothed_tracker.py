@@ -11,7 +11,7 @@ from tests.trackers.test_imm_tracker import primed
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.report.tables import ranking
+from trackbench.report.tables import ranking_table
 from trackbench.runner.work import LARGEST_SMOOTHED, work_of
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.doctor.subject import subject
@@ -101,7 +101,7 @@ def test_on_truth_of_its_own_model_it_is_consistent_and_no_competitor():
     assert offline.nees.verdict == "consistent"
     assert result.summary.ranking == ["offline", "online"]
     assert [one.name for one in result.contenders] == ["online"]
-    rows = [tuple(cell.text for cell in row[:3]) for row in ranking(result).rows]
+    rows = [tuple(cell.text for cell in row[:3]) for row in ranking_table(result).rows]
     assert rows == [("", "offline", ""), ("1", "online", "a")]
     assert offline.step_time.value is None
     assert "nis.lidar" not in offline.metrics or offline.metrics["nis.lidar"].value is None

@@ -11,16 +11,16 @@ from tests.support.results import with_differences
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.compare import Limit, compare, load
-from trackbench.document.files import text
-from trackbench.report.comparison.document import comparison_files, document
+from trackbench.compare import Limit, compare_results, load_comparison
+from trackbench.document.files import document_text
+from trackbench.report.comparison.document import comparison_document, comparison_files
 from trackbench.report.comparison.sentences import ranking_answer
 from trackbench.report.junit import suites_of_comparison
 from trackbench.results import Result
 
 
 def test_trackers_are_compared_by_tgospa(traffic_result: Result) -> None:
-    found = compare([traffic_result])
+    found = compare_results([traffic_result])
     assert found.ranked_by == "tgospa"
     for item in found.differences:
         assert item.metric == "tgospa"
@@ -40,7 +40,7 @@ def _pair(result: Result) -> tuple[str, str]:
 
 @pytest.mark.parametrize("metric", ["hota", "position_rmse", "nees", "id_switches"])
 def test_every_metric_of_the_run_is_compared(traffic_result: Result, metric: str) -> None:
-    for item in compare([traffic_result], metrics=[metric]).differences:
+    for item in compare_results([traffic_result], metrics=[metric]).differences:
         ours = traffic_result[item.entrant.tracker].metrics[metric].value
         assert item.value == pytest.approx(ours)
 
@@ -54,14 +54,16 @@ def test_a_result_is_the_same_as_itself(cli: Callable[..., Any], traffic_folder:
 def test_more_runs_of_the_same_change_nothing(traffic_result: Result, traffic_text: str, tmp_path: Path) -> None:
     (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
     more = tb.run(tb.load(tmp_path / "three_cars.yaml", runs=5))
-    for item in compare([traffic_result, more], metrics=["gospa", "hota", "id_switches", "position_rmse"]).differences:
+    for item in compare_results(
+        [traffic_result, more], metrics=["gospa", "hota", "id_switches", "position_rmse"]
+    ).differences:
         assert item.paired_runs == 3
         assert item.identical
 
 
 def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
-    page = text(document(compare([[traffic_result, other]]), times=True))
+    page = document_text(comparison_document(compare_results([[traffic_result, other]]), times=True))
     assert "Rank by T-GOSPA within each scenario" in page
     assert "Missed part of GOSPA, m" in page
     assert "consistent" not in page
@@ -81,14 +83,14 @@ def test_a_reference_is_shown_and_never_the_best(traffic_result: Result) -> None
         ranking=["oracle", *alone(traffic_result).summary.ranking]
     )
     assert first.contenders[0].name != "oracle"
-    found = compare([[first, renamed(first, "again")]])
-    without = compare([[alone(first), alone(renamed(first, "again"))]])
+    found = compare_results([[first, renamed(first, "again")]])
+    without = compare_results([[alone(first), alone(renamed(first, "again"))]])
     *others, reference = found.ranking
     assert (reference.tracker, reference.reference) == ("oracle", True)
     assert [item.mean_rank for item in others] == [item.mean_rank for item in without.ranking]
     assert found.rank_differences == without.rank_differences
     assert not any(score.leading for score in found.scores if score.entrant.tracker == "oracle")
-    page = text(document(found, times=False))
+    page = document_text(comparison_document(found, times=False))
     assert "oracle (reference)" in page
     assert "3 trackers over 2 scenarios" in page
     assert "oracle has the best" not in page
@@ -100,7 +102,7 @@ def test_known_and_hidden_identities_are_not_compared(traffic_result: Result, ti
         ((traffic_result, tiny_result), "known", "hidden"),
     ):
         with pytest.raises(InputError, match=f"with results 1: identities are {here} here and {there} there"):
-            compare(results)
+            compare_results(results)
 
 
 def renamed(result: Result, name: str) -> Result:
@@ -113,12 +115,12 @@ def no_truth(result: Result, name: str) -> Result:
 
 def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_result: Result, tmp_path: Path) -> None:
     both = [traffic_result, renamed(traffic_result, "again"), tiny_result, no_truth(traffic_result, "recorded")]
-    found = compare([both])
+    found = compare_results([both])
     assert [(group.ranked_by, [scenario.name for scenario in group.scenarios]) for group in found.groups] == [
         ("tgospa", ["three_cars", "again"]),
         ("position_rmse", ["tiny"]),
     ]
-    alone = compare([both[:2]]), compare([tiny_result])
+    alone = compare_results([both[:2]]), compare_results([tiny_result])
     for group, same in zip(found.groups, alone, strict=True):
         assert (group.ranking, group.scores, group.rank_differences) == (
             same.ranking,
@@ -126,20 +128,20 @@ def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_
             same.rank_differences,
         )
         assert [item.difference for item in group.differences] == [item.difference for item in same.differences]
-    page = document(found, times=True)
+    page = comparison_document(found, times=True)
     for items in (page.tables, page.figures):
         assert len({item.name for item in items}) == len(items) > 1
-    shown = text(page)
+    shown = document_text(page)
     assert "By T-GOSPA over 2 scenarios" in shown
     assert "By position RMSE: tiny" in shown
     assert "recorded not compared: no truth" in shown
     for file, content in comparison_files(found, tmp_path / "comparison.json"):
         file.write_bytes(content)
-    assert load(tmp_path / "comparison.json").json() == found.json()
+    assert load_comparison(tmp_path / "comparison.json").json() == found.json()
 
 
 def test_nobody_leads_in_a_tie(traffic_result: Result) -> None:
-    found = compare([[traffic_result, renamed(traffic_result, "again")]])
+    found = compare_results([[traffic_result, renamed(traffic_result, "again")]])
     tied = [
         item.model_copy(update={"mean_rank": 1.5 if place < 2 else 3.0}) for place, item in enumerate(found.ranking)
     ]
@@ -152,27 +154,27 @@ def test_nobody_leads_in_a_tie(traffic_result: Result) -> None:
 
 def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: Result) -> None:
     both = [traffic_result, tiny_result]
-    found = compare([both, both], limits=[Limit("gospa", 5.0)])
+    found = compare_results([both, both], limits=[Limit("gospa", 5.0)])
     assert found.passed
     assert {item.metric for group in found.groups for item in group.gates} == {"gospa"}
     assert [len(suite.cases) for suite in suites_of_comparison(found)] == [4, 0]
     assert "no gospa in tiny, so its limit says nothing of it" in found.notes
     with pytest.raises(InputError, match=r"--metric: 'velocity' is not compared run by run; did you mean"):
-        compare([both], metrics=["velocity"])
+        compare_results([both], metrics=["velocity"])
 
 
 def test_recordings_alone_are_not_compared(traffic_result: Result) -> None:
     with pytest.raises(InputError, match="a recording without a truth"):
-        compare([[no_truth(traffic_result, "one"), no_truth(traffic_result, "two")]])
+        compare_results([[no_truth(traffic_result, "one"), no_truth(traffic_result, "two")]])
     with pytest.raises(InputError, match="no truth here and 3 vehicles there"):
-        compare([traffic_result, no_truth(traffic_result, "one")])
+        compare_results([traffic_result, no_truth(traffic_result, "one")])
 
 
 def test_another_cutoff_is_another_score(traffic_text: str, traffic_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "three_cars.yaml").write_text(traffic_text + "score: {cutoff_m: 3}\n", encoding="utf-8")
     other = tb.run(tmp_path / "three_cars.yaml")
     with pytest.raises(InputError, match=r"another scenario: score\.cutoff_m is 3.* here and 5.* there"):
-        compare([Result.load(traffic_folder), other])
+        compare_results([Result.load(traffic_folder), other])
 
 
 def test_a_batch_of_both_is_run_and_each_kind_compared(

@@ -8,7 +8,7 @@ from tests.tracks.conftest import TRAFFIC
 
 import trackbench as tb
 from trackbench.base.types import DUE, Array
-from trackbench.document.files import text
+from trackbench.document.files import document_text
 from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory, TrafficScoreOptions, TruthHistory, score_run
 from trackbench.report.result import result_document
 from trackbench.report.sentences import other_switch_costs
@@ -76,7 +76,7 @@ def test_the_report_has_the_order_at_half_and_at_twice_the_cost(renamed: Result)
     assert [column.heading for column in table.columns] == [
         "tracker", "T-GOSPA, 0.25 s a switch, m", "T-GOSPA, 1 s a switch, m",
     ]  # fmt: skip
-    assert "A switch costs as much as missing the object for 0.5 s." in text(document)
+    assert "A switch costs as much as missing the object for 0.5 s." in document_text(document)
     for tracker in renamed.scored:
         values = [tracker.metrics[path].value or 0.0 for path in ("tgospa_half", "tgospa", "tgospa_twice")]
         assert values == sorted(values)

@@ -19,7 +19,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.document import Document, Figure, Section, Table, every
 from trackbench.document.drawing import svg_file
-from trackbench.document.files import text
+from trackbench.document.files import document_text
 from trackbench.document.html import to_html
 from trackbench.metrics.function_events import events_of
 from trackbench.report.association import against_oracle, comparisons
@@ -27,7 +27,7 @@ from trackbench.report.console import print_summary
 from trackbench.report.figures.map import draw_surroundings
 from trackbench.report.result import result_document
 from trackbench.report.sentences import verdict_on_tracks
-from trackbench.report.tables import ranking
+from trackbench.report.tables import ranking_table
 from trackbench.results import Difference, MetricValue, Result, TrackerResult
 
 
@@ -51,7 +51,7 @@ def test_every_figure_is_drawn(document: Document) -> None:
 def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traffic_result: Result) -> None:
     best = traffic_result.contenders[0].name
     assert best != "oracle"
-    assert f"{best} has the smallest T-GOSPA" in text(document)
+    assert f"{best} has the smallest T-GOSPA" in document_text(document)
 
 
 def test_a_metric_of_another_name_has_the_nearest(traffic_result: Result) -> None:
@@ -69,8 +69,8 @@ def test_a_reference_is_marked_and_next_to_nobody(document: Document, traffic_re
     (table,) = (table for table in document.tables if table.name == "ranking")
     marked = {row[0].text for row in table.rows if row[0].details == ("reference",)}
     assert marked == {"oracle"}
-    assert "oracle (reference)" in text(document)
-    assert "between those that share a letter" in " ".join(text(document).split())
+    assert "oracle (reference)" in document_text(document)
+    assert "between those that share a letter" in " ".join(document_text(document).split())
 
 
 @pytest.mark.parametrize("nees", [3.0, 12345.6])
@@ -223,7 +223,7 @@ def test_the_costliest_events_are_listed_with_the_commands_that_show_them(
     costs = [float(row[5].text) for row in table.rows if row[0].text == "naive"]
     expected = [event.cost_m2 for event in events_of(traffic_result, "naive", 0)[:3]]
     np.testing.assert_allclose(costs, expected, atol=0.06)
-    assert f"trackbench view . --worst --tracker {traffic_result.scored[0].name}" in text(document)
+    assert f"trackbench view . --worst --tracker {traffic_result.scored[0].name}" in document_text(document)
 
 
 def test_headings_are_the_terms_of_the_field(document: Document) -> None:
@@ -235,10 +235,10 @@ def test_a_failed_tracker_and_one_alone(failing_result: Result) -> None:
     document = result_document(failing_result)
     assert "Not ranked" in titles(document)
     assert "Differences between trackers" not in titles(document)
-    assert "ValueError: out of order" in text(document)
-    assert "gnn has the smallest T-GOSPA" in text(document)
+    assert "ValueError: out of order" in document_text(document)
+    assert "gnn has the smallest T-GOSPA" in document_text(document)
     assert "failing" in to_html(document)
-    assert [row[0].text for row in ranking(failing_result).rows] == ["gnn"]
+    assert [row[0].text for row in ranking_table(failing_result).rows] == ["gnn"]
 
 
 def test_all_trackers_failed(failing_result: Result) -> None:
@@ -247,7 +247,7 @@ def test_all_trackers_failed(failing_result: Result) -> None:
         name: table.slice(0, 0) if "tracker" in table.column_names else table for name, table in only.tables.items()
     }
     document = result_document(Result(only.summary, type(only.tables)(empty)))
-    assert "No tracker finished." in text(document)
+    assert "No tracker finished." in document_text(document)
     assert document.figures == []
 
 
@@ -290,7 +290,7 @@ def test_nees_is_said_with_its_interval_and_the_share_within_the_bound(traffic_r
 
 
 def test_errors_of_matched_tracks_say_from_where_on_a_track_is_matched(document: Document) -> None:
-    assert "Errors and NEES are of tracks within 2.5 m of their object" in text(document)
+    assert "Errors and NEES are of tracks within 2.5 m of their object" in document_text(document)
     (table,) = (table for table in document.tables if table.name == "errors-of-matched-tracks")
     assert "NEES inside" in [column.heading for column in table.columns]
 

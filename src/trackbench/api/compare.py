@@ -10,9 +10,9 @@ from trackbench import results
 from trackbench.api.result import Report
 from trackbench.api.scenario import listed
 from trackbench.base.errors import InputError, counted
-from trackbench.compare import Limit, ResultSet, comparison, find
-from trackbench.compare import compare as compare_sets
-from trackbench.report.comparison.document import document
+from trackbench.compare import Limit, ResultSet, comparison, find_results
+from trackbench.compare import compare_results as compare_sets
+from trackbench.report.comparison.document import comparison_document
 from trackbench.results.metric_value import data_frame
 
 #: A result, or the folder of one or of several.
@@ -24,7 +24,7 @@ class ReportableComparison(comparison.Comparison):
 
     def report(self) -> Report:
         """The comparison as ``trackbench compare`` shows it."""
-        return Report(document(self, times=True))
+        return Report(comparison_document(self, times=True))
 
     def to_pandas(self) -> Any:
         """A data frame with a row for each difference, of every group of scenarios."""
@@ -92,7 +92,7 @@ def compare(
 def _set(results_of: Compared | Sequence[results.Result]) -> ResultSet | results.Result | Sequence[results.Result]:
     """One argument; a folder is read."""
     if isinstance(results_of, Path | str):
-        return find(Path(results_of))
+        return find_results(Path(results_of))
     if isinstance(results_of, results.Result):
         return results_of
     if isinstance(results_of, list | tuple) and results_of and all(isinstance(x, results.Result) for x in results_of):

@@ -10,7 +10,7 @@ from typing import Any, Self
 from trackbench import results
 from trackbench.base.errors import InputError, nearest
 from trackbench.document import Cell, Document, Figure, Table
-from trackbench.document.files import files_by_ending, require_ending, text
+from trackbench.document.files import document_text, files_by_ending, require_ending
 
 
 class ReportableResult(results.Result):
@@ -55,9 +55,9 @@ class ReportableResult(results.Result):
         return Report(result_document(self))
 
     def _repr_html_(self) -> str:
-        from trackbench.report.tables import ranking
+        from trackbench.report.tables import ranking_table
 
-        return table_html(ranking(self))
+        return table_html(ranking_table(self))
 
 
 #: Of a report in a notebook, pixels; it scrolls.
@@ -75,7 +75,7 @@ class Report:
         return f"<{self.document.kind} {self.document.title}>"
 
     def __str__(self) -> str:
-        return text(self.document)
+        return document_text(self.document)
 
     def _repr_html_(self) -> str:
         from trackbench.document.html import to_html

@@ -57,10 +57,10 @@ def run(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listene
     ranked = [result.summary.headline for result in finished if result.summary.truth.known]
     # Comparable are results whose trackers the same metric ranks.
     if plan.out is not None and len(set(ranked)) < len(ranked):
-        from trackbench.compare import compare, results_in
+        from trackbench.compare import compare_results, results_in
         from trackbench.report.comparison.document import batch_files
 
-        comparison = compare([results_in(plan.out, finished)])
+        comparison = compare_results([results_in(plan.out, finished)])
         for file, content in batch_files(comparison, plan.out):
             results.write_bytes(file, content)
         listener.compared(comparison, plan.out / "comparison.md")

@@ -83,8 +83,8 @@ def _write(content_of: Mapping[str, Callable[[], bytes]], folder: Path) -> None:
 
 
 def _document(run: Path) -> Document:
-    from trackbench.compare import compare, find, load
-    from trackbench.report.comparison.document import document
+    from trackbench.compare import compare_results, find_results, load_comparison
+    from trackbench.report.comparison.document import comparison_document
     from trackbench.report.result import result_document
 
     for file, offer in _SAVED.items():
@@ -93,11 +93,11 @@ def _document(run: Path) -> Document:
             saved: Document = resolve(offer.target)(path)
             return saved
     if run.suffix == ".json" and run.name != results.SUMMARY:
-        return document(load(run))
-    runs = find(run)
+        return comparison_document(load_comparison(run))
+    runs = find_results(run)
     if len(runs.entries) == 1:
         return result_document(runs.entries[0].result)
-    return document(compare([runs]), times=True)
+    return comparison_document(compare_results([runs]), times=True)
 
 
 def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Path, str]:
@@ -159,10 +159,10 @@ def compare_command(
     Exit status:
       0 compared   1 a regression   2 bad input or not comparable   4 cannot write
     """
-    from trackbench.compare import Limit, compare, find
+    from trackbench.compare import Limit, compare_results, find_results
     from trackbench.document.files import require_ending
     from trackbench.document.terminal import print_document
-    from trackbench.report.comparison.document import ENDINGS, comparison_files, document
+    from trackbench.report.comparison.document import ENDINGS, comparison_document, comparison_files
     from trackbench.report.junit import suites_of_comparison
 
     parsed = [Limit.parse(text) for text in limits]
@@ -175,7 +175,9 @@ def compare_command(
         if path is not None:
             results.require_file(path, key)
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    comparison = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
+    comparison = compare_results(
+        [find_results(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed
+    )
     written = []
     for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)
@@ -184,7 +186,7 @@ def compare_command(
     if as_json:
         click.echo(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:
-        print_document(document(comparison, times=True), Console())
+        print_document(comparison_document(comparison, times=True), Console())
         if out is not None:
             click.echo(_files_in_words(out.parent, written), err=True)
     raise click.exceptions.Exit(0 if comparison.passed else FAILED_EXPECTATION)

@@ -89,16 +89,16 @@ class RunOutput(Listener):
 
     def compared(self, comparison: Comparison, page: Path) -> None:
         """Where the comparison is, and which scenarios are not in it."""
-        from trackbench.report.comparison.document import without_truth
+        from trackbench.report.comparison.document import scenarios_without_truth
 
         if not self._as_json and not self._quiet:
-            from trackbench.report.comparison.worlds import sentences
+            from trackbench.report.comparison.worlds import order_sentences
 
             for group in comparison.groups:
-                for text in sentences(group):
+                for text in order_sentences(group):
                     self._say(text)
             scenarios = sum(len(group.scenarios) for group in comparison.groups)
-            self._say("; ".join([f"Comparison of {scenarios} scenarios: {page}", *without_truth(comparison)]))
+            self._say("; ".join([f"Comparison of {scenarios} scenarios: {page}", *scenarios_without_truth(comparison)]))
 
     def _say(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)

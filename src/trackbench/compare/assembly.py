@@ -27,10 +27,17 @@ from trackbench.compare.comparison import (
     EntrantScore,
     OrderInWorlds,
 )
-from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
+from trackbench.compare.differences import (
+    Match,
+    coverage_notes,
+    judged_differences,
+    match_within,
+    overall,
+    same_tracker,
+)
 from trackbench.compare.entries import Entry, ResultSet
-from trackbench.compare.limits import OPTION, Limit, held, require_directed
-from trackbench.compare.ranking import Pairings, ranking, scores, sets_of_scenes
+from trackbench.compare.limits import OPTION, Limit, gate_results, require_directed
+from trackbench.compare.ranking import Pairings, entrant_scores, ranked_trackers, sets_of_scenes
 from trackbench.metrics import Metric
 from trackbench.results import Result, merged_places
 
@@ -90,7 +97,7 @@ def _places(item: ResultSet) -> tuple[Path, Path]:
 
 
 @one_blas_thread()
-def compare(
+def compare_results(
     results: Sequence[ResultSet | Result | Sequence[Result]],
     *,
     metrics: Sequence[str] = (),
@@ -181,22 +188,22 @@ def _comparison(
         return None
     allowed = {limit.metric: limit.percent for limit in limits}
     compared = [metrics[path] for path in wanted]
-    differing, missing = differences(matches, compared, over_scenarios=not single, limits=allowed)
+    differing, missing = judged_differences(matches, compared, over_scenarios=not single, limits=allowed)
     pairings = None
     if single:
         # Which tracker is better where, whatever metrics are compared.
         by_rank = differing
         if wanted != [ranked_by]:
-            by_rank, _ = differences(matches, [metrics[ranked_by]], over_scenarios=False)
+            by_rank, _ = judged_differences(matches, [metrics[ranked_by]], over_scenarios=False)
         pairings = Pairings(by_rank, ranked_by)
     scored = [
         score
         for cell in cells
         for number, entry in cell.entries.items()
-        for score in scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings)
+        for score in entrant_scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings)
     ]
     scenes = sets_of_scenes({cell.scenario: cell.entries[0].result.summary.truth.motion for cell in cells})
-    order, rank_differences = ranking(scored, pairings, scenes) if pairings else ([], [])
+    order, rank_differences = ranked_trackers(scored, pairings, scenes) if pairings else ([], [])
     return Comparison(
         sets=sets,
         ranked_by=ranked_by,
@@ -208,7 +215,7 @@ def _comparison(
         ranking=order,
         rank_differences=rank_differences,
         worlds=orders(cells, ranked_by, scored, pairings) if pairings else [],
-        gates=held(limits, metrics, differing, missing),
+        gates=gate_results(limits, metrics, differing, missing),
         not_compared=missing,
         notes=[*_notes(cells, matches, chosen, single), *coverage_notes(matches, differing, compared)],
     )
@@ -243,7 +250,7 @@ def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Se
 def _matches(cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
     baseline = cell.entries[0]
     if single:
-        yield within(baseline, chosen[cell.scenario, 0])
+        yield match_within(baseline, chosen[cell.scenario, 0])
         return
     for number, entry in cell.entries.items():
         if number > 0:

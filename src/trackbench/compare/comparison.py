@@ -311,7 +311,7 @@ def _rounded(value: Any) -> Any:
     return value
 
 
-def load(file: Path) -> Comparison:
+def load_comparison(file: Path) -> Comparison:
     """A comparison that was kept as JSON.
 
     Raises:

@@ -56,7 +56,7 @@ class Match:
         return Entrant(tracker=pair[0], set=self.number), Entrant(tracker=pair[1])
 
 
-def within(entry: Entry, trackers: Sequence[str]) -> Match:
+def match_within(entry: Entry, trackers: Sequence[str]) -> Match:
     """The trackers of one result, best first: pair by pair, or each against the baseline, or of many the best."""
     how, score = Comparability.of_all(entry.result.summary.runs, ""), entry.result.summary.score
     names, against = list(trackers), score.baseline if score.baseline in trackers else None
@@ -75,7 +75,7 @@ def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str,
     return tuple((name, name) for name in ours if name in theirs)
 
 
-def differences(
+def judged_differences(
     matches: Sequence[Match],
     metrics: Sequence[Metric],
     *,

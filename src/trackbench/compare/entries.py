@@ -184,7 +184,7 @@ def results_in(folder: Path, finished: Sequence[Result]) -> ResultSet:
     return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in finished))
 
 
-def find(path: Path) -> ResultSet:
+def find_results(path: Path) -> ResultSet:
     """The result in the folder of a run (or in its ``result.json``), or those in the folders of a folder.
 
     Raises:

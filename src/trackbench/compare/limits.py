@@ -49,7 +49,7 @@ def require_directed(metric: Metric, key: str = OPTION) -> None:
         raise InputError(message, key=key)
 
 
-def held(
+def gate_results(
     limits: Sequence[Limit],
     metrics: Mapping[str, Metric],
     differences: Sequence[PairDifference],

@@ -50,7 +50,7 @@ class Pairings:
         return 1.0 + sum(0.5 if better is None else float(better != name) for better in winners)
 
 
-def scores(
+def entrant_scores(
     number: int, entry: Entry, scenario: str, trackers: Sequence[str], pairings: Pairings | None
 ) -> list[EntrantScore]:
     """What the trackers of one result reached, in the order of the scenario; ranked if it is known who is better."""
@@ -104,7 +104,7 @@ def _share(first: Sequence[str], second: Sequence[str]) -> bool:
     return any(a.startswith(b) or b.startswith(a) for a in first for b in second)
 
 
-def ranking(
+def ranked_trackers(
     scored: Sequence[EntrantScore], pairings: Pairings, sets: Sequence[Sequence[str]]
 ) -> tuple[list[RankedTracker], list[RankDifference]]:
     """Every tracker of one set of results, by mean rank, and which of the mean ranks are shown to differ.
@@ -156,7 +156,7 @@ def _ranking(
                 tracker=name,
                 scenarios=len(own),
                 mean_rank=float(own_ranks.mean()),
-                ci95=interval(own_ranks, len(names)),
+                ci95=mean_rank_interval(own_ranks, len(names)),
                 won=outcomes.count("won"),
                 lost=outcomes.count("lost"),
                 tied=outcomes.count("tied"),
@@ -233,7 +233,7 @@ ALL_SIGNS = 14
 DRAWN_SIGNS = 20_000
 
 
-def interval(ranks: Array, trackers: int) -> tuple[float, float] | None:
+def mean_rank_interval(ranks: Array, trackers: int) -> tuple[float, float] | None:
     """The 95 % interval of a tracker's mean rank; None with fewer than 3 sets of scenes or 4 trackers.
 
     Student's t with half a set added in which the tracker has the middle rank. Without it a tracker that is first

@@ -26,7 +26,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.axes import QuickFigure
-from trackbench.document.margins import fit_margins, shortened
+from trackbench.document.margins import fit_margins, shortened_to_width
 
 #: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
 INK, GRID, MUTED = "trackbench:ink", "trackbench:grid", "trackbench:muted"
@@ -238,7 +238,7 @@ def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:
 
 
 def _handle(entry: LegendEntry, width: float) -> Artist:
-    label = shortened(entry.label, width - 40, 10)
+    label = shortened_to_width(entry.label, width - 40, 10)
     if entry.mark == "band":
         return Patch(color=entry.colour, alpha=0.35, label=label)
     if entry.mark == "box":
@@ -307,7 +307,7 @@ def time_axis(axes: Axes, end: float) -> None:
 def panel_title(axes: Axes, name: str, width: float) -> None:
     """What a panel, which is ``width`` points wide with its numbers, shows."""
     # A given height, or matplotlib looks for what it might lie on.
-    axes.set_title(shortened(name, width - 30, 10), fontsize=10, loc="left", pad=2, y=1.0)
+    axes.set_title(shortened_to_width(name, width - 30, 10), fontsize=10, loc="left", pad=2, y=1.0)
 
 
 def fit_value_axis(axes: Axes, drawn: Sequence[Array]) -> bool:

@@ -64,10 +64,10 @@ def _main_file(document: Document, format: Format, tables: str, figures: str) ->
         return to_markdown(document, figures=figures).encode()
     if format == "latex":
         return to_latex(document, tables=tables, figures=figures).encode()
-    return text(document).encode()
+    return document_text(document).encode()
 
 
-def text(document: Document, width: int = TEXT_WIDTH) -> str:
+def document_text(document: Document, width: int = TEXT_WIDTH) -> str:
     """The document as plain text."""
     from trackbench.document.terminal import print_document
 

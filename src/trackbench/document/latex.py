@@ -75,9 +75,9 @@ def to_latex(document: Document, *, tables: str, figures: str) -> str:
         tables: the folder of the tables' files (:func:`table_to_latex`), relative to the main file.
         figures: the folder of the figures' PDF files, likewise.
     """
-    lines = [_PREAMBLE + r"\begin{document}", rf"\section*{{{escape(document.title)}}}"]
-    lines += [escape(document.lead), ""] if document.lead else []
-    lines += [escape(", ".join(document.facts)), ""] if document.facts else []
+    lines = [_PREAMBLE + r"\begin{document}", rf"\section*{{{escape_latex(document.title)}}}"]
+    lines += [escape_latex(document.lead), ""] if document.lead else []
+    lines += [escape_latex(", ".join(document.facts)), ""] if document.facts else []
     for block in document.blocks:
         lines += _lines(block, 0, tables, figures)
     return "\n".join([*lines, r"\end{document}"]) + "\n"
@@ -91,21 +91,21 @@ def table_to_latex(table: Table) -> str:
     """
     layout = "".join(_layout(table, i, column) for i, column in enumerate(table.columns))
     caption = table.caption or re.sub("[-_]", " ", table.name).capitalize()
-    lines = [r"\begin{table}", r"\centering", rf"\caption{{{escape(caption)}}}", rf"\label{{tab:{table.name}}}"]
+    lines = [r"\begin{table}", r"\centering", rf"\caption{{{escape_latex(caption)}}}", rf"\label{{tab:{table.name}}}"]
     lines += [r"\begin{adjustbox}{max width=\linewidth}", rf"\begin{{tabular}}{{@{{}}{layout}@{{}}}}", r"\toprule"]
-    lines += [_row(escape(column.heading) for column in table.columns), r"\midrule"]
+    lines += [_row(escape_latex(column.heading) for column in table.columns), r"\midrule"]
     for row in table.rows:
         lines.append(_row(_cell(table, cell) for cell in row))
         for i in range(max((len(cell.details) for cell in row), default=0)):
             lines.append(_row(_small(cell.details[i]) if i < len(cell.details) else "" for cell in row))
     lines += [r"\bottomrule", r"\end{tabular}", r"\end{adjustbox}"]
     lines += [
-        rf"\par\footnotesize\textsuperscript{{{i}}} {escape(reason)}" for i, reason in enumerate(table.reasons, 1)
+        rf"\par\footnotesize\textsuperscript{{{i}}} {escape_latex(reason)}" for i, reason in enumerate(table.reasons, 1)
     ]
     return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
-def escape(text: str) -> str:
+def escape_latex(text: str) -> str:
     """``text`` as it is, whatever LaTeX it looks like, but for its units."""
     return _verbatim(typeset(text))
 
@@ -117,16 +117,16 @@ def _verbatim(text: str) -> str:
 def _lines(block: Block, level: int, tables: str, figures: str) -> Iterator[str]:
     match block:
         case Section():
-            yield rf"\{_HEADINGS[min(level, len(_HEADINGS) - 1)]}{{{escape(block.title)}}}"
+            yield rf"\{_HEADINGS[min(level, len(_HEADINGS) - 1)]}{{{escape_latex(block.title)}}}"
             for inner in block.blocks:
                 yield from _lines(inner, level + 1, tables, figures)
         case Row():
             for inner in block.blocks:
                 yield from _lines(inner, level, tables, figures)
         case Paragraph():
-            yield from (rf"\textbf{{{escape(block.text)}}}" if block.strong else escape(block.text), "")
+            yield from (rf"\textbf{{{escape_latex(block.text)}}}" if block.strong else escape_latex(block.text), "")
         case Status():
-            yield from (f"{escape(block.text)}.", "")
+            yield from (f"{escape_latex(block.text)}.", "")
         case Items():
             yield from _items(block)
         case Code():
@@ -136,7 +136,7 @@ def _lines(block: Block, level: int, tables: str, figures: str) -> Iterator[str]
         case Figure():
             yield from (r"\begin{figure}[H]", r"\centering")
             yield rf"\includegraphics[max width=\linewidth]{{{figures}/{block.name}.pdf}}"
-            yield rf"\caption{{{escape(f'{block.title}. {block.caption}')}}}"
+            yield rf"\caption{{{escape_latex(f'{block.title}. {block.caption}')}}}"
             yield from (rf"\label{{fig:{block.name}}}", r"\end{figure}")
 
 
@@ -146,10 +146,10 @@ def _items(block: Items) -> Iterator[str]:
     environment = "enumerate" if block.numbered else "itemize"
     yield rf"\begin{{{environment}}}"
     for item in block.items:
-        label = rf"\textbf{{{escape(item.label)}}}: " if item.label else ""
-        detail = rf"\\{{\small {escape(item.detail)}}}" if item.detail else ""
+        label = rf"\textbf{{{escape_latex(item.label)}}}: " if item.label else ""
+        detail = rf"\\{{\small {escape_latex(item.detail)}}}" if item.detail else ""
         # A bracket after \item would be its option.
-        yield rf"\item {{}}{label}{escape(item.text)}{detail}"
+        yield rf"\item {{}}{label}{escape_latex(item.text)}{detail}"
     yield rf"\end{{{environment}}}"
 
 
@@ -172,9 +172,9 @@ def _row(cells: Iterable[str]) -> str:
 
 
 def _small(text: str) -> str:
-    return rf"{{\scriptsize {escape(text)}}}"
+    return rf"{{\scriptsize {escape_latex(text)}}}"
 
 
 def _cell(table: Table, cell: Cell) -> str:
-    text = rf"\textbf{{{escape(cell.text)}}}" if cell.strong or cell.tracker else escape(cell.text)
+    text = rf"\textbf{{{escape_latex(cell.text)}}}" if cell.strong or cell.tracker else escape_latex(cell.text)
     return text + (rf"\textsuperscript{{{table.mark(cell)}}}" if cell.reason else "")

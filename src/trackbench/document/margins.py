@@ -55,7 +55,7 @@ def text_width(text: str, size: float = SIZE) -> float:
     return max((_line_width(line, size) for line in text.split("\n")), default=0.0)
 
 
-def shortened(text: str, width: float, size: float = SIZE) -> str:
+def shortened_to_width(text: str, width: float, size: float = SIZE) -> str:
     """The text, without its middle if it is wider than ``width`` points: names of a sweep differ at the end."""
     short = text
     for kept in range(len(text) - 1, 1, -1):

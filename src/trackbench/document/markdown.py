@@ -33,17 +33,17 @@ def to_markdown(document: Document, *, figures: str = "") -> str:
         document: what it says.
         figures: the folder of the figures' SVG files, relative to the file; without one it has no figures.
     """
-    lines = [f"# {escape(document.title)}", ""]
+    lines = [f"# {escape_markdown(document.title)}", ""]
     if document.lead:
-        lines += [escape(document.lead), ""]
+        lines += [escape_markdown(document.lead), ""]
     if document.facts:
-        lines += [escape(", ".join(document.facts)), ""]
+        lines += [escape_markdown(", ".join(document.facts)), ""]
     for block in document.blocks if figures else without_figures(document.blocks):
         lines += _lines(block, 2, figures)
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def escape(text: str) -> str:
+def escape_markdown(text: str) -> str:
     """``text`` as it is, in one line, whatever Markdown or HTML it looks like."""
     return _SPECIAL.sub(r"\\\g<0>", _SPACES.sub(" ", with_powers(text)).strip())
 
@@ -52,16 +52,16 @@ def _lines(block: Block, level: int, figures: str) -> Iterator[str]:
     """The lines of a block, an empty one last."""
     match block:
         case Section():
-            yield from (f"{'#' * level} {escape(block.title)}", "")
+            yield from (f"{'#' * level} {escape_markdown(block.title)}", "")
             for inner in block.blocks:
                 yield from _lines(inner, level + 1, figures)
         case Row():
             for inner in block.blocks:
                 yield from _lines(inner, level, figures)
         case Paragraph():
-            yield from (f"**{escape(block.text)}**" if block.strong else escape(block.text), "")
+            yield from (f"**{escape_markdown(block.text)}**" if block.strong else escape_markdown(block.text), "")
         case Status():
-            yield from (f"{escape(block.text)}.", "")
+            yield from (f"{escape_markdown(block.text)}.", "")
         case Items():
             yield from (*_items(block), "")
         case Code():
@@ -69,15 +69,20 @@ def _lines(block: Block, level: int, figures: str) -> Iterator[str]:
         case Table():
             yield from (*_table(block), "")
         case Figure():
-            yield from (f"![{escape(block.alternative)}]({figures}/{block.name}.svg)", "", escape(block.caption), "")
+            yield from (
+                f"![{escape_markdown(block.alternative)}]({figures}/{block.name}.svg)",
+                "",
+                escape_markdown(block.caption),
+                "",
+            )
 
 
 def _items(block: Items) -> Iterator[str]:
     for number, item in enumerate(block.items, 1):
         mark = f"{number}." if block.numbered else "-"
-        label = f"**{escape(item.label)}**: " if item.label else ""
-        detail = f" ({escape(item.detail)})" if item.detail else ""
-        yield f"{mark} {label}{escape(item.text)}{detail}"
+        label = f"**{escape_markdown(item.label)}**: " if item.label else ""
+        detail = f" ({escape_markdown(item.detail)})" if item.detail else ""
+        yield f"{mark} {label}{escape_markdown(item.text)}{detail}"
 
 
 def _fenced(block: Code) -> list[str]:
@@ -89,15 +94,15 @@ def _fenced(block: Code) -> list[str]:
 
 def _table(table: Table) -> Iterator[str]:
     if table.caption:
-        yield from (f"{escape(table.caption)}:", "")
-    yield _row([escape(column.heading) for column in table.columns])
+        yield from (f"{escape_markdown(table.caption)}:", "")
+    yield _row([escape_markdown(column.heading) for column in table.columns])
     yield _row([":--" if column.left else "--:" for column in table.columns])
     for row in table.rows:
         yield _row([_cell(table, cell) for cell in row])
     if table.reasons:
         yield ""
     for number, reason in enumerate(table.reasons, 1):
-        yield f"{number}. n/a: {escape(reason)}"
+        yield f"{number}. n/a: {escape_markdown(reason)}"
 
 
 def _row(cells: Sequence[str]) -> str:
@@ -105,11 +110,11 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def _cell(table: Table, cell: Cell) -> str:
-    text = escape(cell.text)
+    text = escape_markdown(cell.text)
     if cell.link:
         text = f"[{text}]({cell.link})"
     if cell.strong or cell.tracker:
         text = f"**{text}**"
     mark = f"<sup>{table.mark(cell)}</sup>" if cell.reason else ""
-    details = f" ({escape(', '.join(cell.details))})" if cell.details else ""
+    details = f" ({escape_markdown(', '.join(cell.details))})" if cell.details else ""
     return text + mark + details

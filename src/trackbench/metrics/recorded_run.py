@@ -11,7 +11,7 @@ from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import Result
-from trackbench.results.columns import Columns, columns, split
+from trackbench.results.columns import Columns, split, table_columns
 
 STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
 
@@ -68,7 +68,7 @@ def load_recorded_run(result: Result) -> RecordedRun:
     for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
         tracks.setdefault(tracker, {})[name] = rows
     every = [rows["time_s"] for track in tracks.values() for rows in track.values()]
-    time = every[0] if every else np.unique(columns(tables.measurements)["time_s"])
+    time = every[0] if every else np.unique(table_columns(tables.measurements)["time_s"])
     at = np.searchsorted(truth[objects[0]]["time_s"], time)
     state = np.stack([np.stack([truth[name][column][at] for name in objects], axis=1) for column in STATE])
     alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 from trackbench.document import Cell, Column, Paragraph, Section, Table
-from trackbench.report.numbers import decimals, fixed, in_brackets, margin_words, meaningful
+from trackbench.report.numbers import decimals, in_brackets, margin_words, meaningful, rounded
 from trackbench.report.pairs import Pair, Pairs
-from trackbench.report.tables import TRACKER, VERDICT, differences_of, values
+from trackbench.report.tables import TRACKER, VERDICT, difference_cells, metric_cells
 from trackbench.results import Result, TrackerResult
 from trackbench.results.summary import Summary
 from trackbench.results.tracker_result import ORACLE
@@ -33,7 +33,7 @@ def against_oracle(result: Result) -> Iterator[str]:
 
 def _sentence(summary: Summary, oracle: TrackerResult, best: str, pair: Pair) -> str:
     places, metric = meaningful(pair.value, pair.ci95), oracle.metrics[summary.headline]
-    own = fixed(metric.value, max(places, decimals([metric.value])))
+    own = rounded(metric.value, max(places, decimals([metric.value])))
     margin = margin_words([pair.margin])
     bounds = in_brackets(pair.ci95, places, " of the difference")
     # Where the interval alone would say that there is a difference.
@@ -44,8 +44,8 @@ def _sentence(summary: Summary, oracle: TrackerResult, best: str, pair: Pair) ->
             ": the interval is of this pair alone, and Holm's correction for the number of pairs does not let it count"
         )
     what = {
-        "worse": f"Association and confirmation cost {best} {fixed(pair.value, places)} m more{bounds}",
-        "better": f"{best} is {fixed(-pair.value, places)} m below it{bounds}: association is not what limits it",
+        "worse": f"Association and confirmation cost {best} {rounded(pair.value, places)} m more{bounds}",
+        "better": f"{best} is {rounded(-pair.value, places)} m below it{bounds}: association is not what limits it",
         "equivalent": f"{best} is equivalent to it{bounds}: association is not what limits it",
     }.get(pair.verdict, f"Whether {best} differs from it is undecided{bounds}{why}")
     return (
@@ -86,10 +86,10 @@ def _table(result: Result, part: Choice, caption: str, trackers: list[TrackerRes
     columns = [
         (TRACKER, [Cell(tracker.name, tracker=tracker.name) for tracker in trackers]),
         (Column(part, left=True), [Cell(str(getattr(tracker, part))) for tracker in trackers]),
-        (Column(f"{result.summary.headline_name}, m", details="95 % interval"), values(trackers, metric)),
+        (Column(f"{result.summary.headline_name}, m", details="95 % interval"), metric_cells(trackers, metric)),
         (
             Column(f"minus {best}, m", details=VERDICT),
-            [Cell(""), *differences_of(result, [tracker.name for tracker in trackers[1:]], best)],
+            [Cell(""), *difference_cells(result, [tracker.name for tracker in trackers[1:]], best)],
         ),
     ]
     return Table.of_columns(f"{part}-{best}", columns, caption[0].upper() + caption[1:])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from trackbench.base.errors import counted
-from trackbench.report.numbers import decimals, fixed, joined
+from trackbench.report.numbers import decimals, joined_names, rounded
 from trackbench.results import TruthAudit, TruthSummary
 
 #: m/s or m; what is smaller is not worth its digits.
@@ -79,7 +79,7 @@ def _velocity(audits: Audits) -> Iterator[str]:
     if not any(sources.values()):
         yield f"The stated velocity differs from the displacement by {remaining} m/s."
         return
-    how = joined([f"from {source} for {joined(names)}" for source, names in sources.items() if names])
+    how = joined_names([f"from {source} for {joined_names(names)}" for source, names in sources.items() if names])
     yield (
         f"The stated velocity contradicted the motion by up to {_two_digits(before.max_mps)} m/s "
         f"({_place(before.object, before.time_s, scene)}); it was computed {how}, which leaves {remaining} m/s."
@@ -98,7 +98,7 @@ def _velocity_jumps(audits: Audits) -> Iterator[str]:
         f"{counted(sum(item.count for item in jumps.values()), 'velocity jump')}: in one step the velocity changes by "
         f"more than a car can do, which is put at {worst.limit_mps2:g} m/s\N{SUPERSCRIPT TWO}, twice the grip of a "
         f"tyre. The largest is {_two_digits(worst.largest_mps)} m/s ({_place(worst.object, worst.time_s, scene)}), the "
-        f"peak acceleration {fixed(peak, 0)} m/s\N{SUPERSCRIPT TWO}."
+        f"peak acceleration {rounded(peak, 0)} m/s\N{SUPERSCRIPT TWO}."
     )
 
 
@@ -106,22 +106,22 @@ def _cuts(audits: Audits) -> Iterator[str]:
     for scene, audit in audits.items():
         for jump in audit.jumps:
             if jump.object != "observer":
-                when = f"at {fixed(jump.time_s, 2)} s{_of(scene)}"
+                when = f"at {rounded(jump.time_s, 2)} s{_of(scene)}"
                 yield f"{jump.object} jumps by {_two_digits(jump.distance_m)} m {when}, and is left out from then on."
         if audit.ended_early is not None:
-            end = fixed(audit.ended_early.time_s, 2)
+            end = rounded(audit.ended_early.time_s, 2)
             yield f"The truth{_of(scene)} ends at {end} s: {audit.ended_early.reason}."
 
 
 def _clock(audits: Audits) -> Iterator[str]:
     drifts = [audit.clock_drift_s or 0.0 for audit in audits.values() if audit.repaired.own_clock]
     if drifts:
-        drift = fixed(max(drifts), 3)
+        drift = rounded(max(drifts), 3)
         yield f"The simulator's clock was off by up to {drift} s; time is counted from its steps instead."
 
 
 def _place(name: str | None, time_s: float | None, scene: str) -> str:
-    return f"{name} at {fixed(time_s, 2)} s{_of(scene)}"
+    return f"{name} at {rounded(time_s, 2)} s{_of(scene)}"
 
 
 def _of(scene: str) -> str:
@@ -129,4 +129,4 @@ def _of(scene: str) -> str:
 
 
 def _two_digits(value: float) -> str:
-    return fixed(value, decimals([value], 2))
+    return rounded(value, decimals([value], 2))

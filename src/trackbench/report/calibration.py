@@ -11,7 +11,7 @@ from trackbench.document import Cell, Column, Table
 from trackbench.metrics.conditions import JUMPS
 from trackbench.metrics.consistency import DIRECTIONS
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, condition_verdict, mean_text
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
 from trackbench.report.tables import INTERVAL, TRACKER, VERDICT, estimate_cell, metric_of, tracker_table
 from trackbench.results import Breakdown, ConditionScores, MetricValue, PartVerdict, Result, TrackerResult
 
@@ -83,10 +83,10 @@ def _clauses(verdict: str, by_manoeuvre: Mapping[str, Sequence[Calibration]], ma
         ratios = [item.ratio for name in places for item in by_manoeuvre[name] if item.quantity in quantities]
         extreme = max(ratios) if verdict == "optimistic" else min(ratios)
         limit = "" if len(ratios) == 1 else "up to " if verdict == "optimistic" else "down to "
-        words = joined([_WHERE[name] for name in places])
+        words = joined_names([_WHERE[name] for name in places])
         where = "" if manoeuvres == 1 else " throughout" if len(places) == manoeuvres else f" {words}"
-        size = f"errors {limit}{fixed(extreme, 1)} times as large as stated"
-        yield f"{verdict} about {joined(quantities)}{where} ({size})"
+        size = f"errors {limit}{rounded(extreme, 1)} times as large as stated"
+        yield f"{verdict} about {joined_names(quantities)}{where} ({size})"
 
 
 By = Literal["manoeuvre", "range", "age"]
@@ -95,15 +95,15 @@ TITLE = {"manoeuvre": "manoeuvre", "range": "range band", "age": "time since fir
 UNIT = {"position": "m", "velocity": "m/s"}
 
 
-def conditions(tracker: TrackerResult, by: By) -> Mapping[str, ConditionScores]:
+def scores_by_condition(tracker: TrackerResult, by: By) -> Mapping[str, ConditionScores]:
     """A tracker's scores by one of these."""
     scores: Mapping[str, ConditionScores] = {} if tracker.breakdown is None else getattr(tracker.breakdown, by)
     return scores
 
 
-def classes(trackers: Sequence[TrackerResult], by: By) -> list[str]:
+def condition_names(trackers: Sequence[TrackerResult], by: By) -> list[str]:
     """Every condition that any tracker met, in their order."""
-    every = [list(conditions(tracker, by)) for tracker in trackers]
+    every = [list(scores_by_condition(tracker, by)) for tracker in trackers]
     longest = max(every, key=len, default=[])
     return longest + list(dict.fromkeys(name for names in every for name in names if name not in longest))
 
@@ -112,7 +112,7 @@ def _scores(tracker: TrackerResult, by: By, name: str) -> ConditionScores | None
     """Under one of the conditions, or of all estimates."""
     if name == ALL and tracker.breakdown is not None:
         return tracker.breakdown.all
-    return conditions(tracker, by).get(name)
+    return scores_by_condition(tracker, by).get(name)
 
 
 def rmse(scores: ConditionScores | None, quantity: Quantity) -> MetricValue | None:
@@ -127,16 +127,16 @@ ALL = "all"
 _NOT_MET = "no estimate of the tracker falls into it"
 
 
-def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
+def error_table(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
     """RMSE of each tracker in each class."""
-    names = [ALL, *classes(trackers, by)]
+    names = [ALL, *condition_names(trackers, by)]
     metrics = [[rmse(_scores(tracker, by, name), quantity) for tracker in trackers] for name in names]
     places = decimals([metric.value for row in metrics for metric in row if metric])
 
     def cell(metric: MetricValue | None) -> Cell:
         if metric is None or metric.value is None:
             return Cell(NOT_AVAILABLE, reason=_NOT_MET)
-        return estimate_cell(fixed(metric.value, places), metric.ci95, places)
+        return estimate_cell(rounded(metric.value, places), metric.ci95, places)
 
     columns = [Column(f"{name}, {UNIT[quantity]}", details=INTERVAL) for name in names]
     cells = [[cell(metric) for metric in column] for column in metrics]
@@ -144,16 +144,16 @@ def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Tab
     return _class_table(f"{quantity}-rmse-by-{by}", trackers, columns, cells, caption)
 
 
-def calibrations(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
+def calibration_table(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
     """Errors over what each tracker states, in each class."""
-    names = [ALL, *classes(trackers, by)]
+    names = [ALL, *condition_names(trackers, by)]
 
     def cell(scores: ConditionScores | None) -> Cell:
         item = None if scores is None else calibration(scores, quantity)
         if item is None:
             return Cell(NOT_AVAILABLE, reason=_NOT_MET if scores is None else "the tracker gives no covariance")
         places = decimals([item.ratio], 2)
-        return estimate_cell(fixed(item.ratio, places), item.ci95, places, item.verdict)
+        return estimate_cell(rounded(item.ratio, places), item.ci95, places, item.verdict)
 
     columns = [Column(name, details=VERDICT) for name in names]
     cells = [[cell(_scores(tracker, by, name)) for tracker in trackers] for name in names]
@@ -168,10 +168,10 @@ def _class_table(
     return Table.of_columns(name, [first, *zip(columns, cells, strict=True)], caption)
 
 
-def shares(tracker: TrackerResult, by: By) -> str:
+def condition_shares(tracker: TrackerResult, by: By) -> str:
     """How many of a tracker's estimates fall into each class, as a sentence."""
     total = 0 if tracker.breakdown is None else tracker.breakdown.all.count
-    parts = [f"{name} {_share(scores.count / total)}" for name, scores in conditions(tracker, by).items()]
+    parts = [f"{name} {_share(scores.count / total)}" for name, scores in scores_by_condition(tracker, by).items()]
     return f"Of the estimates of {tracker.name}: {', '.join(parts)}."
 
 
@@ -203,7 +203,7 @@ def _share(share: float) -> str:
 _UNJUDGED = Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judge it")
 
 
-def nees_by_condition(result: Result) -> Table | None:
+def condition_nees_table(result: Result) -> Table | None:
     """Mean NEES of each tracker under each condition that any was judged by; None where none was."""
     nees = [metric_of(tracker, "nees") for tracker in result.scored]
     judged = [{item.name: item for item in metric.conditions or ()} for metric in nees]
@@ -217,7 +217,7 @@ def nees_by_condition(result: Result) -> Table | None:
     return tracker_table("nees-by-condition", result.scored, columns, caption) if any(judged) else None
 
 
-def nees_parts(result: Result) -> Table | None:
+def nees_parts_table(result: Result) -> Table | None:
     """Share of the NEES beyond two points of chi-square, and the NEES along and across the motion, of each tracker;
     None where no tracker has enough estimates."""
     judged = [{item.name: item for item in metric_of(tracker, "nees").parts or ()} for tracker in result.scored]
@@ -239,4 +239,4 @@ def _part(part: PartVerdict | None) -> Cell:
     if part is None:
         return _UNJUDGED
     value, low, high = (each if part.name in DIRECTIONS else 100 * each for each in (part.value, *part.ci95))
-    return estimate_cell(fixed(value, 2), (low, high), 2, part.verdict)
+    return estimate_cell(rounded(value, 2), (low, high), 2, part.verdict)

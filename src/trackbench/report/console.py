@@ -11,7 +11,7 @@ from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE, fitting, hanging, print_hanging, print_table
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named_verdicts, what_is_off
 from trackbench.report.functions import function_tables
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, joined, short
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
@@ -81,9 +81,9 @@ def _track_cells(trackers: Sequence[TrackerResult], path: str, digits: int, fact
 
     def text(number: float | None) -> str:
         if path != "nees" or number is None:
-            return fixed(number, places)
+            return rounded(number, places)
         # In four letters at most.
-        return ">999" if number >= 999.5 else fixed(number, 1 if number < 99.95 else 0)
+        return ">999" if number >= 999.5 else rounded(number, 1 if number < 99.95 else 0)
 
     return [Text(text(number)) for number in numbers]
 
@@ -181,7 +181,7 @@ def _unranked(result: Result, tracker: TrackerResult) -> tuple[Text, str]:
 def _errors_of(tracker: TrackerResult) -> str:
     """ "; position RMSE 0.123 m, velocity RMSE 1.23 m/s", as far as there are any."""
     errors = [
-        f"{path.replace('_rmse', ' RMSE')} {fixed(metric.value, decimals([metric.value]))} {metric.unit}"
+        f"{path.replace('_rmse', ' RMSE')} {rounded(metric.value, decimals([metric.value]))} {metric.unit}"
         for path in ("position_rmse", "velocity_rmse")
         if (metric := metric_of(tracker, path)).value is not None
     ]
@@ -278,7 +278,7 @@ def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
             if nees.verdict == word:
                 alone = nees.model_copy(update={"also": None})
                 said.setdefault(meaning(alone, tracker.breakdown), []).append(tracker.name)
-        lines += [f"{word}{f' ({joined(names)})' * (len(said) > 1)}: {text}" for text, names in said.items()]
+        lines += [f"{word}{f' ({joined_names(names)})' * (len(said) > 1)}: {text}" for text, names in said.items()]
     return lines
 
 

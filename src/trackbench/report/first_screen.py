@@ -28,18 +28,18 @@ from trackbench.report import tables
 from trackbench.report.association import against_oracle
 from trackbench.report.figures.map import map_of_run, map_of_tracks
 from trackbench.report.moments import diverged_elsewhere
-from trackbench.report.numbers import decimals, fixed, reach
+from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.sentences import (
     divergence,
     expectations_met,
     listed_of,
     other_switch_costs,
+    tracker_verdict,
     value_and_limit,
-    verdict,
     verdict_on_tracks,
 )
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
-from trackbench.report.verdict import headline, next_step
+from trackbench.report.verdict import headline_sentence, next_step
 from trackbench.results import MetricValue, Result, TrackerResult
 
 
@@ -62,7 +62,7 @@ def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyl
 def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
     """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
     summary, missing = result.summary, result.unscored
-    yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
+    yield Paragraph(headline_sentence(result) if summary.truth.known else _NO_TRUTH, strong=True)
     outcomes = {item.outcome for item in summary.expectations}
     tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
     yield Status(expectations_met(summary.expectations), tone)
@@ -82,7 +82,7 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
         yield Section("Each tracker in a sentence", tuple(_standings(result)), folded=True)
     if missing:
         failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
-        numbers = tables.unranked(result)
+        numbers = tables.unranked_table(result)
         yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
 
 
@@ -103,7 +103,7 @@ def _standings(result: Result) -> Iterator[Block]:
 
     def item(tracker: TrackerResult) -> Item:
         if labelled:
-            sentence = verdict(tracker, result.summary.runs, result.summary.held_against.label)
+            sentence = tracker_verdict(tracker, result.summary.runs, result.summary.held_against.label)
             description = tracker.describe
         else:
             sentence = verdict_on_tracks(tracker)
@@ -144,9 +144,9 @@ def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:
     if value is None:
         return missing_cell(metric)
     if diverged:
-        return Cell(fixed(value, places), (diverged,), "bad", bar=(value, value, value))
-    spread = (reach(value, ci95, places),) if ci95 else ()
-    return Cell(fixed(value, places), spread, bar=(value, *(ci95 or (value, value))))
+        return Cell(rounded(value, places), (diverged,), "bad", bar=(value, value, value))
+    spread = (reach_text(value, ci95, places),) if ci95 else ()
+    return Cell(rounded(value, places), spread, bar=(value, *(ci95 or (value, value))))
 
 
 def _judged(nees: MetricValue) -> Cell:

@@ -7,16 +7,16 @@ from collections.abc import Iterator, Sequence
 from trackbench.document import Cell, Column, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
 from trackbench.report.figures.decisions import strip_of_decisions
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, short
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, rounded, short
 from trackbench.report.tables import (
     INTERVAL,
     TRACKER,
     TableColumn,
+    metric_cells,
     metric_of,
     text_table,
     tracker_table,
-    unit_of,
-    values,
+    unit_after_heading,
 )
 from trackbench.results import MetricValue, Result, TrackerResult
 
@@ -73,8 +73,10 @@ def _numbers(result: Result, label: str) -> Table:
 
     def cells(path: str) -> TableColumn:
         metric = metrics[path]
-        heading, scale = columns_of.get(path, (path.partition(".")[0].replace("_", " ") + unit_of(metric.unit), 1.0))
-        return Column(heading, metric.meaning, details=INTERVAL), values(trackers, path, scale=scale)
+        heading, scale = columns_of.get(
+            path, (path.partition(".")[0].replace("_", " ") + unit_after_heading(metric.unit), 1.0)
+        )
+        return Column(heading, metric.meaning, details=INTERVAL), metric_cells(trackers, path, scale=scale)
 
     delays = [(column, _details(trackers, f"warn_delay.{label}", name)) for name, column in _OF_DELAY.items()]
     mean, *others = map(cells, own)
@@ -98,7 +100,7 @@ def function_tables(result: Result) -> Iterator[Table]:
     stems = {stem for stem, *_ in _COLUMNS}
     single = [
         (
-            Column(f"{label} {stem.replace('_', ' ')}{unit_of(item.unit)}"),
+            Column(f"{label} {stem.replace('_', ' ')}{unit_after_heading(item.unit)}"),
             _in_short([metric_of(t, item.name) for t in trackers]),
         )
         for item in result.summary.score.metrics
@@ -123,17 +125,17 @@ def _details(trackers: Sequence[TrackerResult], path: str, name: str) -> list[Ce
     numbers = [getattr(metric_of(tracker, path), name) for tracker in trackers]
     places = decimals(numbers)
     missing = Cell(NOT_AVAILABLE, reason="there is no such delay")
-    return [missing if number is None else Cell(fixed(number, places)) for number in numbers]
+    return [missing if number is None else Cell(rounded(number, places)) for number in numbers]
 
 
 def _worst(events: Sequence[FunctionEvent], label: str) -> Table:
     columns = {
         TRACKER: lambda event: event.tracker,
         Column("run"): lambda event: str(event.run),
-        Column("time, s"): lambda event: fixed(event.time_s, 2),
+        Column("time, s"): lambda event: rounded(event.time_s, 2),
         Column("object", left=True): lambda event: event.object or "none",
         Column("what", left=True): lambda event: event.word,
-        Column("by, s"): lambda event: fixed(event.wrong_s, 2),
+        Column("by, s"): lambda event: rounded(event.wrong_s, 2),
     }
     caption = f"The worst events of all runs; trackbench inspect . --worst {label} lists more"
     return text_table(f"{label}-events", events, columns, caption)

@@ -12,7 +12,7 @@ from trackbench.document import Block, Cell, Code, Column, Paragraph, Section, T
 from trackbench.metrics.function_events import TrackEvent, events_of
 from trackbench.metrics.moments import EstimateMoment, worst
 from trackbench.metrics.recorded_run import load_recorded_run
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
 from trackbench.report.tables import TRACKER, text_table
 from trackbench.results import Result
 
@@ -38,12 +38,12 @@ def diverged_elsewhere(result: Result) -> str:
         f"{name} diverged in run {first}{f' and {len(more)} more' * bool(more)}"
         for name, (first, *more) in runs.items()
     ]
-    return f"Not shown: {joined(told)}." if told else ""
+    return f"Not shown: {joined_names(told)}." if told else ""
 
 
 def moment_text(moment: EstimateMoment) -> str:
     """Such as "3.18 m, v5 at 7.40 s"."""
-    return f"{fixed(moment.position_error_m, 2)} m, {moment.object} at {fixed(moment.time_s, 2)} s"
+    return f"{rounded(moment.position_error_m, 2)} m, {moment.object} at {rounded(moment.time_s, 2)} s"
 
 
 def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringed: Sequence[str]) -> Iterator[Section]:
@@ -67,7 +67,7 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
     every = list(moments.values())
     columns = [
         (TRACKER, [Cell(name, tracker=name) for name in moments]),
-        (Column("time, s"), [Cell(fixed(moment.time_s, 2)) for moment in every]),
+        (Column("time, s"), [Cell(rounded(moment.time_s, 2)) for moment in every]),
         (Column("vehicle", left=True), [Cell(moment.object) for moment in every]),
         (Column("position error, m"), _number_cells([moment.position_error_m for moment in every])),
         (Column("velocity error, m/s"), _number_cells([moment.velocity_error_mps for moment in every])),
@@ -80,7 +80,7 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
 def _number_cells(values: Sequence[float | None]) -> list[Cell]:
     places = decimals(values)
     missing = Cell(NOT_AVAILABLE, reason="the tracker does not give what this needs")
-    return [missing if value is None else Cell(fixed(value, places)) for value in values]
+    return [missing if value is None else Cell(rounded(value, places)) for value in values]
 
 
 #: Events of each tracker that are listed.
@@ -108,10 +108,10 @@ def events_section(result: Result) -> Iterator[Section]:
     columns: dict[Column, Callable[[tuple[str, TrackEvent]], str]] = {
         TRACKER: lambda row: row[0],
         Column("event", left=True): lambda row: row[1].kind,
-        Column("time, s"): lambda row: fixed(row[1].time_s, 2),
+        Column("time, s"): lambda row: rounded(row[1].time_s, 2),
         Column("vehicle", left=True): lambda row: row[1].object or "none",
         Column("track"): lambda row: "none" if row[1].track is None else str(row[1].track),
-        Column("cost, m²"): lambda row: fixed(row[1].cost_m2, 1),
+        Column("cost, m²"): lambda row: rounded(row[1].cost_m2, 1),
         Column("why", left=True): lambda row: row[1].reason,
     }
     table = text_table("costliest-events", rows, columns)

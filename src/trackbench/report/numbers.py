@@ -33,7 +33,7 @@ def meaningful(value: float | None, bounds: Sequence[float] | None) -> int:
     return decimals([half], 1) if half else decimals([value])
 
 
-def fixed(value: float | None, places: int) -> str:
+def rounded(value: float | None, places: int) -> str:
     """``value`` with so many decimals, with a true minus sign; "n/a" for None."""
     if value is None:
         return NOT_AVAILABLE
@@ -42,23 +42,25 @@ def fixed(value: float | None, places: int) -> str:
 
 
 def short(value: float | None, places: int) -> str:
-    """As :func:`fixed`, but "6.4e+06" from 10,000 on."""
-    return fixed(value, places) if value is None or abs(value) < 1e4 else f"{value:.1e}".replace("-", "\N{MINUS SIGN}")
+    """As :func:`rounded`, but "6.4e+06" from 10,000 on."""
+    return (
+        rounded(value, places) if value is None or abs(value) < 1e4 else f"{value:.1e}".replace("-", "\N{MINUS SIGN}")
+    )
 
 
-def interval(bounds: Sequence[float] | None, places: int) -> str:
+def interval_text(bounds: Sequence[float] | None, places: int) -> str:
     """ "0.41 to 0.43", or nothing where there is no interval."""
     return f"{short(bounds[0], places)} to {short(bounds[1], places)}" if bounds else ""
 
 
-def reach(value: float | None, bounds: Sequence[float] | None, places: int) -> str:
+def reach_text(value: float | None, bounds: Sequence[float] | None, places: int) -> str:
     """ "±0.006", or "0.10 to 0.13" where one half of the interval is longer than the other by more than
     ``UNSYMMETRIC``; nothing where there is no interval."""
     if value is None or not bounds:
         return ""
     halves = value - bounds[0], bounds[1] - value
     if max(halves) > (1.0 + UNSYMMETRIC) * min(halves):
-        return interval(bounds, places)
+        return interval_text(bounds, places)
     return f"±{short(half_width(bounds), places)}"
 
 
@@ -72,31 +74,31 @@ def intervals_in_short(metrics: Sequence[MetricValue], places: int, scale: float
     least = decimals([max(shorter, default=None)], 1)
     written = []
     for value, ends in scaled:
-        half = reach(value, ends, places)
+        half = reach_text(value, ends, places)
         if ends and half[:1] not in ("±", ""):
-            half = reach(value, ends, min(places, max(least, decimals([ends[0]], 1)))).replace(" to ", "-")
+            half = reach_text(value, ends, min(places, max(least, decimals([ends[0]], 1)))).replace(" to ", "-")
         written.append(half)
     return written
 
 
 def in_brackets(bounds: Sequence[float] | None, places: int, of: str = "") -> str:
     """ " (95 % interval 0.41 to 0.43 m)" of what is in metres; nothing where there is none or it has no width."""
-    if bounds is None or fixed(bounds[0], places) == fixed(bounds[1], places):
+    if bounds is None or rounded(bounds[0], places) == rounded(bounds[1], places):
         return ""
-    return f" (95 % interval{of} {interval(bounds, places)} m)"
+    return f" (95 % interval{of} {interval_text(bounds, places)} m)"
 
 
 def signed(value: float, places: int) -> str:
     """With a plus sign where it is positive."""
-    return ("+" if value > 0 else "") + fixed(value, places)
+    return ("+" if value > 0 else "") + rounded(value, places)
 
 
 def percent(share: float | None, places: int = 0) -> str:
     """A share as "95 %"."""
-    return NOT_AVAILABLE if share is None else f"{fixed(100 * share, places)}\N{NO-BREAK SPACE}%"
+    return NOT_AVAILABLE if share is None else f"{rounded(100 * share, places)}\N{NO-BREAK SPACE}%"
 
 
-def joined(names: Sequence[str]) -> str:
+def joined_names(names: Sequence[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 

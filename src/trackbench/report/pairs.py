@@ -28,10 +28,10 @@ def groups_of(names: Sequence[str], differ: Callable[[str, str], bool]) -> list[
     return sorted(groups, key=lambda g: sorted(names.index(name) for name in g))
 
 
-def letter(number: int) -> str:
+def group_letter(number: int) -> str:
     """ "a" to "z", then "aa", "ab" and so on, of the groups from 0 on."""
     before, last = divmod(number, len(ascii_lowercase))
-    return (letter(before - 1) if before else "") + ascii_lowercase[last]
+    return (group_letter(before - 1) if before else "") + ascii_lowercase[last]
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
     """
     sets = groups_of(names, pairs.differ)
     gap = " " if len(sets) > len(ascii_lowercase) else ""
-    return {name: gap.join(letter(i) for i, g in enumerate(sets) if name in g) for name in names}
+    return {name: gap.join(group_letter(i) for i, g in enumerate(sets) if name in g) for name in names}
 
 
 @dataclass(frozen=True)

@@ -19,21 +19,21 @@ from trackbench.report.calibration import (
     QUANTITIES,
     TITLE,
     after_jumps,
-    calibrations,
-    classes,
-    errors,
-    nees_by_condition,
-    nees_parts,
-    shares,
+    calibration_table,
+    condition_names,
+    condition_nees_table,
+    condition_shares,
+    error_table,
+    nees_parts_table,
 )
 from trackbench.report.figures.accuracy import cost_against_accuracy, error_over_time, errors_by_class, spread
-from trackbench.report.figures.map import mapped
+from trackbench.report.figures.map import styles_with_map
 from trackbench.report.figures.over_time import autocorrelation, modes_over_time, nees_over_time, nis_over_time
 from trackbench.report.figures.tracks import existence_calibration, gospa_over_time, strip_chart
 from trackbench.report.first_screen import competing, first_screen, picture
 from trackbench.report.functions import functions_section
 from trackbench.report.moments import events_section, moments_section, worst_moments
-from trackbench.report.numbers import joined, margin_words, percent
+from trackbench.report.numbers import joined_names, margin_words, percent
 from trackbench.report.pairs import Pairs, standing
 from trackbench.report.scenes import ONE_RUN, basis_of_intervals, scenes, values_of_few_scenes, without_interval
 from trackbench.report.sentences import (
@@ -59,18 +59,18 @@ def breakdown_section(result: Result, styles: Mapping[str, TrackerStyle]) -> Ite
     if not trackers:
         return
     # Where the first second is not scored, there is nothing to break down by age.
-    ways = [by for by in BY if by != "age" or len(classes(trackers, by)) > 1]
+    ways = [by for by in BY if by != "age" or len(condition_names(trackers, by)) > 1]
     drawn = [tracker for tracker in result.drawn if tracker.breakdown is not None]
     figures = [errors_by_class(drawn, styles, by, quantity) for quantity in QUANTITIES for by in ways]
     calibration: list[Section] = []
     numbers: list[Section] = []
     for by in ways:
         explained = [Paragraph(_CALIBRATION)] if by == BY[0] else []
-        row = Row(tuple(calibrations(trackers, by, quantity) for quantity in QUANTITIES))
+        row = Row(tuple(calibration_table(trackers, by, quantity) for quantity in QUANTITIES))
         calibration.append(Section(f"Calibration by {TITLE[by]}", (*explained, row), folded=by != BY[0]))
         blocks: tuple[Block, ...] = (
-            Paragraph(shares(trackers[0], by)),
-            *(errors(trackers, by, quantity) for quantity in QUANTITIES),
+            Paragraph(condition_shares(trackers[0], by)),
+            *(error_table(trackers, by, quantity) for quantity in QUANTITIES),
         )
         numbers.append(Section(f"Errors by {TITLE[by]} in numbers", blocks, folded=True))
     row = Row(tuple(figure for figure in figures if figure))
@@ -120,7 +120,7 @@ def _sections(
     if not summary.truth.known:
         for title, (note, paths) in _WITHOUT_TRUTH.items():
             yield Section(title, (Paragraph(note), tables.table_without_truth(title, scored, paths)))
-        missing = ", ".join(map(tables.in_words, TRACK_METRICS))
+        missing = ", ".join(map(tables.metric_in_words, TRACK_METRICS))
         yield Section("What cannot be told", (Paragraph(f"Not without a truth: {missing}."),))
         return
     labelled = summary.identities == "known"
@@ -199,7 +199,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
         other_costs = Section(
             "At half and at twice the cost of a switch", (Paragraph(other_switch_costs(result)), table)
         )
-        return Section("Ranking", (Paragraph(note), tables.ranking(result), *folded, other_costs))
+        return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *folded, other_costs))
     note = (
         f"By position RMSE. {shown}. {basis}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
@@ -210,7 +210,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
     remarks = [Paragraph(". ".join(sentences) + ".")] if sentences else []
     more = Section(title, (tables.axes_and_reference(result),), folded=True)
     own = [] if others is None else [Section("Other metrics", (others,))]
-    return Section("Ranking", (Paragraph(note), tables.ranking(result), *remarks, *folded, *own, more))
+    return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *remarks, *folded, *own, more))
 
 
 _ORACLES = f" A reference knows which detection is whose: it is no competitor; {FALSE_OF_REFERENCE}."
@@ -280,7 +280,7 @@ def _accuracy(
         spread(steps, shown, reference.label),
     ]
     yield from _figures("Accuracy", figures)
-    ringed = [style.name for style in mapped(competing(result, shown))]
+    ringed = [style.name for style in styles_with_map(competing(result, shown))]
     yield from moments_section(result, moments, ringed)
 
 
@@ -291,7 +291,7 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
         *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
         *(autocorrelation(result.tables.autocorrelation, sensor, shown, number) for number, sensor in sensors),
     ]
-    numbers = (nees_by_condition(result), nees_parts(result), *tables.innovations(result))
+    numbers = (condition_nees_table(result), nees_parts_table(result), *tables.innovation_tables(result))
     yield from _figures("Consistency", figures, numbers, _VERDICTS)
 
 
@@ -318,7 +318,7 @@ def _figures(
 
 def _expectations(result: Result) -> Iterator[Block]:
     """What was expected, and what it is held against."""
-    yield tables.expectations(result)
+    yield tables.expectation_table(result)
     if any(item.operator in ("below", "above") for item in result.summary.expectations):
         yield Paragraph(
             "“Below” and “above” hold the value against the limit, not its interval; “better than” is tested."
@@ -330,7 +330,7 @@ def _truth_and_sensors(result: Result) -> Iterator[Block]:
         yield from map(Paragraph, audit_sentences(result.summary.truth))
     if shares_of_jumps := after_jumps(result.scored):
         yield Paragraph(shares_of_jumps)
-    yield tables.sensors(result)
+    yield tables.sensor_table(result)
     yield from map(Paragraph, sensor_words.effects_with_options(result.summary.sensors))
 
 
@@ -342,7 +342,9 @@ def _reproduction(result: Result) -> Iterator[Block]:
     engines = dict.fromkeys(tracker.engine for tracker in summary.trackers if tracker.engine is not None)
     by_engine = {name: [tracker.name for tracker in summary.trackers if tracker.engine == name] for name in engines}
     if len(by_engine) > 1:
-        yield Paragraph(" ".join(f"Computed by {engine}: {joined(names)}." for engine, names in by_engine.items()))
+        yield Paragraph(
+            " ".join(f"Computed by {engine}: {joined_names(names)}." for engine, names in by_engine.items())
+        )
     yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
     if made := provenance(result):
         yield Section("Provenance", (Items(tuple(Item(text, label) for label, text in made)),))

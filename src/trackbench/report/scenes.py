@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
 from trackbench.results import Result
 from trackbench.results.scenario_summary import SceneSummary
 
@@ -57,7 +57,9 @@ def values_of_few_scenes(result: Result) -> list[str]:
     places = decimals([value for scene in every for value in scene.error.values()], 3)
     lines = [f"no ± with fewer than {FEWEST_SCENES} scenes; {result.summary.headline_name} of each scene, m:"]
     for tracker in result.scored:
-        lines.append(f"  {tracker.name}: {', '.join(fixed(scene.error.get(tracker.name), places) for scene in every)}")
+        lines.append(
+            f"  {tracker.name}: {', '.join(rounded(scene.error.get(tracker.name), places) for scene in every)}"
+        )
     return lines
 
 
@@ -70,7 +72,7 @@ def without_interval(result: Result) -> list[str]:
             if metric.value is not None and (metric.reason or "").startswith(UNCALIBRATED):
                 paths.setdefault(metric.reason or "", {})[path] = None
     paths.pop(TOO_FEW_SCENES, None)
-    return [f"{reason}: {joined([*own])}" for reason, own in paths.items()]
+    return [f"{reason}: {joined_names([*own])}" for reason, own in paths.items()]
 
 
 def scenes(result: Result) -> Iterator[Block]:
@@ -81,7 +83,7 @@ def scenes(result: Result) -> Iterator[Block]:
     shares = [f"{t.name} {percent(t.scene_share)}" for t in result.scored if t.scene_share is not None]
     variance = (
         f"How much of the variance of one run's squared {summary.headline_name} is between scenes, and not "
-        f"noise within one: {joined(shares)}. The intervals of this page take the scenes for what is independent."
+        f"noise within one: {joined_names(shares)}. The intervals of this page take the scenes for what is independent."
     )
     untold = "With one run in each scene, what the scene does to the error cannot be told from what the noise does."
     yield Paragraph(variance if shares else untold)
@@ -91,7 +93,7 @@ def scenes(result: Result) -> Iterator[Block]:
     if turned:
         each = [f"{scene.name} ({_first(scene, contenders)})" for scene in turned]
         where = f"In {len(turned)} of {total} scenes another tracker is ahead of {best} by more than the margin"
-        yield Paragraph(f"{where}: {joined(each)}.")
+        yield Paragraph(f"{where}: {joined_names(each)}.")
     else:
         yield Paragraph(f"No tracker is ahead of {best} by more than the margin in any of the {total} scenes.")
     yield _scene_table(result, contenders)
@@ -119,7 +121,7 @@ def _scene_table(result: Result, contenders: Sequence[str]) -> Table:
     def cell(scene: SceneSummary, name: str) -> Cell:
         if name not in scene.error:
             return Cell(NOT_AVAILABLE, reason="no estimate in this scene")
-        return Cell(fixed(scene.error[name], places), strong=name == _first(scene, contenders))
+        return Cell(rounded(scene.error[name], places), strong=name == _first(scene, contenders))
 
     columns = [
         (Column("scene", left=True), [Cell(scene.name) for scene in every]),

@@ -9,7 +9,7 @@ from trackbench.base.errors import counted
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.metrics.verdicts import mean_text, meaning, what_is_off
 from trackbench.report.calibration import calibration_clauses
-from trackbench.report.numbers import decimals, fixed, interval, joined, percent
+from trackbench.report.numbers import decimals, interval_text, joined_names, percent, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import value_text
@@ -80,11 +80,11 @@ def duration(result: Result) -> str:
     length, score = result.summary.truth.duration_s, result.summary.score
     period = max((1 / sensor.rate_hz for sensor in result.summary.sensors.values() if sensor.rate_hz), default=0.0)
     whole = score.from_s <= period and length - score.to_s <= period
-    part = "" if whole else f" ({fixed(score.from_s, 1)} to {fixed(score.to_s, 1)} s scored)"
-    return f"{fixed(length, 1)} s{part}"
+    part = "" if whole else f" ({rounded(score.from_s, 1)} to {rounded(score.to_s, 1)} s scored)"
+    return f"{rounded(length, 1)} s{part}"
 
 
-def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
+def tracker_verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     """One sentence on a tracker's accuracy, consistency and health, without its name.
 
     For example "0.412 m position RMSE, 1.38 times the reference; mixed: the errors are larger or smaller than its
@@ -93,8 +93,8 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     """
     rmse, nees, health = tracker.position_rmse.value, tracker.metrics.get("nees"), tracker.health
     ratio = _value(tracker, "position_over_reference")
-    times = "" if ratio is None else f", {fixed(ratio, 2)} times the {reference}"
-    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{times}"]
+    times = "" if ratio is None else f", {rounded(ratio, 2)} times the {reference}"
+    parts = [f"{rounded(rmse, decimals([rmse]))} m position RMSE{times}"]
     if nees is None or nees.mean is None or nees.verdict is None:
         parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
     else:
@@ -130,7 +130,7 @@ def verdict_on_tracks(tracker: TrackerResult) -> str:
     consistent, 95 % interval 4.2 to 5.7), 93.1 % within the 95 % bound".
     """
     tgospa = _value(tracker, "tgospa") or 0.0
-    parts = [f"T-GOSPA {fixed(tgospa, decimals([tgospa]))} m{_parts_of_tgospa(tracker)}"]
+    parts = [f"T-GOSPA {rounded(tgospa, decimals([tgospa]))} m{_parts_of_tgospa(tracker)}"]
     if (share := _value(tracker, "matched_share")) is not None:
         parts.append(f"tracks {percent(share, 1)} of what is due")
     if (rate := _value(tracker, "id_switches")) is not None:
@@ -139,8 +139,8 @@ def verdict_on_tracks(tracker: TrackerResult) -> str:
         parts.append(f"{_rate(rate)} tracks a minute that never are on an object")
     if (nees := _value(tracker, "nees")) is not None:
         ci95, inside = tracker.metrics["nees"].ci95, _value(tracker, "nees_inside")
-        bounds = f", 95 % interval {interval(ci95, 1)}" if ci95 else ""
-        mean = f"NEES of matched tracks {fixed(nees, 1)} (4 when consistent{bounds})"
+        bounds = f", 95 % interval {interval_text(ci95, 1)}" if ci95 else ""
+        mean = f"NEES of matched tracks {rounded(nees, 1)} (4 when consistent{bounds})"
         parts.append(f"{mean}, {percent(inside, 1)} within the 95 % bound")
     if tracker.health.reused_ids:
         parts.append(f"identities used again {counted(tracker.health.reused_ids, 'time')}")
@@ -160,7 +160,7 @@ def _parts_of_tgospa(tracker: TrackerResult) -> str:
 
 
 def _rate(value: float) -> str:
-    return fixed(value, 1) if value >= 0.05 or not value else f"{value:.1g}"
+    return rounded(value, 1) if value >= 0.05 or not value else f"{value:.1g}"
 
 
 def _value(tracker: TrackerResult, path: str) -> float | None:
@@ -188,7 +188,7 @@ def reused_identities(result: Result) -> str:
 def drawing_random(result: Result) -> str:
     """Which trackers draw random numbers, and what follows; empty where none does."""
     names = [tracker.name for tracker in result.scored if tracker.random]
-    return f"{joined(names)}: random = True, so not asked again in another batch" if names else ""
+    return f"{joined_names(names)}: random = True, so not asked again in another batch" if names else ""
 
 
 def made_elsewhere(result: Result) -> list[str]:
@@ -196,7 +196,7 @@ def made_elsewhere(result: Result) -> list[str]:
     trackers = [tracker for tracker in result.scored if tracker.offline]
     if not trackers:
         return []
-    names = joined([tracker.name for tracker in trackers])
+    names = joined_names([tracker.name for tracker in trackers])
     sentences = [f"{names}: offline, made elsewhere: nothing shows that they did not see the future"]
     for tracker in trackers:
         if not tracker.paired:
@@ -241,7 +241,7 @@ def contradicted_starts(result: Result) -> list[str]:
         assert first is not None
         typical, fitting = (float(f"{first.typical_mps / factor:.2g}") for factor in (1.0, 2**0.5))
         sentences.append(
-            f"{joined(stating)}: initial.velocity_sigma_mps is {sigma:g}, but the first positions say some "
+            f"{joined_names(stating)}: initial.velocity_sigma_mps is {sigma:g}, but the first positions say some "
             f"{typical:g} m/s in most tracks; {fitting:g} would fit"
         )
     return sentences
@@ -278,7 +278,7 @@ def missing_estimates(result: Result) -> list[str]:
     turned = Pairs(result).turned([tracker.name for tracker in result.contenders])
     for name, others in turned.items():
         sentences.append(
-            f"{name} is not called better than {joined(others)}: its errors are smaller only with what is charged"
+            f"{name} is not called better than {joined_names(others)}: its errors are smaller only with what is charged"
         )
     return sentences
 
@@ -296,7 +296,7 @@ def charged(metric: MetricValue, error: str) -> str:
     """What is charged for missing estimates, where that is much of an error; else empty."""
     if metric.charged_share is None or metric.charged_share <= MOST_CHARGED:
         return ""
-    without = f"{fixed(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
+    without = f"{rounded(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
     return (
         f"{percent(metric.charged_share)} of its squared {error} is charged for missing estimates ({without} without)"
     )

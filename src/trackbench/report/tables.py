@@ -12,7 +12,16 @@ from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_verdict, only_where
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, short, signed
+from trackbench.report.numbers import (
+    NOT_AVAILABLE,
+    decimals,
+    half_width,
+    interval_text,
+    percent,
+    rounded,
+    short,
+    signed,
+)
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
 
@@ -42,7 +51,7 @@ _Row = TypeVar("_Row")
 OUTCOME_TONE: dict[str, Tone] = {"passed": "good", "undecided": "warn", "failed": "bad"}
 
 
-def names(trackers: Sequence[TrackerResult]) -> list[Cell]:
+def name_cells(trackers: Sequence[TrackerResult]) -> list[Cell]:
     """Each tracker's name, whether it is no competitor, and whether it draws random numbers."""
     return [Cell(t.name, t.marks, tracker=t.name) for t in trackers]
 
@@ -58,7 +67,7 @@ def tone_of(metric: MetricValue, word: str | None = None) -> Tone:
     return "bad" if above else TONE[word or metric.verdict or ""]
 
 
-def values(trackers: Sequence[TrackerResult], path: str, significant: int = 3, scale: float = 1.0) -> list[Cell]:
+def metric_cells(trackers: Sequence[TrackerResult], path: str, significant: int = 3, scale: float = 1.0) -> list[Cell]:
     """One metric down a column, with the same decimals for all; its verdict and interval are the small print."""
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals([None if m.value is None else scale * m.value for m in metrics], significant)
@@ -67,7 +76,7 @@ def values(trackers: Sequence[TrackerResult], path: str, significant: int = 3, s
 
 def estimate_cell(text: str, ci95: Sequence[float] | None, places: int, verdict: str | None = "") -> Cell:
     """A value, under it in small print its verdict, which gives the colour, and its interval."""
-    details = tuple(part for part in (verdict, interval(ci95, places)) if part)
+    details = tuple(part for part in (verdict, interval_text(ci95, places)) if part)
     return Cell(text, details, TONE.get((verdict or "").partition(",")[0], ""))
 
 
@@ -89,7 +98,7 @@ def tracker_table(
     name: str, trackers: Sequence[TrackerResult], columns: Sequence[TableColumn], caption: str = ""
 ) -> Table:
     """A table with the trackers' names before its columns."""
-    return Table.of_columns(name, [(TRACKER, names(trackers)), *columns], caption)
+    return Table.of_columns(name, [(TRACKER, name_cells(trackers)), *columns], caption)
 
 
 def text_table(
@@ -123,7 +132,7 @@ ACRONYMS = {
 }  # fmt: skip
 
 
-def in_words(path: str) -> str:
+def metric_in_words(path: str) -> str:
     """A metric of tracks: "T-GOSPA twice"."""
     return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
 
@@ -133,8 +142,8 @@ def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[s
     columns: list[TableColumn] = []
     for path in paths:
         metric = TRACK_METRICS[path]
-        heading = in_words(path) + unit_of(metric.unit)
-        columns.append((Column(heading, metric.meaning, details=INTERVAL), values(trackers, path)))
+        heading = metric_in_words(path) + unit_after_heading(metric.unit)
+        columns.append((Column(heading, metric.meaning, details=INTERVAL), metric_cells(trackers, path)))
     columns[1:1] = second
     return tracker_table(title.lower().replace(" ", "-"), trackers, columns)
 
@@ -144,16 +153,21 @@ def table_without_truth(title: str, trackers: Sequence[TrackerResult], paths: Se
     columns: list[TableColumn] = []
     for path in paths:
         metric = DETECTION_METRICS[path]
-        columns.append((Column(in_words(path) + unit_of(metric.unit), metric.meaning), values(trackers, path)))
+        columns.append(
+            (
+                Column(metric_in_words(path) + unit_after_heading(metric.unit), metric.meaning),
+                metric_cells(trackers, path),
+            )
+        )
     return tracker_table(title.lower().replace(" ", "_").replace("'", ""), trackers, columns)
 
 
-def unit_of(unit: str) -> str:
+def unit_after_heading(unit: str) -> str:
     """A unit as it stands after a heading."""
     return f", {unit}" if unit != "1" else ""
 
 
-def ranking(result: Result) -> Table:
+def ranking_table(result: Result) -> Table:
     """Every scored tracker, best first, with intervals and which differences were shown."""
     trackers, shown = result.scored, standing(result)
     differing = Column(shown.heading, shown.meaning, left=True), list(map(Cell, shown.cells))
@@ -162,11 +176,17 @@ def ranking(result: Result) -> Table:
     order = [tracker.name for tracker in result.contenders]
     ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
     position, *others = _errors(result, trackers)
-    columns = [(Column("#", "rank by position RMSE"), ranks), (TRACKER, names(trackers)), position, differing, *others]
+    columns = [
+        (Column("#", "rank by position RMSE"), ranks),
+        (TRACKER, name_cells(trackers)),
+        position,
+        differing,
+        *others,
+    ]
     return Table.of_columns("ranking", columns)
 
 
-def unranked(result: Result) -> Table | None:
+def unranked_table(result: Result) -> Table | None:
     """What the trackers that are not ranked have reached all the same; None if none has a value."""
     trackers = [tracker for tracker in result.unscored if metric_of(tracker, result.summary.headline).value is not None]
     known = result.summary.identities == "known"
@@ -182,25 +202,28 @@ def _errors(result: Result, trackers: Sequence[TrackerResult]) -> list[TableColu
     diverged = [_fault_count(tracker.health.diverged_runs) for tracker in trackers]
     repaired = [_fault_count(tracker.health.repaired_covariances) for tracker in trackers]
     return [
-        (Column("position RMSE, m", counted, details=INTERVAL), values(trackers, "position_rmse")),
-        (Column("velocity RMSE, m/s", counted, details=INTERVAL), values(trackers, "velocity_rmse")),
-        (Column("course RMSE, deg", counted, details=INTERVAL), values(trackers, "course_rmse")),
-        (Column("NEES, 4 expected", judged, details=VERDICT), values(trackers, "nees")),
+        (Column("position RMSE, m", counted, details=INTERVAL), metric_cells(trackers, "position_rmse")),
+        (Column("velocity RMSE, m/s", counted, details=INTERVAL), metric_cells(trackers, "velocity_rmse")),
+        (Column("course RMSE, deg", counted, details=INTERVAL), metric_cells(trackers, "course_rmse")),
+        (Column("NEES, 4 expected", judged, details=VERDICT), metric_cells(trackers, "nees")),
         (
             Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
-            values(trackers, "position_over_reference"),
+            metric_cells(trackers, "position_over_reference"),
         ),
-        (Column("coverage, %", present), values(trackers, "coverage", scale=100)),
+        (Column("coverage, %", present), metric_cells(trackers, "coverage", scale=100)),
         (Column("diverged", f"of {result.summary.runs} runs"), diverged),
         (Column("repaired", "covariances made positive definite again"), repaired),
-        (Column("µs per step", "one predict and update of one run"), values(trackers, "step_time", significant=2)),
+        (
+            Column("µs per step", "one predict and update of one run"),
+            metric_cells(trackers, "step_time", significant=2),
+        ),
     ]
 
 
 def by_switch_costs(result: Result, costs: Mapping[str, str]) -> Table:
     """T-GOSPA where a switch costs half and twice as much. ``costs``: heading by path."""
     columns = [
-        (Column(f"T-GOSPA, {heading} a switch, m", details=INTERVAL), values(result.scored, path))
+        (Column(f"T-GOSPA, {heading} a switch, m", details=INTERVAL), metric_cells(result.scored, path))
         for path, heading in costs.items()
     ]
     return tracker_table("switch-costs", result.scored, columns)
@@ -230,7 +253,7 @@ def axes_and_reference(result: Result) -> Table:
         "velocity_reference": f"{label}, velocity, m/s",
         "velocity_over_reference": f"velocity RMSE over {label}",
     }
-    columns = [(Column(heading, details=INTERVAL), values(trackers, path)) for path, heading in paths.items()]
+    columns = [(Column(heading, details=INTERVAL), metric_cells(trackers, path)) for path, heading in paths.items()]
     return tracker_table("axes-and-reference", trackers, columns)
 
 
@@ -243,14 +266,16 @@ def other_metrics(result: Result) -> Table | None:
     for path, metric in (item for tracker in result.scored for item in tracker.metrics.items()):
         of_function = path.partition(".")[2] in functions
         if path not in shown and not of_function and not path.startswith(_SHOWN_GROUPS):
-            paths.setdefault(path, Column(path + unit_of(metric.unit), meanings.get(path, ""), details=VERDICT))
+            paths.setdefault(
+                path, Column(path + unit_after_heading(metric.unit), meanings.get(path, ""), details=VERDICT)
+            )
     if not paths:
         return None
-    columns = [(column, values(result.scored, path)) for path, column in paths.items()]
+    columns = [(column, metric_cells(result.scored, path)) for path, column in paths.items()]
     return tracker_table("other-metrics", result.scored, columns)
 
 
-def innovations(result: Result) -> list[Table]:
+def innovation_tables(result: Result) -> list[Table]:
     """NIS and whiteness of the innovations of each sensor, for each tracker that gives them."""
     tables = []
     taken_in = "share of the measurements of a known object with an innovation; a late scan that is dropped has none"
@@ -268,10 +293,10 @@ def innovations(result: Result) -> list[Table]:
         columns = [
             (
                 Column(f"NIS, {dofs} expected", "mean, verdict and 95 % interval", details=VERDICT),
-                values(trackers, path),
+                metric_cells(trackers, path),
             ),
             (below, inside),
-            (Column("lag-1 autocorrelation", white, details=VERDICT), values(trackers, f"whiteness.{sensor}")),
+            (Column("lag-1 autocorrelation", white, details=VERDICT), metric_cells(trackers, f"whiteness.{sensor}")),
         ]
         if any(metric.coverage is not None and metric.coverage < LEAST_COVERAGE for metric in nis):
             columns.insert(1, (Column("taken in, %", taken_in), [Cell(_percents(m.coverage)) for m in nis]))
@@ -290,7 +315,7 @@ def key_differences(result: Result) -> Table:
     to_next = [pairs.get(tracker.name, above.get(tracker.name, "")) for tracker in others]
     places = _places([*compared, *to_next])
     columns = [
-        (TRACKER, names(others)),
+        (TRACKER, name_cells(others)),
         (Column(f"minus {against}, m", details=VERDICT), [_difference(pair, places) for pair in compared]),
     ]
     if result.summary.score.against is None:
@@ -299,7 +324,7 @@ def key_differences(result: Result) -> Table:
     return Table.of_columns("differences", columns)
 
 
-def differences_of(result: Result, names: Sequence[str], other: str) -> list[Cell]:
+def difference_cells(result: Result, names: Sequence[str], other: str) -> list[Cell]:
     """Of some trackers minus another, by the metric that ranks."""
     pairs = Pairs(result)
     compared = [pairs.get(name, other) for name in names]
@@ -338,7 +363,7 @@ def _difference(pair: Pair | None, places: int) -> Cell:
     return estimate_cell(signed(pair.value, places), pair.ci95, places, pair.verdict)
 
 
-def expectations(result: Result) -> Table:
+def expectation_table(result: Result) -> Table:
     """What the scenario states should hold, and the values."""
     rows = [
         (Cell(item.outcome, tone=OUTCOME_TONE[item.outcome]), Cell(item.text), Cell(value_text(item.value)))
@@ -348,7 +373,7 @@ def expectations(result: Result) -> Table:
     return Table("expectations", columns, tuple(rows))
 
 
-def sensors(result: Result) -> Table:
+def sensor_table(result: Result) -> Table:
     """The sensors, and how often each detected."""
     table = result.summary.sensors
     sensors = list(table.values())
@@ -363,12 +388,15 @@ def sensors(result: Result) -> Table:
         ),
         (Column("kind", left=True), [Cell(sensor.kind) for sensor in sensors]),
         (Column("rate, Hz"), [Cell(f"{s.rate_hz:.4g}") if s.rate_hz is not None else single for s in sensors]),
-        (Column("noise", noise, left=True), [Cell(sensor_words.noise(sensor)) for sensor in sensors]),
+        (Column("noise", noise, left=True), [Cell(sensor_words.noise_in_words(sensor)) for sensor in sensors]),
         (
             Column("field of view, deg", "horizontal, centred on the boresight"),
             [Cell(f"{sensor.fov_deg:g}") for sensor in sensors],
         ),
-        (Column("range", "beyond it nothing is detected"), [Cell(sensor_words.reach(sensor)) for sensor in sensors]),
+        (
+            Column("range", "beyond it nothing is detected"),
+            [Cell(sensor_words.range_in_words(sensor)) for sensor in sensors],
+        ),
         (Column("mount", pose, left=True), [Cell(sensor_words.mount(sensor)) for sensor in sensors]),
     ]
     if result.summary.truth.known:
@@ -386,7 +414,7 @@ def value_text(value: float | str | None) -> str:
     """A value beside what was expected of it."""
     if value is None:
         return NOT_AVAILABLE
-    return fixed(value, decimals([value])) if isinstance(value, float) else str(value)
+    return rounded(value, decimals([value])) if isinstance(value, float) else str(value)
 
 
 def _percents(share: float | None, places: int = 0) -> str:

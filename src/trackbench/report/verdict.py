@@ -8,7 +8,7 @@ from itertools import combinations
 
 from trackbench.base.errors import counted
 from trackbench.metrics.function_events import function_labels
-from trackbench.report.numbers import decimals, fixed, in_brackets, joined, meaningful
+from trackbench.report.numbers import decimals, in_brackets, joined_names, meaningful, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.sentences import charged, divergence, expectations_met
 from trackbench.report.tables import metric_of
@@ -58,7 +58,7 @@ def next_step(result: Result) -> tuple[str, str]:
     return "to see the largest errors, in this folder", f"trackbench view .{' --worst' * summary.truth.known}"
 
 
-def headline(result: Result) -> str:
+def headline_sentence(result: Result) -> str:
     """Which tracker is the most accurate, by how much, and whether the difference was shown.
 
     One that knows the true origin of each detection is not held against the others.
@@ -73,7 +73,7 @@ def headline(result: Result) -> str:
     metric = result.contenders[0].metrics[summary.headline]
     places = _places(metric)
     bounds = in_brackets(metric.ci95, places)
-    value = fixed(metric.value, places)
+    value = rounded(metric.value, places)
     text = f"{names[0]} has the smallest {summary.headline_name}: {value} m{bounds}"
     if words := _diverged(result, MOST_DRAWN):
         text = f"{words}. {text}"
@@ -98,7 +98,7 @@ def headline(result: Result) -> str:
     gap = meaningful(second.value, second.ci95)
     bounds = in_brackets(second.ci95, gap)
     of_next = f"The {'RMSE' if labelled else summary.headline_name} of the next, {names[1]},"
-    return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
+    return f"{text}. {of_next} is {rounded(second.value, gap)} m larger{bounds}."
 
 
 def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
@@ -111,7 +111,7 @@ def _diverged(result: Result, most: int) -> str:
     told = [(t.name, words) for t in result.filtering if (words := divergence(t, result.summary.runs))]
     if len(told) > most:
         return f"{counted(len(told), 'tracker')} diverged in some runs"
-    return joined([" ".join(each) for each in told])
+    return joined_names([" ".join(each) for each in told])
 
 
 def _marked(result: Result, names: Sequence[str]) -> list[str]:
@@ -120,7 +120,7 @@ def _marked(result: Result, names: Sequence[str]) -> list[str]:
 
 
 def _some(names: Sequence[str], most: int = NAMED) -> str:
-    return joined(names) if len(names) <= most else counted(len(names), "tracker")
+    return joined_names(names) if len(names) <= most else counted(len(names), "tracker")
 
 
 def _best(result: Result) -> str:
@@ -151,11 +151,11 @@ def _best(result: Result) -> str:
     if open_ and alike and all(near) and {words[name] for name in open_} <= {"equivalent", "undecided"}:
         error = _error([result[name] for name in tied], summary.headline)
         how = f"equivalent {pairs.within(best, open_)}" if equivalent else "not shown to differ"
-        return f"{over}{joined(tied)} have the smallest {what}, {error}; {how}{here}"
+        return f"{over}{joined_names(tied)} have the smallest {what}, {error}; {how}{here}"
     names = _marked(result, open_ or [*words])
     every = "all" if equivalent or not open_ else "any of the"
     which = every if len(names) == len(words) else f"{len(names)} of the"
-    whom = joined(names) if len(names) <= NAMED else f"{which} {len(words)} others"
+    whom = joined_names(names) if len(names) <= NAMED else f"{which} {len(words)} others"
     shown = f"not shown better than {whom}" if open_ else f"shown better than {whom}"
     if equivalent:
         shown = f"equivalent to {whom} {pairs.within(best, open_)}"
@@ -166,7 +166,7 @@ def _error(trackers: list[TrackerResult], path: str) -> str:
     """ "0.07 m", or "0.07 to 0.09 m" of trackers that differ in what the interval of the best leaves a meaning."""
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = _places(metrics[0])
-    ends = dict.fromkeys(fixed(metric.value, places) for metric in (metrics[0], metrics[-1]))
+    ends = dict.fromkeys(rounded(metric.value, places) for metric in (metrics[0], metrics[-1]))
     return f"{' to '.join(ends)} m"
 
 
@@ -185,11 +185,11 @@ def _of_functions(result: Result) -> Iterator[str]:
         if label in expected and errors:
             names, values = zip(*_not_later(result, f"warn_error.{label}", errors), strict=True)
             of = "all trackers" if len(names) == len(contenders) > 1 else _some(names)
-            ends = dict.fromkeys(fixed(end, decimals(values[:1], 1)) for end in (values[0], values[-1]))
+            ends = dict.fromkeys(rounded(end, decimals(values[:1], 1)) for end in (values[0], values[-1]))
             unlike = ", not shown to differ" if values[0] < values[-1] else ""
             closest.setdefault((of, unlike), []).append(f"{' to '.join(ends)} s ({label})")
     if closest:
-        texts = [f"{of} {joined(delays)}{unlike}" for (of, unlike), delays in closest.items()]
+        texts = [f"{of} {joined_names(delays)}{unlike}" for (of, unlike), delays in closest.items()]
         yield f"smallest RMS delay: {', '.join(texts)}"
 
 

@@ -86,7 +86,7 @@ def mean(total: Array, count: Array) -> Array:
     return total / np.where(count > 0, count, np.nan)
 
 
-def columns(table: pa.Table) -> Columns:
+def table_columns(table: pa.Table) -> Columns:
     """All columns of a table."""
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
@@ -98,7 +98,7 @@ def split(table: pa.Table, *keys: str) -> dict[tuple[str, ...], Columns]:
     """
     if not table.num_rows:
         return {}
-    rows = columns(table)
+    rows = table_columns(table)
     time = rows["time_s"]
     code = np.zeros(len(time), dtype=np.int64)
     for key in keys:

@@ -135,7 +135,7 @@ log = logging.getLogger(__name__)
 UNFINISHED = ".unfinished"
 
 
-def to_json(summary: Mapping[str, Any]) -> str:
+def json_text(summary: Mapping[str, Any]) -> str:
     """The summary as JSON.
 
     Raises:

@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.errors import InputError, beside, counted, nearest
 from trackbench.base.files import read_json
 from trackbench.results.declared import SHARED
-from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
+from trackbench.results.folder import EXAMINATION, SUMMARY, json_text, save_files, write_file
 from trackbench.results.metric_value import ResultModel, data_frame, model_of, value_columns
 from trackbench.results.summary import READABLE, Summary
 from trackbench.results.tables import Tables
@@ -75,7 +75,7 @@ def difference_table(differences: Iterable[Difference]) -> pa.Table:
     return SHARED["differences"].written([record] if rows else [])
 
 
-def differences_of(table: pa.Table) -> list[Difference]:
+def differences_from_table(table: pa.Table) -> list[Difference]:
     """The rows of the table as differences."""
     differences = []
     for row in table.to_pylist():
@@ -139,7 +139,7 @@ class Result:
     @cached_property
     def differences(self) -> list[Difference]:
         """Those between the ranked trackers: every pair, or each with the one of ``summary.score.against``."""
-        return differences_of(self.tables.if_there("differences"))
+        return differences_from_table(self.tables.if_there("differences"))
 
     @cached_property
     def scored(self) -> list[TrackerResult]:
@@ -242,7 +242,7 @@ class Result:
         tables = {
             f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()
         }
-        return {SUMMARY: partial(write_file, to_json(self.json())), **tables}
+        return {SUMMARY: partial(write_file, json_text(self.json())), **tables}
 
     def updated(self, **fields: Any) -> Result:
         """The same result with other fields of its summary."""

@@ -8,12 +8,12 @@ from trackbench.base.config.key_units import in_words
 from trackbench.results.scenario_summary import SensorSummary
 
 
-def noise(sensor: SensorSummary) -> str:
+def noise_in_words(sensor: SensorSummary) -> str:
     """The standard deviation of each component, such as "range 0.3 m, azimuth 0.5 deg"."""
     return ", ".join(f"{name.replace('_', ' ')} {of.sigma:.4g} {of.unit}" for name, of in sensor.noise.items())
 
 
-def reach(sensor: SensorSummary) -> str:
+def range_in_words(sensor: SensorSummary) -> str:
     """The largest range, such as "150 m"."""
     return "no limit" if sensor.max_range_m is None else f"{sensor.max_range_m:g} m"
 

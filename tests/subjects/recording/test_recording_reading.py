@@ -20,7 +20,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.metrics.moments import worst
 from trackbench.metrics.recorded_run import load_recorded_run
-from trackbench.results import Result, to_json
+from trackbench.results import Result, json_text
 from trackbench.subjects.recording import chunks
 from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.data import TABLES, read
@@ -244,7 +244,7 @@ def test_a_folder_without_a_recording_is_read_from_its_tables(folder: Path, tmp_
 
 
 def test_what_is_found_is_also_json_without_a_value_that_is_no_number(folder: Path) -> None:
-    found = json.loads(to_json(inspect(folder, at=1.0, count=2).json()))
+    found = json.loads(json_text(inspect(folder, at=1.0, count=2).json()))
     assert [tracker["name"] for tracker in found["trackers"]] == ["raw", "ekf"]
     for tracker in found["trackers"]:
         assert set(tracker) == {"name", "describe", "failed", "metrics", "health"}

@@ -13,18 +13,28 @@ from trackbench.document.palette import Styles
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison import sentences
 from trackbench.report.comparison.figures import difference_figure
-from trackbench.report.comparison.sentences import against, best_of, in_percent, letter, name, of, places
+from trackbench.report.comparison.sentences import (
+    best_tracker,
+    difference_decimals,
+    difference_subject,
+    differences_from,
+    entrant_name,
+    in_percent,
+    set_letter,
+)
 from trackbench.report.numbers import half_width, short
-from trackbench.report.tables import unit_of
+from trackbench.report.tables import unit_after_heading
 
 TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
 
 
-def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> Iterator[Block]:
+def difference_blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> Iterator[Block]:
     """What became of the limits, the answer, the differences by metric, and the results."""
-    yield from sentences.answers(comparison)
+    yield from sentences.answer_blocks(comparison)
     for metric, items in comparison.by_metric():
-        yield Section(f"{metric}{unit_of(items[0].unit)}", tuple(_section(comparison, styles, metric, items)))
+        yield Section(
+            f"{metric}{unit_after_heading(items[0].unit)}", tuple(_section(comparison, styles, metric, items))
+        )
     yield Section("Results", tuple(_results(comparison, reports)))
     yield from reproduction(comparison)
 
@@ -32,15 +42,17 @@ def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -
 def _section(comparison: Comparison, styles: Styles, metric: str, items: Sequence[PairDifference]) -> Iterator[Block]:
     several = len(comparison.scenarios) > 1
     explained = Section("How it is judged", (Paragraph(_explanation(items, len(comparison.differences))),), folded=True)
-    best = best_of(comparison, items) if len(comparison.sets) == 1 else None
-    shown = against(best, items) if best else sorted(items, key=lambda item: item.identical)
+    best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
+    shown = differences_from(best, items) if best else sorted(items, key=lambda item: item.identical)
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
     else:
         yield _differences(comparison, metric, shown)
     if not all(item.identical for item in shown):
-        labels = [of(comparison, item) if best or len(comparison.sets) > 1 else _pair(item) for item in shown]
+        labels = [
+            difference_subject(comparison, item) if best or len(comparison.sets) > 1 else _pair(item) for item in shown
+        ]
         yield Row((difference_figure(metric, shown, labels, styles, best or ""),))
     if several or len(shown) < len(items):
         title = "Each difference" if several else "Each pair"
@@ -92,7 +104,7 @@ def _parts(runs: int, scenes: int, stretches: int) -> str:
 
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
     """Every difference of a metric."""
-    digits = places(items)
+    digits = difference_decimals(items)
 
     def with_reach(item: PairDifference) -> str:
         reach = "" if item.ci95 is None else f" ±{short(half_width(item.ci95), digits)}"
@@ -121,11 +133,11 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
 
 
 def _name_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
-    return Cell(name(comparison, item.entrant), tracker=item.entrant.tracker)
+    return Cell(entrant_name(comparison, item.entrant), tracker=item.entrant.tracker)
 
 
 def _against_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
-    return Cell(name(comparison, item.against, item.entrant))
+    return Cell(entrant_name(comparison, item.against, item.entrant))
 
 
 def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
@@ -159,7 +171,7 @@ def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference
 
     scenarios = dict.fromkeys(item.scenario for item in items)
     rows = tuple((Cell(scenario), *(cell(scenario, entrant) for entrant in entrants)) for scenario in scenarios)
-    columns = (Column("scenario", left=True), *(Column(name(comparison, entrant)) for entrant in entrants))
+    columns = (Column("scenario", left=True), *(Column(entrant_name(comparison, entrant)) for entrant in entrants))
     caption = "Change in percent; coloured where it is shown to be more than the margin"
     return Table(f"changes-{metric.replace('.', '-')}", columns, rows, caption)
 
@@ -172,18 +184,18 @@ def _results(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Blo
             tuple(
                 Item(
                     f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
-                    label=letter(result.set) if several else "",
+                    label=set_letter(result.set) if several else "",
                     detail=_how(result),
                 )
                 for result in comparison.scenarios[0].results
             )
         )
         return
-    yield Items(tuple(Item(label, label=letter(i)) for i, label in enumerate(comparison.sets)))
+    yield Items(tuple(Item(label, label=set_letter(i)) for i, label in enumerate(comparison.sets)))
     rows = [(scenario.name, result) for scenario in comparison.scenarios for result in scenario.results]
     columns = [
         (Column("scenario", left=True), [Cell(title, link=reports.get(result.label, "")) for title, result in rows]),
-        (Column("", left=True), [Cell(letter(result.set)) for _, result in rows]),
+        (Column("", left=True), [Cell(set_letter(result.set)) for _, result in rows]),
         (Column("runs"), [Cell(str(result.runs)) for _, result in rows]),
         (Column("seed"), [Cell(str(result.seed)) for _, result in rows]),
         (Column("compared", left=True), [Cell(_how(result)) for _, result in rows]),

@@ -13,10 +13,10 @@ from trackbench.document.files import files, files_by_ending
 from trackbench.document.palette import Styles, tracker_styles
 from trackbench.report.comparison import differences, ranking
 from trackbench.report.comparison.sentences import NAMES
-from trackbench.results import to_json
+from trackbench.results import json_text
 
 
-def document(
+def comparison_document(
     comparison: Comparison,
     *,
     reports: Mapping[str, str] | None = None,
@@ -53,9 +53,9 @@ _GroupText = tuple[str, tuple[Block, ...]]
 
 def _group_text(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
-        blocks = ranking.blocks(comparison, styles, reports, times=times)
+        blocks = ranking.ranking_blocks(comparison, styles, reports, times=times)
         return "Comparison of trackers", (*blocks, *differences.reproduction(comparison))
-    return f"Comparison{_over(comparison)}", tuple(differences.blocks(comparison, styles, reports))
+    return f"Comparison{_over(comparison)}", tuple(differences.difference_blocks(comparison, styles, reports))
 
 
 def _over(comparison: Comparison) -> str:
@@ -71,7 +71,7 @@ def _section(comparison: Comparison, part: _GroupText) -> Section:
 
 def _notes(comparison: Comparison) -> Iterator[Block]:
     """What a reader must know beside the numbers, and what could not be compared."""
-    notes = [*without_truth(comparison), *(note for group in comparison.groups for note in group.notes)]
+    notes = [*scenarios_without_truth(comparison), *(note for group in comparison.groups for note in group.notes)]
     missing = dict.fromkeys((item.metric, item.reason) for group in comparison.groups for item in group.not_compared)
     items = [Item(note) for note in notes]
     items += [Item(reason, label=f"{metric} not compared", tone="warn") for metric, reason in missing]
@@ -79,7 +79,7 @@ def _notes(comparison: Comparison) -> Iterator[Block]:
         yield Section("Notes", (Items(tuple(items)),))
 
 
-def without_truth(comparison: Comparison) -> Iterator[str]:
+def scenarios_without_truth(comparison: Comparison) -> Iterator[str]:
     """Which scenarios are not compared for want of a truth."""
     if comparison.without_truth:
         yield f"{', '.join(comparison.without_truth)} not compared: no truth"
@@ -95,19 +95,19 @@ def batch_files(comparison: Comparison, folder: Path) -> Iterator[tuple[Path, by
     """
     yield from comparison_files(comparison, folder / "comparison.html")
     yield from comparison_files(comparison, folder / "comparison.json")
-    for name, content in files(document(comparison), "markdown", "comparison"):
+    for name, content in files(comparison_document(comparison), "markdown", "comparison"):
         yield folder / name, content()
 
 
 def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path, bytes]]:
     """The file of a comparison in the format of its ending, and what belongs to it."""
     if path.suffix == ".json":
-        yield path, to_json(comparison.json()).encode()
+        yield path, json_text(comparison.json()).encode()
     elif path.suffix == ".html":
-        page = document(comparison, reports=_reports(comparison, path.parent), times=True)
+        page = comparison_document(comparison, reports=_reports(comparison, path.parent), times=True)
         yield from files_by_ending(page, path)
     else:
-        yield from files_by_ending(document(comparison), path)
+        yield from files_by_ending(comparison_document(comparison), path)
 
 
 def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:

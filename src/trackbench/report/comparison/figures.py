@@ -14,11 +14,11 @@ from trackbench.compare import Comparison, PairDifference
 from trackbench.compare.comparison import RankedTracker
 from trackbench.document import Figure, end_of_axis
 from trackbench.document.drawing import INK, MUTED, WIDTH
-from trackbench.document.margins import shortened, text_width
+from trackbench.document.margins import shortened_to_width, text_width
 from trackbench.document.palette import Styles
-from trackbench.report.numbers import fixed
+from trackbench.report.numbers import rounded
 from trackbench.report.pairs import groups_of
-from trackbench.report.tables import unit_of
+from trackbench.report.tables import unit_after_heading
 
 _ROW = 24.0
 #: Of a cell of the map, at least.
@@ -55,14 +55,14 @@ def reference_figure(comparison: Comparison) -> Figure:
             if np.isfinite(value):
                 shade = _DARKEST * min(1.0, np.log(max(1.0, value)) / np.log(darkest))
                 axes.add_patch(Rectangle((col - 0.48, row - 0.46), 0.96, 0.92, color=_MAP(shade)))
-                text = fixed(float(value), 2)
+                text = rounded(float(value), 2)
             else:
                 text = "" if cells[row][col] is None else "n/a"
             # A filled cell is light on a dark page too.
             ink = _ON_LIGHT if np.isfinite(value) else MUTED
             axes.text(col, row, text, ha="center", va="center", color=ink, fontsize=10)
         axes.set_xticks(range(len(names)), names)
-        axes.set_yticks(range(len(scenarios)), [shortened(scenario, beside) for scenario in scenarios])
+        axes.set_yticks(range(len(scenarios)), [shortened_to_width(scenario, beside) for scenario in scenarios])
         axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(scenarios) - 0.5, -0.5))
         axes.xaxis.tick_top()
         axes.tick_params(length=0)
@@ -95,7 +95,7 @@ def difference_figure(
         for label, item in zip(labels, items, strict=True)
         if not item.identical
     ]
-    unit = unit_of(items[0].unit)
+    unit = unit_after_heading(items[0].unit)
     end = end_of_axis(max(map(abs, ends)) for _, _, ends, _ in drawn)
     shown = [side for _, _, ends, _ in drawn for side in ends if abs(side) <= end]
     low, high = min(shown, default=-end), max(shown, default=end)
@@ -116,7 +116,7 @@ def difference_figure(
                     (high, "right", "{} \N{RIGHTWARDS ARROW}") if value > 0 else (low, "left", "\N{LEFTWARDS ARROW} {}")
                 )
                 axes.text(place, y - 0.1, arrow.format(f"{value:+.3g}"), ha=side, va="bottom", color=INK, fontsize=10)
-        axes.set_yticks(range(len(drawn)), [shortened(label, 0.45 * WIDTH) for label, *_ in drawn])
+        axes.set_yticks(range(len(drawn)), [shortened_to_width(label, 0.45 * WIDTH) for label, *_ in drawn])
         axes.set(xlim=(low, high), ylim=(len(drawn) - 0.4, -0.6))
         axes.grid(visible=False, axis="y")
 
@@ -136,7 +136,7 @@ def competitors(comparison: Comparison) -> list[RankedTracker]:
     return [item for item in comparison.ranking if not item.reference]
 
 
-def label(item: RankedTracker) -> str:
+def ranked_label(item: RankedTracker) -> str:
     """Its name, and whether it is a reference."""
     return f"{item.tracker} (reference)" if item.reference else item.tracker
 
@@ -159,13 +159,15 @@ def rank_figure(comparison: Comparison, styles: Styles) -> Figure:
             x, rows = last + 0.25 + 0.03 * last * (number + 1), [ranking.index(item) for item in group]
             axes.plot([x, x], [min(rows) - 0.2, max(rows) + 0.2], color=INK, linewidth=2.5)
             axes.plot([x] * len(rows), rows, color=INK, linestyle="none", marker="o", markersize=4.5)
-        names = [f"{shortened(label(item), 0.4 * WIDTH)}  {fixed(item.mean_rank, 2)}" for item in ranking]
+        names = [
+            f"{shortened_to_width(ranked_label(item), 0.4 * WIDTH)}  {rounded(item.mean_rank, 2)}" for item in ranking
+        ]
         axes.set_yticks(range(last), names)
         axes.set(xlim=(0.75, last + 0.5 + 0.03 * last * len(groups)), ylim=(last - 0.4, -0.6))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.grid(visible=False, axis="y")
 
-    means = ", ".join(f"{label(item)} {fixed(item.mean_rank, 2)}" for item in ranking)
+    means = ", ".join(f"{ranked_label(item)} {rounded(item.mean_rank, 2)}" for item in ranking)
     joined = "; ".join(" and ".join(item.tracker for item in group) for group in groups)
     return Figure(
         name="ranks",

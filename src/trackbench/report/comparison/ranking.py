@@ -13,9 +13,9 @@ from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Row
 from trackbench.document.palette import Styles
 from trackbench.metrics.verdicts import NAMED, mean_text, only_where, what_is_off
 from trackbench.report.comparison import worlds
-from trackbench.report.comparison.figures import label, rank_figure, reference_figure
+from trackbench.report.comparison.figures import rank_figure, ranked_label, reference_figure
 from trackbench.report.comparison.sentences import NAMES, compared, ranking_answer
-from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, fixed, interval, reach, short
+from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, interval_text, reach_text, rounded, short
 from trackbench.report.tables import tone_of
 
 _RANKED = (
@@ -44,7 +44,9 @@ _OF_TRACKS = {
 }
 
 
-def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> Iterator[Block]:
+def ranking_blocks(
+    comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool
+) -> Iterator[Block]:
     """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
     if answer := ranking_answer(comparison):
         yield Paragraph(answer, strong=True)
@@ -53,7 +55,7 @@ def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *
     how = Section("How it is ranked", (method,), folded=True)
     yield Section("Overall", (Row((rank_figure(comparison, styles),)), _overall(comparison), how))
     if comparison.worlds:
-        yield worlds.section(comparison)
+        yield worlds.worlds_section(comparison)
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
 
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:
@@ -107,8 +109,8 @@ def _overall(comparison: Comparison) -> Table:
     ranks = ["" if item.reference else str(i) for i, item in enumerate(items, 1)]
     names = [Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker) for item in items]
     texts = {
-        "mean rank": [fixed(item.mean_rank, 2) for item in items],
-        "95 % interval": [interval(item.ci95, 2) or NOT_AVAILABLE for item in items],
+        "mean rank": [rounded(item.mean_rank, 2) for item in items],
+        "95 % interval": [interval_text(item.ci95, 2) or NOT_AVAILABLE for item in items],
         "won": [str(item.won) for item in items],
         "lost": [str(item.lost) for item in items],
         "tied": [str(item.tied) for item in items],
@@ -135,7 +137,7 @@ def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric:
         own = [scores.get(item.tracker) for item in comparison.ranking]
         cells = (Cell("") if score is None else cell(score, places) for score in own)
         rows.append((Cell(scenario.name, link=links[scenario.name]), *cells))
-    columns = (Column("scenario", left=True), *(Column(label(item)) for item in comparison.ranking))
+    columns = (Column("scenario", left=True), *(Column(ranked_label(item)) for item in comparison.ranking))
     return Table(name, columns, tuple(rows))
 
 
@@ -146,7 +148,7 @@ def _plain(metric: str) -> _ToCell:
         value = score.metrics.get(metric)
         if value is None:
             return Cell("failed", tone="bad") if score.rank is None else Cell(NOT_AVAILABLE)
-        return Cell(short(value.value, places), tuple(filter(None, [reach(value.value, value.ci95, places)])))
+        return Cell(short(value.value, places), tuple(filter(None, [reach_text(value.value, value.ci95, places)])))
 
     return cell
 

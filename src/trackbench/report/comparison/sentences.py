@@ -11,7 +11,7 @@ from trackbench.document import Block, Item, Items, Paragraph, Section, Status
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison import worlds
 from trackbench.report.comparison.figures import competitors
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, joined, short, signed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, rounded, short, signed
 
 #: Outcomes of a limit by which a gate fails.
 FAILED = ("failed", "error")
@@ -23,12 +23,12 @@ _TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller":
 LISTED = 3
 
 
-def gates(comparison: Comparison, outcomes: Sequence[str]) -> tuple[Item, ...]:
+def gate_items(comparison: Comparison, outcomes: Sequence[str]) -> tuple[Item, ...]:
     """The limits with one of some outcomes."""
     place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
     return tuple(
         Item(
-            f"{place}{{1}}, {{0.metric}}: {{0.text}}".format(item, name(comparison, item.entrant)),
+            f"{place}{{1}}, {{0.metric}}: {{0.text}}".format(item, entrant_name(comparison, item.entrant)),
             label=item.outcome.upper(),
             tone="bad" if item.outcome in FAILED else "warn",
         )
@@ -44,21 +44,21 @@ def kept_limits(outcomes: Sequence[str], passed: bool) -> Status:
     return Status(words if passed else f"failed: {words}", "good" if passed else "bad")
 
 
-def answers(comparison: Comparison) -> Iterator[Block]:
+def answer_blocks(comparison: Comparison) -> Iterator[Block]:
     """Whether the gate failed, and for each metric who is best, or what has changed."""
     if comparison.gates:
         yield kept_limits([item.outcome for item in comparison.gates], comparison.passed)
-    if failed := gates(comparison, FAILED):
+    if failed := gate_items(comparison, FAILED):
         yield Items(failed)
     lost = _lost(comparison)
     for metric, items in comparison.by_metric():
-        best = best_of(comparison, items) if len(comparison.sets) == 1 else None
-        text = _best(best, against(best, items)) if best else _changes(comparison, items)
+        best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
+        text = _best(best, differences_from(best, items)) if best else _changes(comparison, items)
         yield Paragraph(f"{lost}By {NAMES.get(metric, metric)}: {text}", strong=True)
         lost = ""
     if lost:
         yield Paragraph(lost.strip(), strong=True)
-    if undecided := gates(comparison, ["undecided"]):
+    if undecided := gate_items(comparison, ["undecided"]):
         yield Section("Undecided limits", (Items(undecided),), folded=True)
 
 
@@ -66,13 +66,13 @@ def _lost(comparison: Comparison) -> str:
     """ "mine failed in B. ", of the trackers without a score, of which no difference tells."""
     parts = []
     for score in (score for score in comparison.scores if score.failure):
-        places = [letter(score.entrant.set)] if len(comparison.sets) > 1 else []
+        places = [set_letter(score.entrant.set)] if len(comparison.sets) > 1 else []
         places += [score.scenario] if len(comparison.scenarios) > 1 else []
         parts.append(f"{score.entrant.tracker} failed{' in ' * bool(places)}{', '.join(places)}")
-    return f"{', '.join(parts[:LISTED])}{more(parts)}. " if parts else ""
+    return f"{', '.join(parts[:LISTED])}{number_left_out(parts)}. " if parts else ""
 
 
-def best_of(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
+def best_tracker(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
     """The tracker with the best value of a metric, in the only scenario of one set; None where it has no direction.
 
     References are no competitors.
@@ -87,7 +87,7 @@ def best_of(comparison: Comparison, items: Sequence[PairDifference]) -> str | No
     return min(names, key=lambda name: sign * values[name])
 
 
-def against(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
+def differences_from(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
     """The other trackers held against this one, the nearest first."""
     turned = [item if item.against.tracker == best else _turned(item) for item in items]
     return sorted((item for item in turned if item.against.tracker == best), key=lambda item: abs(item.difference))
@@ -114,12 +114,12 @@ def _best(best: str, behind: Sequence[PairDifference]) -> str:
     word = words.get(following.verdict, "which of the two is better is undecided")
     end = "largest" if following.difference < 0 else "smallest"
     sentences = [
-        f"{best} has the {end}, {short(following.reference, places(behind))}{unit_after(following.unit)}.",
+        f"{best} has the {end}, {short(following.reference, difference_decimals(behind))}{unit_after(following.unit)}.",
         f"Next is {_changed(following.entrant.tracker, behind, following)}: {word}.",
     ]
     if worse := [item for item in others if item.verdict == "worse"]:
         listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
-        sentences.append(f"Shown to be worse: {listed}{more(worse)}.")
+        sentences.append(f"Shown to be worse: {listed}{number_left_out(worse)}.")
     return " ".join(sentences)
 
 
@@ -128,7 +128,9 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
     parts = []
     for verdict in sorted(VERDICTS, key=[*_TURNED, UNDECIDED, EQUIVALENT].index):
         own = sorted((item for item in items if item.verdict == verdict), key=lambda item: -abs(item.percent or 0.0))
-        listed = ", ".join(_changed(of(comparison, item), items, item) for item in own[:LISTED]) + more(own)
+        listed = ", ".join(
+            _changed(difference_subject(comparison, item), items, item) for item in own[:LISTED]
+        ) + number_left_out(own)
         if verdict == EQUIVALENT:
             same = sum(item.identical for item in own)
             number = "" if same == len(own) else f"{same} "
@@ -137,14 +139,14 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
     return f"{'; '.join(parts)}."
 
 
-def more(items: Sequence[object]) -> str:
+def number_left_out(items: Sequence[object]) -> str:
     """How many are left out of a list."""
     return f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
 
 
 def _changed(who: str, items: Sequence[PairDifference], item: PairDifference) -> str:
     """Such as "ekf_cv +0.0152 ±0.0068 m (+16 %)"."""
-    digits, half = places(items), half_width(item.ci95)
+    digits, half = difference_decimals(items), half_width(item.ci95)
     width = "" if half is None else f" ±{short(half, digits)}"
     sign = "+" if item.difference > 0 else ""
     share = "" if item.percent is None else f" ({in_percent(item.percent)} %)"
@@ -156,7 +158,7 @@ def unit_after(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def places(items: Sequence[PairDifference]) -> int:
+def difference_decimals(items: Sequence[PairDifference]) -> int:
     """Decimals that show the values to three digits and the smallest uncertainty to one."""
     widths = [half for item in items if not item.identical and (half := half_width(item.ci95)) is not None]
     return max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
@@ -169,22 +171,22 @@ def in_percent(value: float | None) -> str:
     return signed(value, 1 if abs(value) < 10 else 0)
 
 
-def of(comparison: Comparison, item: PairDifference) -> str:
+def difference_subject(comparison: Comparison, item: PairDifference) -> str:
     """What a difference is of: the tracker, and the scenario where there are several."""
     place = f" in {item.scenario}" if len(comparison.scenarios) > 1 else ""
-    return f"{name(comparison, item.entrant)}{place}"
+    return f"{entrant_name(comparison, item.entrant)}{place}"
 
 
-def name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:
+def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:
     """As short as tells two entrants apart."""
     if len(comparison.sets) == 1:
         return entrant.tracker
     if other is not None and entrant.tracker == other.tracker:
-        return letter(entrant.set)
-    return f"{entrant.tracker} {letter(entrant.set)}"
+        return set_letter(entrant.set)
+    return f"{entrant.tracker} {set_letter(entrant.set)}"
 
 
-def letter(number: int) -> str:
+def set_letter(number: int) -> str:
     """Of a set of results."""
     return chr(ord("A") + number) if number < 26 else str(number + 1)
 
@@ -197,9 +199,9 @@ def ranking_answer(comparison: Comparison) -> str:
     first, second = ranking[:2]
     lead = _lead_in_units(comparison, first.tracker, second.tracker)
     if first.mean_rank == second.mean_rank:
-        ahead = joined([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
-        return f"{ahead} share the best mean rank, {fixed(first.mean_rank, 2)}.{lead}"
-    ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
+        ahead = joined_names([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
+        return f"{ahead} share the best mean rank, {rounded(first.mean_rank, 2)}.{lead}"
+    ranks = f"{rounded(first.mean_rank, 2)} against {rounded(second.mean_rank, 2)} of {second.tracker}"
     return f"{first.tracker} has the best mean rank, {ranks}.{lead} {_certainty(comparison)}"
 
 
@@ -215,7 +217,7 @@ def _lead_in_units(comparison: Comparison, first: str, second: str) -> str:
         return ""
     differences = sorted(item.difference for item in own)
     least, most = (
-        f"{short(abs(value), places(own))} m {'larger' if value >= 0 else 'smaller'}"
+        f"{short(abs(value), difference_decimals(own))} m {'larger' if value >= 0 else 'smaller'}"
         for value in (differences[0], differences[-1])
     )
     worse, better = (sum(item.verdict == verdict for item in own) or "none" for verdict in ("worse", "better"))
@@ -234,7 +236,7 @@ def _certainty(comparison: Comparison) -> str:
     first = ranking[0].tracker
     rivals = [item for item in comparison.rank_differences if first in (item.a, item.b)]
     shown = "shown" if all(item.shown for item in rivals) else "not shown"
-    return f"That lead is {shown} (p = {fixed(max(item.p_value for item in rivals), 3)})."
+    return f"That lead is {shown} (p = {rounded(max(item.p_value for item in rivals), 3)})."
 
 
 def compared(comparison: Comparison) -> str:
@@ -243,9 +245,9 @@ def compared(comparison: Comparison) -> str:
     text = (
         f"{_shown(comparison)}{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
     )
-    if shared := [joined(names) for names in sets if len(names) > 1]:
+    if shared := [joined_names(names) for names in sets if len(names) > 1]:
         text += f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share theirs, and count as one"
-    return " ".join([*worlds.sentences(comparison), f"{text}."])
+    return " ".join([*worlds.order_sentences(comparison), f"{text}."])
 
 
 def _shown(comparison: Comparison) -> str:
@@ -259,7 +261,7 @@ def _shown(comparison: Comparison) -> str:
     worse = {name: others for name, others in better.items() if others}
     if not worse:
         return "No two trackers are shown to differ in mean rank. "
-    texts = {name: "every other" if len(of) == len(names) - 1 else joined(of) for name, of in worse.items()}
+    texts = {name: "every other" if len(of) == len(names) - 1 else joined_names(of) for name, of in worse.items()}
     if len(worse) == 1:
         ((name, text),) = texts.items()
         return f"Only {name} is shown to differ: it has a worse mean rank than {text}. "

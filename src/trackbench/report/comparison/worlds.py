@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import OrderInWorlds
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
-from trackbench.report.numbers import joined
+from trackbench.report.numbers import joined_names
 from trackbench.scenario.worlds import MEANING
 
 _METHOD = (
@@ -17,7 +17,7 @@ _METHOD = (
 _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "warn", "not shown": ""}
 
 
-def section(comparison: Comparison) -> Section:
+def worlds_section(comparison: Comparison) -> Section:
     """Every pair of contenders whose order is shown in some world, and the number of the others."""
     parts: list[Block] = []
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
@@ -42,7 +42,7 @@ def section(comparison: Comparison) -> Section:
     return Section("In which worlds does it hold?", (Items(items), Paragraph(_METHOD), *parts))
 
 
-def sentences(comparison: Comparison) -> Iterator[str]:
+def order_sentences(comparison: Comparison) -> Iterator[str]:
     """Of each scenario in several worlds: which tracker has the smallest error where, and where the best of the first
     world is ahead of its strongest rival: one that is ahead of it in some world, or else the first that is behind."""
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
@@ -64,7 +64,7 @@ def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
             if score.entrant.tracker in names and (value := score.value(comparison.ranked_by)) is not None
         }
         where.setdefault(min(values, key=values.__getitem__), []).append(world)
-    parts = [f"{name} in {joined(worlds)}" for name, worlds in where.items()]
+    parts = [f"{name} in {joined_names(worlds)}" for name, worlds in where.items()]
     return f"{scenario}: smallest error of {'; '.join(parts)}."
 
 
@@ -72,10 +72,10 @@ def _sentence(order: OrderInWorlds) -> str:
     ahead, behind, neither = (order.where(name) for name in (order.a, order.b, None))
     if not ahead and not behind:
         return f"Neither of {order.a} and {order.b} is shown to be better in any of these worlds."
-    where = f" ({joined(ahead)})" if ahead else ""
+    where = f" ({joined_names(ahead)})" if ahead else ""
     text = f"{order.a} is ahead of {order.b} in {len(ahead)} of {len(order.ahead)} worlds{where}"
     if behind:
-        text += f", behind in {joined(behind)}"
+        text += f", behind in {joined_names(behind)}"
     if neither:
-        text += f"; not shown in {joined(neither)}"
+        text += f"; not shown in {joined_names(neither)}"
     return f"{text}."

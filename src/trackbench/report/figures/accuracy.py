@@ -24,9 +24,9 @@ from trackbench.document.drawing import (
     panel_title,
     time_axis,
 )
-from trackbench.document.margins import fit_margins, shortened, text_width
+from trackbench.document.margins import fit_margins, shortened_to_width, text_width
 from trackbench.document.palette import tracker_figure
-from trackbench.report.calibration import TITLE, UNIT, By, Quantity, classes, conditions, rmse
+from trackbench.report.calibration import TITLE, UNIT, By, Quantity, condition_names, rmse, scores_by_condition
 from trackbench.report.figures.over_time import (
     Line,
     beyond_axis,
@@ -38,7 +38,7 @@ from trackbench.report.figures.over_time import (
     smooth_lines,
     styles_of,
 )
-from trackbench.report.numbers import joined
+from trackbench.report.numbers import joined_names
 from trackbench.report.tables import metric_of
 from trackbench.results import MetricValue, TrackerResult
 from trackbench.results.scenario_summary import ReferenceSummary
@@ -98,7 +98,7 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
     upper = [line._replace(value=high.get(line.style.key, line.value)) for line in drawn]
     cut, words = beyond_axis(rms_by_name(upper), "m")
     drawn = [line for line in drawn if line.style.name not in cut]
-    if above := joined([line.style.name for line in drawn if line.style.name in far]):
+    if above := joined_names([line.style.name for line in drawn if line.style.name in far]):
         words = "; ".join(filter(None, [words, f"{above}: RMSE beyond the axis, band on it"]))
     # One object in one run has no spread.
     if not drawn or all(key in high and np.array_equal(low[key], high[key], equal_nan=True) for key in low):
@@ -162,7 +162,9 @@ def _distinct(drawn: Sequence[Line]) -> list[list[Line]]:
 
 
 def _label(reference: ReferenceSummary, group: Sequence[Line], groups: int) -> str:
-    return reference.label if groups == 1 else f"{reference.label} of {joined([line.style.name for line in group])}"
+    return (
+        reference.label if groups == 1 else f"{reference.label} of {joined_names([line.style.name for line in group])}"
+    )
 
 
 _CLASS_HEIGHT = 230.0
@@ -176,11 +178,11 @@ def errors_by_class(
     trackers: Sequence[TrackerResult], styles: Mapping[str, TrackerStyle], by: By, quantity: Quantity
 ) -> Figure | None:
     """RMSE of each tracker in each class; None with fewer than two classes."""
-    names = classes(trackers, by)
+    names = condition_names(trackers, by)
     if len(names) < 2:
         return None
     errors = [
-        (styles[tracker.name], [rmse(conditions(tracker, by).get(name), quantity) for name in names])
+        (styles[tracker.name], [rmse(scores_by_condition(tracker, by).get(name), quantity) for name in names])
         for tracker in trackers
     ]
     unit = UNIT[quantity]
@@ -246,7 +248,7 @@ def _errors_in_words(style: TrackerStyle, names: Sequence[str], metrics: _Errors
         for name, metric in zip(names, metrics, strict=True)
         if metric is not None and metric.value is not None
     ]
-    return f"{style.name}: {joined(values)}."
+    return f"{style.name}: {joined_names(values)}."
 
 
 #: The widest name beside a point, in points: one side of it has room.
@@ -310,7 +312,7 @@ def cost_against_accuracy(
 
 def _label_points(axes: Axes, styles: Sequence[TrackerStyle], points: Array) -> None:
     """Names beside the points, moved up or down until they do not lie on each other."""
-    names = [shortened(style.name, _NAME, 10) for style in styles]
+    names = [shortened_to_width(style.name, _NAME, 10) for style in styles]
     places = axes.transData.transform(points)
     inner = axes.get_window_extent()
     used: list[tuple[float, float, float, float]] = [(x - 6, x + 6, y - 6, y + 6) for x, y in places]

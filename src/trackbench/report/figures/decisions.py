@@ -12,10 +12,10 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, GRID, INK, MUTED, TIME_LABEL, time_axis
-from trackbench.document.margins import shortened
+from trackbench.document.margins import shortened_to_width
 from trackbench.metrics.function_events import FunctionEvent
-from trackbench.report.figures.over_time import column, where
-from trackbench.report.numbers import fixed, joined
+from trackbench.report.figures.over_time import column, rows_where
+from trackbench.report.numbers import joined_names, rounded
 
 #: Points of a row, and of what is around the rows.
 ROW, AROUND = 20.0, 44.0
@@ -35,7 +35,7 @@ def strip_of_decisions(
         styles: of the trackers, best first.
         run: number of the recorded run.
     """
-    rows = {style.name: where(decisions, tracker=style.name, function=function) for style in styles}
+    rows = {style.name: rows_where(decisions, tracker=style.name, function=function) for style in styles}
     shown = [style for style in styles if rows[style.name].num_rows]
     if not any(column(rows[style.name], name).any() for style in shown for name in ("active", "true_active")):
         return None
@@ -55,11 +55,11 @@ def strip_of_decisions(
             _draw_events(axes, number, [event for event in events if event.tracker == style.name])
         axes.vlines(time[hit[:1]], -0.5, len(shown) + 0.5, color=INK, linewidth=2)
         axes.set_ylim(len(shown) + 0.6, -0.6)
-        labels = ["truth", *(shortened(style.name, 90, 9) for style in shown)]
+        labels = ["truth", *(shortened_to_width(style.name, 90, 9) for style in shown)]
         axes.set_yticks(range(len(labels)), labels, fontsize=9)
         time_axis(axes, float(time[-1]))
 
-    impact = f" An object touches the ego from {fixed(time[hit[0]], 2)} s on." if len(hit) else ""
+    impact = f" An object touches the ego from {rounded(time[hit[0]], 2)} s on." if len(hit) else ""
     return Figure(
         f"decisions-{function}",
         f"Decisions of {function}",
@@ -99,13 +99,13 @@ def _draw_events(axes: Axes, row: int, events: Iterable[FunctionEvent]) -> None:
 def _in_words(spans: Sequence[tuple[float, float]]) -> str:
     if not spans:
         return "never"
-    return joined([f"from {fixed(start, 2)} s to {fixed(stop, 2)} s" for start, stop in spans])
+    return joined_names([f"from {rounded(start, 2)} s to {rounded(stop, 2)} s" for start, stop in spans])
 
 
 def _said(shown: Sequence[TrackerStyle], events: Sequence[FunctionEvent]) -> str:
     """What was wrong of each tracker."""
     sentences = []
     for style in shown:
-        own = [f"{event.word} by {fixed(event.wrong_s, 2)} s" for event in events if event.tracker == style.name]
+        own = [f"{event.word} by {rounded(event.wrong_s, 2)} s" for event in events if event.tracker == style.name]
         sentences.append(f"{style.name}: {', '.join(own) or 'nothing wrong'}.")
     return " ".join(sentences)

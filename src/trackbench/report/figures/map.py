@@ -14,13 +14,13 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title
-from trackbench.document.margins import shortened
+from trackbench.document.margins import shortened_to_width
 from trackbench.document.palette import ERROR_COLOURS, error_labels, error_limits
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.moments import EstimateMoment
-from trackbench.report.figures.over_time import column, names, where
+from trackbench.report.figures.over_time import column, names_in_column, rows_where
 from trackbench.report.moments import moment_text
-from trackbench.report.numbers import fixed, joined
+from trackbench.report.numbers import joined_names, rounded
 from trackbench.results import Result, Tables
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
@@ -86,7 +86,7 @@ def draw_surroundings(
     for name, (x, y) in targets.items():
         axes.plot(x, y, color=MUTED, linewidth=0.8)
         axes.plot(x[:1], y[:1], color=INK, marker="o", markersize=3.5)
-        text = shortened(name, NAME, 9)
+        text = shortened_to_width(name, NAME, 9)
         left, at, width = x[-1] * points[0] + 3, y[-1] * points[1], LETTER * len(text)
         above = next((each for each in ABOVE if _free(left, at + each, width, placed)), ABOVE[0])
         placed.append((left, at + above, width))
@@ -102,9 +102,9 @@ def _free(left: float, bottom: float, width: float, placed: Sequence[tuple[float
 
 def alive_paths(truth: pa.Table, role: str) -> dict[str, tuple[Array, Array]]:
     """By the name of each object: ``(points,)`` x and y while it is there, m."""
-    rows = where(truth, role=role)
+    rows = rows_where(truth, role=role)
     there = rows.filter(column(rows, "alive") > 0)
-    paths = {name: where(there, object=name) for name in names(rows, "object")}
+    paths = {name: rows_where(there, object=name) for name in names_in_column(rows, "object")}
     return {name: (column(path, "px_m"), column(path, "py_m")) for name, path in paths.items()}
 
 
@@ -162,7 +162,7 @@ class _PathWithErrors:
     error: Array
 
 
-def mapped(styles: Sequence[TrackerStyle]) -> list[TrackerStyle]:
+def styles_with_map(styles: Sequence[TrackerStyle]) -> list[TrackerStyle]:
     """The trackers that have a map: the best and the last of those given."""
     return list(dict.fromkeys([styles[0], styles[-1]])) if styles else []
 
@@ -178,12 +178,14 @@ def map_of_run(
         styles: of the trackers that filter, best first.
         moments: by tracker, the worst; a ring is drawn there.
     """
-    truth, drawn = tables.truth, mapped(styles)
+    truth, drawn = tables.truth, styles_with_map(styles)
     ground = _Ground(tables, [style.name for style in drawn] or [""])
     targets, box = ground.targets, ground.box
     if box is None:
         return None
-    paths = [_paths_with_errors(truth, where(tables.estimates, tracker=style.name), list(targets)) for style in drawn]
+    paths = [
+        _paths_with_errors(truth, rows_where(tables.estimates, tracker=style.name), list(targets)) for style in drawn
+    ]
     rings = {style.key: moments[style.name] for style in drawn if style.name in moments}
     limits = error_limits([path.error for of_tracker in paths for path in of_tracker])
 
@@ -201,13 +203,13 @@ def map_of_run(
     worst = "; ".join(f"{style.name}: {moment_text(rings[style.key])}" for style in drawn if style.key in rings)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
-        f"{fixed(box.width, 0)} m by {fixed(box.height, 0)} m"
+        f"{rounded(box.width, 0)} m by {rounded(box.height, 0)} m"
         + (f", coloured by the error of {' and of '.join(style.name for style in drawn)}" if drawn else "")
         + (f". Largest errors: {worst}." if worst else ".")
     )
     caption = f"Run {run} from above: true paths from the dot to the name; the observer's path is dotted. "
     if drawn:
-        caption += f"Colour and width show the position error of {joined([style.name for style in drawn])}."
+        caption += f"Colour and width show the position error of {joined_names([style.name for style in drawn])}."
         caption += f" The ring is where it was largest ({worst}). " if worst else " "
         caption += "The recording shows all trackers. "
     if box.stretched:
@@ -248,7 +250,7 @@ def _legend(limits: Array) -> tuple[LegendEntry, ...]:
 def _paths_with_errors(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_PathWithErrors]:
     paths = []
     for name in objects:
-        own, path = where(rows, object=name), where(truth, object=name)
+        own, path = rows_where(rows, object=name), rows_where(truth, object=name)
         place = np.searchsorted(column(path, "time_s"), column(own, "time_s") - 1e-9)
         if len(place) and place.max() >= len(path):
             raise InputError(f"the estimates of {name} go on after its truth: not the tables of one run")
@@ -260,7 +262,7 @@ def _paths_with_errors(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) 
 
 def _place(truth: pa.Table, moment: EstimateMoment) -> tuple[float, float]:
     """Where the vehicle was."""
-    path = where(truth, object=moment.object)
+    path = rows_where(truth, object=moment.object)
     step = int(np.searchsorted(column(path, "time_s"), moment.time_s - 1e-9))
     return float(column(path, "px_m")[step]), float(column(path, "py_m")[step])
 
@@ -282,12 +284,12 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
         result: of the run.
         styles: of the trackers that filter, best first.
     """
-    run, shown = result.summary.recorded_run, mapped(styles)
+    run, shown = result.summary.recorded_run, styles_with_map(styles)
     ground = _Ground(result.tables, [style.name for style in shown])
     box = ground.box
     if box is None or not shown:
         return None
-    tracks = [_track_lines(where(result.tables.tracks, tracker=style.name)) for style in shown]
+    tracks = [_track_lines(rows_where(result.tables.tracks, tracker=style.name)) for style in shown]
     events = [events_of(result, style.name, run) for style in shown]
 
     def draw(axes: Axes, number: int) -> None:
@@ -306,7 +308,7 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
         "Tracks from above",
         f"Run {run}, {_which(shown, len(styles))}: true paths in grey from the dot to the name, the observer's dotted; "
         "tracks in the tracker's colour." + (" The axes have different scales." if box.stretched else ""),
-        f"Map of run {run}: {counted(len(ground.targets), 'vehicle')}; {joined(counts)}.",
+        f"Map of run {run}: {counted(len(ground.targets), 'vehicle')}; {joined_names(counts)}.",
         lambda canvas: ground.paint(canvas, box, draw),
         ground.height(box),
         legend=(
@@ -320,7 +322,7 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
 
 def _which(shown: Sequence[TrackerStyle], every: int) -> str:
     """Of the trackers, and where the others are."""
-    names = joined([style.name for style in shown])
+    names = joined_names([style.name for style in shown])
     return names if len(shown) == every else f"the best and the last ranked tracker, {names} (the recording has all)"
 
 

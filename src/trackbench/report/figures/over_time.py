@@ -19,11 +19,11 @@ from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, f
 from trackbench.document.palette import mode_colours, tracker_figure
 from trackbench.metrics.consistency import point95
 from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
-from trackbench.report.numbers import joined
+from trackbench.report.numbers import joined_names
 from trackbench.results import Result
 
 
-def where(table: pa.Table, **keys: str) -> pa.Table:
+def rows_where(table: pa.Table, **keys: str) -> pa.Table:
     """The rows of ``table`` whose columns equal ``keys``."""
     for name, value in keys.items():
         if name in table.column_names:
@@ -39,7 +39,7 @@ def column(table: pa.Table, name: str) -> Array:
     return values
 
 
-def names(table: pa.Table, name: str) -> list[str]:
+def names_in_column(table: pa.Table, name: str) -> list[str]:
     """The different values of a column of text, in the order in which they come."""
     return [] if name not in table.column_names else table[name].unique().to_pylist()
 
@@ -61,7 +61,7 @@ def lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> list[Li
     """The column ``name`` of each tracker that has values in it."""
     drawn = []
     for style in styles:
-        rows = where(table, tracker=style.name)
+        rows = rows_where(table, tracker=style.name)
         value = column(rows, name)
         if np.isfinite(value).any():
             drawn.append(Line(style, column(rows, "time_s"), value))
@@ -149,7 +149,7 @@ def nees_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | 
 
 def nis_over_time(nis: pa.Table, sensor: str, styles: Sequence[TrackerStyle], number: int) -> Figure | None:
     """Mean NIS of one sensor over time with its 95 % bounds; of single innovations, with their 95 % point."""
-    table = where(nis, sensor=sensor)
+    table = rows_where(nis, sensor=sensor)
     drawn = lines(table, styles, "nis_mean")
     if drawn and np.nanmax(column(table, "count")) <= 1:
         return _single_nis(table, sensor, drawn, number)
@@ -162,7 +162,7 @@ def nis_over_time(nis: pa.Table, sensor: str, styles: Sequence[TrackerStyle], nu
 
 def _single_nis(table: pa.Table, sensor: str, drawn: Sequence[Line], number: int) -> Figure:
     limits = {point95(dof): dof for dof in sorted({int(dof) for dof in column(table, "dof")})}
-    points = joined([f"{limit:.3f} ({dof} degrees of freedom)" for limit, dof in limits.items()])
+    points = joined_names([f"{limit:.3f} ({dof} degrees of freedom)" for limit, dof in limits.items()])
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel="NIS")
@@ -222,10 +222,10 @@ def _with_band(
 
 def autocorrelation(table: pa.Table, sensor: str, styles: Sequence[TrackerStyle], number: int) -> Figure | None:
     """Autocorrelation of the whitened innovations of a sensor by lag, with the bounds of white ones."""
-    rows = where(table, sensor=sensor)
+    rows = rows_where(table, sensor=sensor)
     lines: list[tuple[TrackerStyle, Array, Array, Array]] = []
     for style in styles:
-        own = where(rows, tracker=style.name)
+        own = rows_where(rows, tracker=style.name)
         lag = column(own, "lag")
         use = (lag > 0) & np.isfinite(column(own, "correlation"))
         if use.any():
@@ -275,19 +275,19 @@ def modes_over_time(result: Result) -> Figure | None:
     """A panel for each tracker that has modes: the mean over runs and objects, and the recorded run."""
     summary = result.summary
     modes, recorded = (result.tables.if_there(name) for name in ("modes", "recorded_modes"))
-    objects = names(recorded, "object")
+    objects = names_in_column(recorded, "object")
     panels = []
-    for tracker in (each.name for each in result.drawn if each.name in names(modes, "tracker")):
+    for tracker in (each.name for each in result.drawn if each.name in names_in_column(modes, "tracker")):
         if summary.runs > 1:
-            panels.append(_mode_panel(where(modes, tracker=tracker), f"{tracker}, {counted(summary.runs, 'run')}"))
+            panels.append(_mode_panel(rows_where(modes, tracker=tracker), f"{tracker}, {counted(summary.runs, 'run')}"))
         for name in objects[:_MOST_OBJECTS]:
             title = f"{tracker}, run {summary.recorded_run}" + (f", {name}" if len(objects) > 1 else "")
-            panels.append(_mode_panel(where(recorded, tracker=tracker, object=name), title))
+            panels.append(_mode_panel(rows_where(recorded, tracker=tracker, object=name), title))
     return _modes_figure(panels) if panels else None
 
 
 def _mode_panel(rows: pa.Table, title: str) -> _ModePanel:
-    of_mode = {name: where(rows, mode=name) for name in names(rows, "mode")}
+    of_mode = {name: rows_where(rows, mode=name) for name in names_in_column(rows, "mode")}
     time = column(next(iter(of_mode.values())), "time_s")
     return _ModePanel(title, time, {name: column(each, "probability") for name, each in of_mode.items()})
 

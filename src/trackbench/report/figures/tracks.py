@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, GRID, INK, TIME_LABEL, WIDTH, panel_title, time_axis
-from trackbench.document.margins import shortened
+from trackbench.document.margins import shortened_to_width
 from trackbench.document.palette import ERROR_COLOURS, tracker_figure
 from trackbench.report.figures.over_time import (
     beyond_axis,
@@ -20,13 +20,13 @@ from trackbench.report.figures.over_time import (
     draw_lines,
     end_of,
     last_values,
-    names,
+    names_in_column,
     rms_by_name,
+    rows_where,
     smooth_lines,
     styles_of,
-    where,
 )
-from trackbench.report.numbers import joined
+from trackbench.report.numbers import joined_names
 
 PARTS = {
     "gospa_m": "GOSPA",
@@ -74,7 +74,7 @@ def existence_calibration(existence: pa.Table, styles: Sequence[TrackerStyle]) -
     """Share of real tracks by the existence probability that they state; None where no tracker states one."""
     drawn = []
     for style in styles:
-        rows = where(existence, tracker=style.name)
+        rows = rows_where(existence, tracker=style.name)
         enough = column(rows, "count") >= FEWEST
         if enough.any():
             drawn.append((style, column(rows, "stated")[enough], column(rows, "real")[enough]))
@@ -96,7 +96,7 @@ def existence_calibration(existence: pa.Table, styles: Sequence[TrackerStyle]) -
         "Of the confirmed tracks that state a probability, in ten equal bins, the share that is on an object; on the "
         f"dashed line all is as stated. Bins with fewer than {FEWEST} tracks and instants are left out. Optional "
         "objects and their tracks do not count.",
-        f"Stated existence probability against the share of real tracks. In the last bin: {joined(words)}.",
+        f"Stated existence probability against the share of real tracks. In the last bin: {joined_names(words)}.",
         paint,
         240,
         shown,
@@ -121,8 +121,8 @@ def strip_chart(objects: pa.Table, styles: Sequence[TrackerStyle], run: int) -> 
         run: number of the recorded run.
     """
     shown = list(dict.fromkeys([*styles[: PANELS - 1], *styles[-1:]]))
-    rows = {style.key: where(objects, tracker=style.name) for style in shown}
-    due = {name: _due(objects, name) for name in names(objects, "object")}
+    rows = {style.key: rows_where(objects, tracker=style.name) for style in shown}
+    due = {name: _due(objects, name) for name in names_in_column(objects, "object")}
     vehicles = [name for name, seconds in due.items() if seconds > 0]
     if not shown or not vehicles:
         return None
@@ -147,7 +147,8 @@ def strip_chart(objects: pa.Table, styles: Sequence[TrackerStyle], run: int) -> 
         f"Run {run}, {_which(shown, len(styles))}: a row for each object that was due. No colour: it was not due. An "
         "upright line marks a switch to another track."
         + (f" {counted(left_out, 'object')} that were due for a shorter time are left out." if left_out else ""),
-        f"Strips of {counted(len(drawn), 'object')} over time. Share of the due time that is tracked: {joined(words)}.",
+        f"Strips of {counted(len(drawn), 'object')} over time. Share of the due time that is tracked: "
+        f"{joined_names(words)}.",
         paint,
         height,
         legend=(
@@ -162,7 +163,7 @@ def strip_chart(objects: pa.Table, styles: Sequence[TrackerStyle], run: int) -> 
 def _object_rows(axes: Axes, rows: pa.Table, drawn: Sequence[str]) -> None:
     axes.grid(visible=False)
     for number, name in enumerate(drawn):
-        own = where(rows, object=name)
+        own = rows_where(rows, object=name)
         state, start, until = own["state"].to_pylist(), column(own, "time_s"), column(own, "until_s")
         axes.axhline(number, color=GRID, linewidth=0.6, zorder=0.5)
         for word, colour in COLOURS.items():
@@ -172,13 +173,13 @@ def _object_rows(axes: Axes, rows: pa.Table, drawn: Sequence[str]) -> None:
         switches = [a for a, which in zip(start, state, strict=True) if which == "switched"]
         axes.vlines(switches, number - 0.45, number + 0.45, color=INK, linewidth=1.4)
     axes.set_ylim(len(drawn) - 0.4, -0.6)
-    axes.set_yticks(range(len(drawn)), [shortened(name, 70, 8) for name in drawn], fontsize=8)
+    axes.set_yticks(range(len(drawn)), [shortened_to_width(name, 70, 8) for name in drawn], fontsize=8)
 
 
 def _due(objects: pa.Table, name: str) -> float:
     """For how long an object was due, s; that is the same for all trackers."""
-    first = names(objects, "tracker")[0]
-    return sum(_seconds(where(objects, object=name, tracker=first)).values())
+    first = names_in_column(objects, "tracker")[0]
+    return sum(_seconds(rows_where(objects, object=name, tracker=first)).values())
 
 
 def _seconds(rows: pa.Table) -> Mapping[str, float]:

@@ -131,7 +131,7 @@ def doctor_command(
         click.echo(f"{name}: {note}", err=True)
     written = examination.save(folder)
     if as_json:
-        click.echo(results.to_json(examination.json()), nl=False)
+        click.echo(results.json_text(examination.json()), nl=False)
     else:
         click.echo(examination_text(examination, every_check=all_checks))
         files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)

@@ -15,7 +15,7 @@ from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, f
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.report.numbers import joined, percent
+from trackbench.report.numbers import joined_names, percent
 from trackbench.subjects.doctor.evidence import EvidenceRun, RunErrors, SensorInnovations, run_errors
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 
@@ -87,7 +87,7 @@ def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figur
         _identity(f"{run.drive}-innovation-{innovations.sensor}"),
         f"Innovation of {innovations.sensor}",
         f"{caption} Expected is the measurement minus that of the tracker's own prediction.",
-        f"Innovations of {innovations.sensor} over time, {joined([components[i] for i in chosen])}, applied and "
+        f"Innovations of {innovations.sensor} over time, {joined_names([components[i] for i in chosen])}, applied and "
         f"expected. {caption}",
         paint,
         max(_HEIGHT, _PANEL * len(chosen)),

@@ -122,7 +122,7 @@ class Examination:
         results.require_replaceable(place, EXAMINATION)
         document = self.report().document
         files: dict[str, Callable[[Path], object]] = {
-            EXAMINATION: partial(results.write_file, results.to_json(self.json())),
+            EXAMINATION: partial(results.write_file, results.json_text(self.json())),
             "report.html": partial(results.write_file, to_html(document)),
         }
         if self.evidence:

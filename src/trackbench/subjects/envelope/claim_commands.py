@@ -146,7 +146,7 @@ def verify_command(
     with executor(workers, cluster) as chosen:
         verification = verify(claim, seed=seed, beside=beside, isolation=isolation, chosen=chosen, listener=output)
     if as_json:
-        click.echo(results.to_json(verification.json()), nl=False)
+        click.echo(results.json_text(verification.json()), nl=False)
     else:
         for note in verification.notes:
             click.echo(note, err=True)
@@ -185,7 +185,7 @@ def diff_command(before: Path, after: Path, junit: Path | None, github: bool, as
     change = diff(read_envelope(before), read_envelope(after))
     write_suites([change.suite()], junit, github, as_json)
     if as_json:
-        click.echo(results.to_json(change.json()), nl=False)
+        click.echo(results.json_text(change.json()), nl=False)
     else:
         for line in change.lines():
             click.echo(line)

@@ -84,7 +84,7 @@ def _files_of(shown: ShownExample, folder: Path, recording: bool) -> dict[str, C
 
 def claim_text(claim: Claim) -> str:
     """The claim as JSON."""
-    return results.to_json(claim.model_dump(mode="json"))
+    return results.json_text(claim.model_dump(mode="json"))
 
 
 def _write_parts(made: Envelope, path: Path) -> None:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, INK, MARKERS, WIDTH, fit_value_axis, logarithmic, panel_title
-from trackbench.document.margins import shortened
+from trackbench.document.margins import shortened_to_width
 from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
@@ -86,7 +86,7 @@ def _figure(
                         drawn += _paint_line(panel, margin, claim, metric, style)
             if len(places) > 1:
                 panel_title(panel, place, WIDTH)
-            panel.set_ylabel(shortened(metric, _HEIGHT - 40))
+            panel.set_ylabel(shortened_to_width(metric, _HEIGHT - 40))
             for _, mark, value in marks:
                 face = "none" if mark == "ring" else INK
                 panel.plot(
@@ -104,10 +104,10 @@ def _figure(
         else:
             count = len(axis.values)
             panels[-1].set_xlim(-0.5, count - 0.5)
-            panels[-1].set_xticks(range(count), [shortened(str(v), (WIDTH - 60) / count) for v in axis.values])
+            panels[-1].set_xticks(range(count), [shortened_to_width(str(v), (WIDTH - 60) / count) for v in axis.values])
         if axis.config.scale == "log":
             logarithmic(panels[0], "x")
-        panels[-1].set_xlabel(shortened(axis_label(axis), WIDTH - 60))
+        panels[-1].set_xlabel(shortened_to_width(axis_label(axis), WIDTH - 60))
 
     at = f" Along {places[0]}." if len(places) == 1 and places[0] else ""
     others = [LegendEntry("limit", INK, "dash"), LegendEntry("holds", INK, "dot"), LegendEntry("fails", INK, "cross")]

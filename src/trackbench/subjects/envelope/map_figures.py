@@ -16,7 +16,7 @@ from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import HATCHES, INK, MARKERS, MUTED, WIDTH, logarithmic, panel_title
-from trackbench.document.margins import shortened
+from trackbench.document.margins import shortened_to_width
 from trackbench.subjects.envelope.audited_log import log_values
 from trackbench.subjects.envelope.axes import MapAxis, Value
 from trackbench.subjects.envelope.claim import Claim, State
@@ -89,7 +89,7 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
                 _paint_line(panel, part, border, style.colour, style)
                 # A border of no length runs through a cell at the edge whose value is that of the limit.
                 if np.ptp(border.segments, axis=1).sum() < 1e-9 and (said := _all_alike(part.states(style.name))):
-                    unseen.append(f"{shortened(style.name, WIDTH / _BESIDE - 140, 8)}: {said}")
+                    unseen.append(f"{shortened_to_width(style.name, WIDTH / _BESIDE - 140, 8)}: {said}")
             # Bottom left, and in ink: it is read on every band.
             panel.text(0.04, 0.06, "\n".join(unseen), transform=panel.transAxes, fontsize=8, color=INK, zorder=5)
             _finish(panel, part, marks)
@@ -255,9 +255,11 @@ def _label(canvas: Canvas, parts: Sequence[Slice]) -> None:
     panels, across = canvas.axes, min(_BESIDE, len(parts))
     for place, panel in enumerate(panels[: len(parts)]):
         if place % across == 0:
-            panel.set_ylabel(shortened(axis_label(parts[0].up), _height(parts) / -(-len(parts) // across) - 40))
+            panel.set_ylabel(
+                shortened_to_width(axis_label(parts[0].up), _height(parts) / -(-len(parts) // across) - 40)
+            )
         if place // across == (len(parts) - 1) // across:
-            panel.set_xlabel(shortened(axis_label(parts[0].across), WIDTH / across - 60))
+            panel.set_xlabel(shortened_to_width(axis_label(parts[0].across), WIDTH / across - 60))
 
 
 def axis_label(axis: MapAxis) -> str:

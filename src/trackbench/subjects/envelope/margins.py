@@ -13,7 +13,7 @@ import numpy as np
 
 from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array, Indices
-from trackbench.report.numbers import joined
+from trackbench.report.numbers import joined_names
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, ClaimedLimit, State
 
@@ -193,7 +193,7 @@ def holding(margin: AxisMargin) -> str:
         return "at no value surely"
     if not axis.continuous:
         met = [_number(value) for value, state in margin.states.items() if state == "holds"]
-        return f"at {joined(met)} {axis.unit}".strip() if met else "at none of its values"
+        return f"at {joined_names(met)} {axis.unit}".strip() if met else "at none of its values"
     spans = [*_spans(margin)]
     if spans:
         return " and ".join(spans)

@@ -11,7 +11,7 @@ from trackbench.api.result import Report
 from trackbench.api.scenario import listed
 from trackbench.compare.limits import Limit
 from trackbench.document.files import files
-from trackbench.results import to_json
+from trackbench.results import json_text
 from trackbench.results.metric_value import data_frame, value_columns
 from trackbench.subjects.history.changes import OPTION
 from trackbench.subjects.history.history import WINDOW, History, history_of
@@ -91,4 +91,4 @@ def history_files(found: History, folder: Path) -> Iterator[tuple[Path, bytes]]:
     for format in ("html", "markdown"):
         for name, content in files(document, format, "history"):
             yield folder / name, content()
-    yield folder / "history.json", to_json(found.json()).encode()
+    yield folder / "history.json", json_text(found.json()).encode()

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from trackbench.base.errors import InputError
 from trackbench.compare.comparability import Comparability, comparability, require_same_metric
 from trackbench.compare.comparison import GateOutcome, GateResult, PairDifference
-from trackbench.compare.differences import Match, differences
-from trackbench.compare.limits import Limit, held, require_directed
+from trackbench.compare.differences import Match, judged_differences
+from trackbench.compare.limits import Limit, gate_results, require_directed
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.results.metric_value import ResultModel
@@ -59,7 +59,7 @@ def stretches_of(entries: Sequence[PastResult], trackers: Sequence[str], metrics
     while True:
         looked = [item for tracker in trackers for item in _matches(entries, tracker, starts, ways, found)]
         since = {(match.pairs[0][0], match.number): begin for begin, match in looked}
-        differing, _ = differences([match for _, match in looked], metrics, over_scenarios=True)
+        differing, _ = judged_differences([match for _, match in looked], metrics, over_scenarios=True)
         found.looks = max(found.looks, len(differing))
         shown = [item for item in differing if item.verdict not in (EQUIVALENT, UNDECIDED)]
         shown = [item for item in shown if _key(item) not in starts]
@@ -185,7 +185,7 @@ class HistoryGate(ResultModel):
     text: str
 
 
-def gates(
+def history_gates(
     entries: Sequence[PastResult], trackers: Sequence[str], limits: Sequence[Limit], window: int
 ) -> list[HistoryGate]:
     """Each limit against each tracker: it fails where the last result is worse by more than the limit than any result
@@ -213,8 +213,8 @@ def gates(
         pairs = tuple((name, name) for name in there if name in own.result)
         matches.append(Match(last.result.name, last, own, place, how, pairs))
     allowed = {limit.metric: limit.percent for limit in limits}
-    differing, missing = differences(matches, [*metrics.values()], over_scenarios=True, limits=allowed)
-    outcomes = held(limits, metrics, differing, missing)
+    differing, missing = judged_differences(matches, [*metrics.values()], over_scenarios=True, limits=allowed)
+    outcomes = gate_results(limits, metrics, differing, missing)
     lost = [name for name in trackers if before and name not in last.result and name in entries[-2].result]
     return [
         *(_worst(limit, name, outcomes, refused) for limit in limits for name in there),

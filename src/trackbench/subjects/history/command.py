@@ -90,7 +90,7 @@ def history_command(
         results.write_bytes(file, content)
     write_suites([suite_of_history(found)], junit, github, as_json)
     if as_json:
-        click.echo(results.to_json(found.json()), nl=False)
+        click.echo(results.json_text(found.json()), nl=False)
     else:
         print_document(history_document(found), Console())
         if out is not None:

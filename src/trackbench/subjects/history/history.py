@@ -19,7 +19,7 @@ from trackbench.subjects.history.changes import (
     HistoryGate,
     MarkedStretches,
     causes,
-    gates,
+    history_gates,
     scenario_sha256,
     stretches_of,
 )
@@ -159,7 +159,7 @@ def history_of(
         changes=_changes(entries, stretches),
         breaks=_breaks(stretches),
         looks=stretches.looks,
-        gates=gates(entries, names, limits, window),
+        gates=history_gates(entries, names, limits, window),
         notes=found.notes,
     )
 

@@ -31,10 +31,10 @@ from trackbench.document import (
 )
 from trackbench.document.drawing import INK
 from trackbench.document.palette import Styles, tracker_figure, tracker_styles
-from trackbench.report.comparison.sentences import LISTED, kept_limits, more, unit_after
+from trackbench.report.comparison.sentences import LISTED, kept_limits, number_left_out, unit_after
 from trackbench.report.junit import Case, Suite, result_file
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined, reach, short, signed
-from trackbench.report.tables import unit_of
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, reach_text, short, signed
+from trackbench.report.tables import unit_after_heading
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import read_model
 from trackbench.subjects.history.history import SCHEMA_VERSION, History, HistoryChange, HistoryEntry
@@ -66,7 +66,7 @@ def history_document(history: History) -> Document:
     )
 
 
-def saved_document(file: Path) -> Document:
+def saved_history(file: Path) -> Document:
     """The page of a history that was kept as JSON.
 
     Raises:
@@ -82,7 +82,11 @@ def _answer(history: History) -> str:
         for item in sorted(history.changes, key=lambda item: -item.result)[:LISTED]
     )
     looked = f"of {counted(history.looks, 'difference')} that were looked at"
-    return f"{changes}{more(history.changes)}. Shown, {looked}." if changes else f"No change is shown, {looked}."
+    return (
+        f"{changes}{number_left_out(history.changes)}. Shown, {looked}."
+        if changes
+        else f"No change is shown, {looked}."
+    )
 
 
 def _difference(item: HistoryChange) -> str:
@@ -114,7 +118,7 @@ def _blocks(history: History, styles: Styles) -> Iterator[Block]:
     if history.breaks:
         yield Section("Not comparable with the results before", (Items(tuple(_breaks(history))),))
     for metric in history.metrics:
-        yield Section(f"{metric}{unit_of(_unit(history, metric))}", (_values(history, metric),))
+        yield Section(f"{metric}{unit_after_heading(_unit(history, metric))}", (_values(history, metric),))
     yield Section("Results", (_results(history),))
     if history.notes:
         yield Section("Notes", (Items(tuple(map(Item, history.notes))),))
@@ -148,7 +152,7 @@ def _values(history: History, metric: str) -> Table:
                 missing = value.reason or entry.failures.get(name, "not in this result")
                 cells.append(Cell(NOT_AVAILABLE, reason=missing))
             else:
-                text = " ".join(filter(None, (short(value.value, places), reach(value.value, value.ci95, places))))
+                text = " ".join(filter(None, (short(value.value, places), reach_text(value.value, value.ci95, places))))
                 word = () if item is None else (item.verdict,)
                 cells.append(Cell(text, word, _TONES.get("".join(word), ""), strong=item is not None))
         columns.append((Column(name, details="change"), cells))
@@ -175,13 +179,13 @@ def history_figure(history: History, metric: str, styles: Styles) -> Figure:
         if top > 0:
             axes.set_ylim(0, top)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set(xlabel="result, the earliest first", ylabel=f"{metric}{unit_of(_unit(history, metric))}")
+        axes.set(xlabel="result, the earliest first", ylabel=f"{metric}{unit_after_heading(_unit(history, metric))}")
 
     return tracker_figure(
         f"history-{metric.replace('.', '-')}",
         f"{metric} over the results",
         "Bars: 95 % intervals. Rings: shown to differ from the first result after the change before."
-        + (f" Cut off above: {joined(cut)}." if cut else ""),
+        + (f" Cut off above: {joined_names(cut)}." if cut else ""),
         f"{metric} of each tracker over the results",
         paint,
         _HEIGHT,

@@ -164,7 +164,7 @@ class ReportableAudit(LogAudit):
         place, document = Path(folder), log_audit_document(self)
         results.require_replaceable(place, AUDIT)
         files: dict[str, Callable[[Path], object]] = {
-            AUDIT: partial(results.write_file, results.to_json(self.json())),
+            AUDIT: partial(results.write_file, results.json_text(self.json())),
             "report.html": partial(results.write_file, to_html(document)),
             "report.md": partial(results.write_file, to_markdown(document)),
             "scenario.yaml": partial(results.write_file, corrected(self.scenario, self.findings, place)),

@@ -46,7 +46,7 @@ def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
         reportable = audit(loaded, progress=advance)
     written = reportable.save(folder)
     if as_json:
-        click.echo(results.to_json(reportable.json()), nl=False)
+        click.echo(results.json_text(reportable.json()), nl=False)
     else:
         print_document(log_audit_summary(reportable), Console())
         click.echo(f"\n{folder}/: {', '.join(written)}")

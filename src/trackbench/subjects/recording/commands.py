@@ -15,7 +15,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.cli.options import OptionValues, RunOptions, Whole
-from trackbench.results import to_json
+from trackbench.results import json_text
 
 if TYPE_CHECKING:
     from trackbench.scenario import Scenario
@@ -207,7 +207,7 @@ def inspect_command(
         click.echo(f"{recorded.note}: read from its tables", err=True)
     inspection = inspect(recorded, at, worst, tracker, vehicle, function)
     if as_json:
-        click.echo(to_json(inspection.json()), nl=False)
+        click.echo(json_text(inspection.json()), nl=False)
     else:
         print_inspection(inspection, Console(highlight=False, markup=False, emoji=False))
     if opened:

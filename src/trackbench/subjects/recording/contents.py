@@ -16,7 +16,7 @@ from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
 from trackbench.metrics.function_events import FunctionEvent, function_events
 from trackbench.metrics.verdicts import named_verdicts, only_where, what_is_off
-from trackbench.report.numbers import reach
+from trackbench.report.numbers import reach_text
 from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,
@@ -357,7 +357,7 @@ def _row(tracker: TrackerResult) -> str:
 def with_interval(metric: MetricValue) -> str:
     """The value with half of its 95 % interval, or with its ends, to the same decimals."""
     value = number(metric.value)
-    return " ".join(filter(None, [value, reach(metric.value, metric.ci95, len(value.partition(".")[2]))]))
+    return " ".join(filter(None, [value, reach_text(metric.value, metric.ci95, len(value.partition(".")[2]))]))
 
 
 def _expectation(item: ExpectationResult) -> str:
@@ -372,8 +372,8 @@ def sensor_line(name: str, sensor: SensorSummary) -> str:
     share = sensor.detection_rate
     detected = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
     rate = "" if sensor.rate_hz is None else f", {sensor.rate_hz:.4g} Hz"
-    sees = f"field of view {sensor.fov_deg:g} deg, range {sensor_words.reach(sensor)}"
-    sigmas = f"noise (1 sigma) {sensor_words.noise(sensor)}"
+    sees = f"field of view {sensor.fov_deg:g} deg, range {sensor_words.range_in_words(sensor)}"
+    sigmas = f"noise (1 sigma) {sensor_words.noise_in_words(sensor)}"
     mount = f"mount {sensor_words.mount(sensor)}"
     return f"- **{name}**: {sensor.kind}{preset}{rate}, {detected}; {sigmas}; {sees}; {mount}"
 

@@ -21,7 +21,7 @@ from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name
 from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, load_recorded_run
 from trackbench.metrics.silence import measured_positions
 from trackbench.results import Health, Result, Summary, TrackerResult
-from trackbench.results.columns import Columns, columns, split
+from trackbench.results.columns import Columns, split, table_columns
 from trackbench.subjects.recording.data import Recorded, read
 from trackbench.subjects.recording.focus import costly_events
 
@@ -235,7 +235,7 @@ def _checked(recorded: Recorded, scored: list[TrackerResult]) -> ScoreCheck | No
     summary = recorded.result.summary
     if "runs" not in beside.tables or beside.summary.fingerprints != summary.fingerprints:
         return None
-    runs = columns(beside.tables.runs)
+    runs = table_columns(beside.tables.runs)
     differences = [0.0]
     for tracker in scored:
         rows = np.flatnonzero((runs["tracker"].astype(str) == tracker.name) & (runs["run"] == summary.recorded_run))
@@ -335,7 +335,7 @@ def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | No
     Raises:
         InputError: the measurements are of other instants.
     """
-    rows = columns(result.tables.measurements)
+    rows = table_columns(result.tables.measurements)
     # A scan has a row of each object.
     of_each = [np.flatnonzero(rows["object"] == name) for name in recorded.objects] if rows else []
     measured = np.empty((2, 0))

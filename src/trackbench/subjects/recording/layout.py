@@ -12,7 +12,7 @@ from rerun.blueprint.components import LinkAxis
 
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
 from trackbench.document.replay import Chart, ChartLine, NamedColour
-from trackbench.report.numbers import joined
+from trackbench.report.numbers import joined_names
 from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents, all_runs
 from trackbench.subjects.recording.focus import Focus
@@ -159,7 +159,11 @@ def left_out(charts: Iterable[Chart]) -> str:
             left[line.name] = {"in tabs of its own": None}
         for name in chart.beyond:
             left.setdefault(name, {})[chart.title] = None
-    return f"Left out of plots: {'; '.join(f'{name} ({joined([*of])})' for name, of in left.items())}." if left else ""
+    return (
+        f"Left out of plots: {'; '.join(f'{name} ({joined_names([*of])})' for name, of in left.items())}."
+        if left
+        else ""
+    )
 
 
 def plot(

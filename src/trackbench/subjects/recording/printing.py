@@ -15,7 +15,7 @@ from trackbench.base.errors import counted
 from trackbench.metrics.function_events import FunctionEvent, TrackEvent
 from trackbench.metrics.moments import SceneMoment
 from trackbench.report.console import track_values
-from trackbench.report.numbers import decimals, fixed
+from trackbench.report.numbers import decimals, rounded
 from trackbench.results import Summary
 from trackbench.subjects.recording.inspection import Inspection, TracksMoment
 
@@ -43,7 +43,7 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
     summary = inspection.summary
     hidden = summary.identities == "hidden"
     run = f"run {summary.recorded_run} of {summary.runs}, {summary.truth.vehicles}"
-    line = f": {run}, {fixed(summary.truth.duration_s, 1)} s, seed {summary.seed}"
+    line = f": {run}, {rounded(summary.truth.duration_s, 1)} s, seed {summary.seed}"
     console.print(Text.assemble((summary.scenario.name, "bold"), line))
     if isinstance(inspection.at, TracksMoment):
         _tracks(inspection.at, console)
@@ -110,10 +110,10 @@ def _scores(inspection: Inspection, console: Console) -> None:
     places = {name: decimals([tracker.metrics[name].value for tracker in inspection.scored]) for name in ERRORS}
     rows = []
     for tracker in inspection.scored:
-        errors = [fixed(tracker.metrics[name].value, places[name]) for name in ERRORS]
+        errors = [rounded(tracker.metrics[name].value, places[name]) for name in ERRORS]
         nis = tracker.of_sensors("nis")
-        by_sensor = [fixed(nis[sensor].value if sensor in nis else None, 2) for sensor in sensors]
-        rows.append([tracker.name, *errors, fixed(tracker.nees.value, 2), *by_sensor])
+        by_sensor = [rounded(nis[sensor].value if sensor in nis else None, 2) for sensor in sensors]
+        rows.append([tracker.name, *errors, rounded(tracker.nees.value, 2), *by_sensor])
     console.print(_rows(["tracker", *ERRORS.values(), "NEES", *(f"NIS {name}" for name in sensors)], rows))
     _failed(summary, console)
     if inspection.checked is not None:
@@ -127,7 +127,7 @@ def _modes(inspection: Inspection, console: Console) -> None:
         return
     console.print("\nMean probability of each mode" if inspection.at is None else "\nProbability of each mode")
     rows = [
-        [tracker, name, ", ".join(f"{mode} {fixed(share, 2)}" for mode, share in modes.items())]
+        [tracker, name, ", ".join(f"{mode} {rounded(share, 2)}" for mode, share in modes.items())]
         for tracker, vehicles in inspection.modes.items()
         for name, modes in vehicles.items()
     ]
@@ -142,13 +142,13 @@ def _failed(summary: Summary, console: Console) -> None:
 
 
 def _scene(scene: SceneMoment, console: Console) -> None:
-    course: Column = ("course deg", lambda vehicle: fixed(math.degrees(vehicle.course_rad), 1), 1)
+    course: Column = ("course deg", lambda vehicle: rounded(math.degrees(vehicle.course_rad), 1), 1)
     sensors: Column = (
         "detected by",
         lambda vehicle: ", ".join(item.sensor for item in scene.measurements if item.object == vehicle.name),
         None,
     )
-    console.print(f"\nAt {fixed(scene.time_s, 3)} s")
+    console.print(f"\nAt {rounded(scene.time_s, 3)} s")
     console.print(_table(scene.vehicles, *MOTION, course, sensors))
     console.print()
     place: tuple[Column, ...] = (("x m", "px_m", 2), ("y m", "py_m", 2))
@@ -158,7 +158,7 @@ def _scene(scene: SceneMoment, console: Console) -> None:
 
 
 def _tracks(moment: TracksMoment, console: Console) -> None:
-    console.print(f"\nAt {fixed(moment.time_s, 3)} s")
+    console.print(f"\nAt {rounded(moment.time_s, 3)} s")
     missing: Column = (
         "not tracked by",
         lambda vehicle: ", ".join(name for name, state in vehicle.states.items() if state in ("waiting", "lost")),
@@ -209,7 +209,7 @@ def _table(items: Iterable[Any], *columns: Column) -> Table:
         if callable(value):
             return value(item)
         content = getattr(item, value)
-        return str(content) if places is None else fixed(content, places)
+        return str(content) if places is None else rounded(content, places)
 
     rows = [[cell(item, value, places) for _, value, places in columns] for item in items]
     texts = [i for i, (*_, places) in enumerate(columns) if places is None]

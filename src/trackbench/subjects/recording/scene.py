@@ -15,7 +15,7 @@ import rerun as rr
 
 from trackbench.base.types import Array
 from trackbench.document.palette import OBSERVER_COLOUR, TRUTH_COLOUR
-from trackbench.results.columns import Columns, columns, split
+from trackbench.results.columns import Columns, split, table_columns
 from trackbench.subjects.recording.stream import (
     Y_DOWN,
     Stream,
@@ -42,7 +42,7 @@ LABEL_COLOUR = "#C8CDD4"
 
 def send_roads(stream: Stream, roads: pa.Table) -> None:
     """The lane edges."""
-    rows = columns(roads)
+    rows = table_columns(roads)
     line = rows["line"]
     points = np.stack([rows["x_m"], rows["y_m"]], axis=1)
     strips = np.split(points, np.flatnonzero(np.diff(line)) + 1) if len(line) else []

@@ -103,12 +103,12 @@ class GateOutput(Listener):
 
     def end(self, result: Result, folder: Path | None) -> None:
         """Hold the limits against the result."""
-        self.judgements = judged(self._gates, result)
+        self.judgements = judged_gates(self._gates, result)
         for case in [] if self._as_json else [item.case(result.name) for item in self.judgements]:
             click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
 
 
-def judged(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
+def judged_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
     """Each limit held against each file; of a percentage, against each but the first.
 
     The values are compared as they are: of the same files the outcome is always the same.

@@ -118,7 +118,7 @@ def tune_command(
         tunings = tune_trackers(loaded, names, plan, chosen, output)
     files = save_tuning(tunings, loaded, out, command)
     if as_json:
-        click.echo(results.to_json(tuning_content(tunings, command)), nl=False)
+        click.echo(results.json_text(tuning_content(tunings, command)), nl=False)
         return
     if quiet:
         for item in tunings:

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import DASHED, INK, MUTED, logarithmic
-from trackbench.document.margins import shortened
+from trackbench.document.margins import shortened_to_width
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.tuning.measures import NEES_DOF
 from trackbench.subjects.tuning.objectives import has_nees, mean_nees
@@ -62,7 +62,7 @@ def response_figure(item: Tuning, response: Response, name: str) -> Figure | Non
             axes.axvline(float(item.best.values[parameter.key]), color=_BEST, linewidth=1.2)
             if start is not None:
                 axes.axvline(float(start), color=INK, linestyle=DASHED, linewidth=1.0)
-        panels[-1].set_xlabel(shortened(parameter.key, _BELOW))
+        panels[-1].set_xlabel(shortened_to_width(parameter.key, _BELOW))
 
     legend = [LegendEntry("tuned", _BEST), *([LegendEntry("start", INK, "dash")] if start is not None else [])]
     band = (
@@ -131,8 +131,8 @@ def _pair(item: Tuning, first: Parameter, second: Parameter, name: str) -> Figur
                 axes.plot(x, y, linestyle="none", marker=marker, markersize=10, markerfacecolor="none", color=colour)
         _scale(axes, first, "x")
         _scale(axes, second, "y")
-        axes.set_xlabel(shortened(first.key, _BELOW))
-        axes.set_ylabel(shortened(second.key, _BESIDE))
+        axes.set_xlabel(shortened_to_width(first.key, _BELOW))
+        axes.set_ylabel(shortened_to_width(second.key, _BESIDE))
 
     legend = [
         LegendEntry("tuned", _BEST, "ring"),

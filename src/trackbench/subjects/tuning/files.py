@@ -162,7 +162,7 @@ def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: P
     document = tuning_document(tunings, command)
     figures = base.with_name(f"{base.name}_figures")
     content = {
-        base.with_name(f"{base.name}.json"): results.to_json(tuning_content(tunings, command)).encode(),
+        base.with_name(f"{base.name}.json"): results.json_text(tuning_content(tunings, command)).encode(),
         base.with_name(f"{base.name}.html"): to_html(document).encode(),
         base.with_name(f"{base.name}.md"): to_markdown(document, figures=quote(figures.name)).encode(),
     }

@@ -10,7 +10,7 @@ from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
 from trackbench.metrics.breakdown import DOF
 from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, mean_verdict
-from trackbench.report.numbers import joined
+from trackbench.report.numbers import joined_names
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import front_figure, pair_figures, response_figure
 from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureComparison
@@ -191,8 +191,8 @@ def _answer(tunings: Sequence[Tuning]) -> Iterator[Block]:
         verdicts = {item.tracker: {row.verdict for row in item.held_out.of(item.objective.measure)} for item in tunings}
         better = [name for name, words in verdicts.items() if "better" in words]
         worse = [name for name, words in verdicts.items() if "worse" in words]
-        harm = f" Shown to be worse: {joined(worse)}." if worse else ""
-        yield Paragraph(f"Shown to be better than the start: {joined(better) or 'none'}.{harm}", strong=True)
+        harm = f" Shown to be worse: {joined_names(worse)}." if worse else ""
+        yield Paragraph(f"Shown to be better than the start: {joined_names(better) or 'none'}.{harm}", strong=True)
     table = tables.gains_table(tunings)
     if table.rows:
         yield table
@@ -213,9 +213,9 @@ def _document(tunings: Sequence[Tuning], blocks: Sequence[Block]) -> Document:
     objective = tunings[0].objective
     return Document(
         "tuning",
-        f"Tuning of {joined([item.tracker for item in tunings])}",
+        f"Tuning of {joined_names([item.tracker for item in tunings])}",
         tuple(blocks),
-        f"For the {objective.meaning}, in {joined(tunings[0].scenarios)}.",
+        f"For the {objective.meaning}, in {joined_names(tunings[0].scenarios)}.",
         (counted(sum(len(item.trials) for item in tunings), "trial"), f"objective {objective.name}"),
     )
 
@@ -247,8 +247,8 @@ def _pairs(item: Tuning, name: str) -> Iterator[Block]:
     strong = [f"{a} and {b} ({value:+.2f})" for (a, b), value in pairs.items() if abs(value) > STRONG]
     if strong:
         yield Paragraph(
-            f"Hard to tell apart: {joined(strong)}. A change of one is made up for by the other; fix one of them, or "
-            "tune on measurements that tell them apart."
+            f"Hard to tell apart: {joined_names(strong)}. A change of one is made up for by the other; fix one of "
+            "them, or tune on measurements that tell them apart."
         )
     figures = pair_figures(item, name)
     if figures:

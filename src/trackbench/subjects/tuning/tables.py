@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from trackbench.document import Cell, Column, Table, Tone
-from trackbench.report.numbers import decimals, fixed, interval, signed
-from trackbench.report.tables import unit_of
+from trackbench.report.numbers import decimals, interval_text, rounded, signed
+from trackbench.report.tables import unit_after_heading
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.objectives import Parts, has_nees, mean_nees
@@ -71,7 +71,7 @@ def gains_table(tunings: Sequence[Tuning]) -> Table:
         (gain, cells),
         (Column("which is", left=True), [Cell(word, tone=tone, chip=True) for word, tone in words]),
         (
-            Column(f"start, tuned{unit_of(rows[0][1].unit or '1') if rows else ''}"),
+            Column(f"start, tuned{unit_after_heading(rows[0][1].unit or '1') if rows else ''}"),
             [replace(_start_and_tuned(row), details=(), tone="") for _, row in rows],
         ),
         (Column("scenario", left=True), [Cell(row.scenario) for _, row in rows]),
@@ -104,8 +104,8 @@ def held_out_table(item: Tuning, name: str = "") -> Table:
         *(
             (column, [Cell(text(side.value, places), _interval(side.ci95, places)) for side in sides])
             for column, text, sides in (
-                (start, fixed, [row.start for row in compared]),
-                (Column("tuned"), fixed, [row.tuned for row in compared]),
+                (start, rounded, [row.start for row in compared]),
+                (Column("tuned"), rounded, [row.tuned for row in compared]),
                 (difference, signed, [row.difference for row in compared]),
             )
         ),
@@ -241,7 +241,7 @@ def _change(point: ResponsePoint | None, best: Parts, parameter: Parameter) -> C
 
 
 def _interval(ends: tuple[float, float] | None, places: int) -> tuple[str, ...]:
-    return (interval(ends, places),) if ends else ()
+    return (interval_text(ends, places),) if ends else ()
 
 
 def _start_and_tuned(comparison: MeasureComparison | None) -> Cell:
@@ -249,4 +249,4 @@ def _start_and_tuned(comparison: MeasureComparison | None) -> Cell:
         return Cell(NONE)
     values = [comparison.start.value, comparison.tuned.value]
     places, tone = decimals(values, 4), _TONES.get(comparison.verdict, "")
-    return Cell(", ".join(fixed(value, places) for value in values), (comparison.verdict,), tone)
+    return Cell(", ".join(rounded(value, places) for value in values), (comparison.verdict,), tone)
