@@ -12,6 +12,7 @@ import trackbench as tb
 from trackbench.base.execution import executor
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.config import Search as SearchConfig
+from trackbench.subjects.envelope.mapping import EnvelopeMap
 from trackbench.subjects.envelope.task import task_of
 from trackbench.subjects.envelope.worst import Candidate, WorstSearch
 
@@ -43,7 +44,7 @@ def searching(runs: int, seed: int = 0, **changes: Any) -> WorstSearch:
     task = task_of(small(**TURN, **changes))
     search = SearchConfig.model_validate({"runs": runs, "axes": OVER, "seed": seed})
     with executor(1) as chosen:
-        return WorstSearch(task, task.requirements[0], search, chosen)
+        return WorstSearch(EnvelopeMap(task, chosen), task.requirements[0], search)
 
 
 @pytest.mark.slow

@@ -85,19 +85,17 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
     for name in idle_axes(mapped.claim):
         listener.note(f"{name}: no value changes along this axis")
     mapped = replace(mapped, claim=mapped.claim.model_copy(update={"log": log}))
-    return with_counter_examples(made, mapped, plan, executor, listener)
+    return _with_counter_examples(made, mapped, plan.counter_examples, listener)
 
 
-def with_counter_examples(
-    made: EnvelopeMap, envelope: Envelope, plan: EnvelopePlan, executor: Executor, listener: Listener
-) -> Envelope:
+def _with_counter_examples(made: EnvelopeMap, envelope: Envelope, most: int | None, listener: Listener) -> Envelope:
     """What is claimed of a map, with its nearest counter-examples and the worst runs that a search finds."""
-    maker = CounterMaker(made, envelope.claim, executor, plan.isolation, plan.engine)
-    examples = maker.make(plan.counter_examples, listener)
+    maker = CounterMaker(made, envelope.claim)
+    examples = maker.make(most, listener)
     worst: tuple[WorstRun, ...] = ()
     if (search := made.task.config.search) is not None:
         with listener.progress(f"search for the worst run of {envelope.claim.scenario}", "runs") as advance:
-            worst = tuple(worst_runs(made.task, search, executor, plan.isolation, plan.engine, advance))
+            worst = tuple(worst_runs(made, search, advance))
     claim = envelope.claim.model_copy(update={"counter_examples": examples, "worst": worst})
     return replace(envelope, claim=claim, shown=maker.shown)
 

@@ -81,10 +81,7 @@ def _on_axis(axis: MapAxis, measured: Mapping[str, float]) -> float | None:
     """Where an axis of numbers has what was found; of several keys that follow it, the mean of those that are known."""
     if not axis.ordered:
         return None
-    links = {key: (link.factor, link.offset) for key, link in axis.config.keys.items() if link.factor}
-    if axis.config.key is not None:
-        links = {axis.config.key: (1.0, 0.0)}
-    values = [(measured[key] - offset) / factor for key, (factor, offset) in links.items() if key in measured]
+    values = [link.value(measured[key]) for key, link in axis.links.items() if key in measured]
     return sum(values) / len(values) if values else None
 
 

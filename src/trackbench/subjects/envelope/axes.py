@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -15,7 +15,7 @@ import numpy as np
 from trackbench.base.config.key_units import split_key
 from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array
-from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
+from trackbench.subjects.envelope.config import Axis, EnvelopeConfig, Linked
 
 #: A value of an axis: a number, or the name of a choice.
 Value = float | str
@@ -67,6 +67,13 @@ class MapAxis:
             return float(self.config.low or 0.0), float(self.config.high or 0.0)
         numbers = [float(value) for value in self.values]
         return numbers[0], numbers[-1]
+
+    @property
+    def links(self) -> Mapping[str, Linked]:
+        """How keys of the scenario follow the value of an axis of numbers; without those that it does not change."""
+        if self.config.key is not None:
+            return {self.config.key: Linked()}
+        return {key: link for key, link in self.config.keys.items() if link.factor}
 
     def takes(self, value: Value) -> bool:
         """Whether it may have a value."""

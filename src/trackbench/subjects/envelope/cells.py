@@ -122,10 +122,14 @@ class Requirement(NamedTuple):
 
     tracker: str
     metric: str
-    direction: Literal["below", "above"]
+    direction: Direction
     limit: float
     other: str | None = None
     """Where it must be better than another tracker: the limit is that of the difference, 0."""
+
+    def excess(self, value: Any) -> Any:
+        """How far a value, or each of several, is beyond the limit; negative where it meets it."""
+        return value - self.limit if self.direction == "below" else self.limit - value
 
 
 class Extent(NamedTuple):

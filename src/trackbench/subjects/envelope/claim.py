@@ -43,8 +43,12 @@ class ClaimedLimit(ResultModel):
         """As it is read."""
         if self.other is not None:
             return f"{self.tracker} {self.metric} better than {self.other}"
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{self.tracker} {self.metric} {self.direction} {self.limit:g}{unit}"
+        return f"{self.tracker} {self.metric} {self.direction} {self.limit:g}{self.after_number}"
+
+    @property
+    def after_number(self) -> str:
+        """The unit as it stands after a number: " m"; empty where there is none."""
+        return "" if self.unit == "1" else f" {self.unit}"
 
     def beyond(self, value: float) -> bool:
         """Whether a value does not meet it."""
@@ -182,6 +186,10 @@ class Claim(ResultModel):
         """The requirements on a tracker."""
         return [limit for limit in self.limits if limit.tracker == tracker]
 
+    def required_of(self, tracker: str) -> str:
+        """What is required of a tracker, as it is read."""
+        return " and ".join(limit.text.removeprefix(f"{tracker} ") for limit in self.limits_of(tracker))
+
     def counts(self, tracker: str) -> dict[State, int]:
         """By state, the number of cells."""
         states = [cell.trackers[tracker].state for cell in self.cells]
@@ -215,13 +223,9 @@ class Envelope:
         """``(parts,)`` of a requirement in a cell."""
         return self._by_place.get((cell, limit), np.zeros(0))
 
-    @property
+    @cached_property
     def _by_place(self) -> dict[tuple[int, int], Array]:
-        cached: dict[tuple[int, int], Array] | None = self.__dict__.get("_split")
-        if cached is None:
-            cached = dict(_split(self.parts))
-            object.__setattr__(self, "_split", cached)
-        return cached
+        return dict(_split(self.parts))
 
 
 def _split(parts: pa.Table) -> Iterator[tuple[tuple[int, int], Array]]:

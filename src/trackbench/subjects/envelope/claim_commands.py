@@ -32,8 +32,7 @@ def suite_of_claim(claim: Claim, loaded: Scenario) -> Suite:
     for cell in claim.cells:
         for name, tracker in cell.trackers.items():
             limits = claim.limits_of(name)
-            required = " and ".join(limit.text.removeprefix(f"{name} ") for limit in limits)
-            text = f"{name}: {required} at {place_of_cell(claim.axes, cell.at)}"
+            text = f"{name}: {claim.required_of(name)} at {place_of_cell(claim.axes, cell.at)}"
             message = tracker.cause or "; ".join(_values(limits, tracker))
             stated = enumerate(loaded.document.value["expect"])
             number = next((number for number, item in stated if item["tracker"] == name), 0)
@@ -92,8 +91,7 @@ def _share(claim: Claim, tracker: str) -> str:
 def _limit(limit: ClaimedLimit) -> str:
     if limit.other is not None:
         return f"{limit.metric} better than `{limit.other}`"
-    unit = "" if limit.unit == "1" else f" {limit.unit}"
-    return f"{limit.metric} {_SIGNS[limit.direction]} {limit.limit:g}{unit}"
+    return f"{limit.metric} {_SIGNS[limit.direction]} {limit.limit:g}{limit.after_number}"
 
 
 #: Discrepancies that are printed.

@@ -24,6 +24,10 @@ class Linked(Config):
     factor: float = Field(1, description="What the value is multiplied by.")
     offset: float = Field(0, description="What is added.")
 
+    def value(self, number: float) -> float:
+        """The value of the axis at which the key has a number."""
+        return (number - self.offset) / self.factor
+
 
 class Axis(Config):
     """What is varied: one key of the scenario, several that follow from one value, or named changes."""
@@ -55,10 +59,14 @@ class Axis(Config):
     @property
     def form(self) -> str:
         """The key that says which values there are."""
-        return next(name for name in FORMS if getattr(self, {"from": "low"}.get(name, name)) not in (None, [], {}))
+        return self._forms[0]
+
+    @property
+    def _forms(self) -> list[str]:
+        return [name for name in FORMS if getattr(self, {"from": "low"}.get(name, name)) not in (None, [], {})]
 
     def problems(self) -> Iterator[Problem]:
-        stated = [name for name in FORMS if getattr(self, {"from": "low"}.get(name, name)) not in (None, [], {})]
+        stated = self._forms
         if len(stated) != 1:
             more = f"write one of {', '.join(stated)}" if stated else "missing: from and to, values, or choices"
             yield Problem((stated[1],) if stated else (), more)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +11,8 @@ import numpy as np
 from trackbench.api import session
 from trackbench.api.plan import Listener, RunPlan
 from trackbench.base.types import Array
-from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.engine.choice import EngineName
 from trackbench.results import Result
 from trackbench.runner.tables import run_values
-from trackbench.scenario import Scenario
-from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, point_distance
 from trackbench.subjects.envelope.cells import Requirement, Runs
 from trackbench.subjects.envelope.claim import Claim, ClaimCell
@@ -32,6 +27,7 @@ from trackbench.subjects.envelope.counter_models import (
 )
 from trackbench.subjects.envelope.counter_page import condition_of, event_of, finding_on
 from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
+from trackbench.subjects.envelope.task import changed_scenario
 
 
 class Facing(NamedTuple):
@@ -121,23 +117,12 @@ class CounterMaker:
     """Makes the counter-examples of a map.
 
     Args:
-        made: the map.
+        made: the map; they are made as its cells were.
         claim: what is claimed of it.
-        executor: what makes the runs.
-        isolation: how plug-ins are kept apart.
-        engine: what computes.
     """
 
-    def __init__(
-        self,
-        made: EnvelopeMap,
-        claim: Claim,
-        executor: Executor,
-        isolation: Isolation = ISOLATED,
-        engine: EngineName = "auto",
-    ) -> None:
+    def __init__(self, made: EnvelopeMap, claim: Claim) -> None:
         self._made, self._claim, self._task = made, claim, made.task
-        self._executor, self._isolation, self._engine = executor, isolation, engine
         self._cells = [*made.cells.values()]
         self.shown: dict[str, ShownExample] = {}
         """By the name of the folder of each counter-example."""
@@ -151,7 +136,7 @@ class CounterMaker:
         """
         bases = [base_of(self._claim, tracker) for tracker in self._claim.trackers]
         facings = [facing for base in bases for facing in nearest_failing(self._claim, base, most)]
-        again = EnvelopeMap(self._task, self._executor, self._isolation, self._engine)
+        again = self._made.another()
         numbers = dict.fromkeys(facing.cell for facing in facings)
         name = self._claim.scenario
         with listener.progress(f"counter-examples of {name} on other seeds", "cells") as advance:
@@ -164,7 +149,7 @@ class CounterMaker:
                 example = self._example(number, facing, again)
                 if facing.tracker not in findings:
                     loaded = self.shown[example.folder].loaded
-                    findings[facing.tracker] = finding_on(loaded, facing.tracker, self._executor)
+                    findings[facing.tracker] = finding_on(loaded, facing.tracker, self._made.executor)
                 examples.append(example.model_copy(update={"finding": findings[facing.tracker]}))
         beyond = sorted(self._beyond(), key=lambda pair: -pair[0])
         rows = [row for _, row in beyond[:MOST_BEYOND]]
@@ -177,7 +162,7 @@ class CounterMaker:
         if self._task.config.claim == "traffic like these":
             first = next(iter(config.truth.scenes())).seed  # type: ignore[attr-defined]
             changes.append(f"truth.seed={first + self._task.extents[-1].scenes}")
-        return again.empty(cell.point, _changed(cell.loaded, changes, [*cell.loaded.config.trackers]))
+        return again.empty(cell.point, changed_scenario(cell.loaded, changes, [*cell.loaded.config.trackers]))
 
     def _example(self, number: int, facing: Facing, again: EnvelopeMap) -> CounterExample:
         cell, claimed = self._cells[facing.cell], self._claim.cells[facing.cell]
@@ -209,9 +194,9 @@ class CounterMaker:
         if requirement is None or values is None:
             return ShownRun(scene=0, run=0, value=None, beyond=None, runs=len(own.runs.run))
         order = np.argsort(values)
-        beyond = [run for run in order if np.isfinite(values[run]) and _excess(requirement, values[run]) >= 0]
+        beyond = [run for run in order if np.isfinite(values[run]) and requirement.excess(values[run]) >= 0]
         # Where the mean is beyond the limit and no run is, that nearest to it.
-        nearest = order[np.nanargmax([_excess(requirement, values[run]) for run in order])]
+        nearest = order[np.nanargmax([requirement.excess(values[run]) for run in order])]
         middle = beyond[(len(beyond) - 1) // 2] if beyond else nearest
         return ShownRun(
             scene=int(own.runs.scene[middle]),
@@ -231,10 +216,9 @@ class CounterMaker:
         if self._task.config.claim == "traffic like these":
             changes.append(f"truth.seeds={max(1, extent.scenes)}")
         names = [tracker, *([requirement.other] if requirement is not None and requirement.other else [])]
-        loaded = _changed(cell.loaded, changes, names)
-        plan = RunPlan(isolation=self._isolation, engine=self._engine)
-        prepared = session.prepare([loaded], plan, self._executor, Listener())
-        (result,) = session.run(prepared, plan, self._executor, Listener())
+        loaded = changed_scenario(cell.loaded, changes, names)
+        plan, executor = RunPlan(isolation=self._made.isolation, engine=self._made.engine_choice), self._made.executor
+        (result,) = session.run(session.prepare([loaded], plan, executor, Listener()), plan, executor, Listener())
         self.shown[folder] = ShownExample(loaded, result)
         return result
 
@@ -259,7 +243,7 @@ class CounterMaker:
                 values = _values(cell, item) if own.state == "holds" else None
                 if values is None:
                     continue
-                excess = _excess(item, values)
+                excess = item.excess(values)
                 for run in np.flatnonzero(excess > 0):
                     row = BeyondRun(
                         tracker=item.tracker,
@@ -293,12 +277,3 @@ def _values(cell: MapCell, item: Requirement) -> Array | None:
         return None
     first, *rest = values
     return first if not rest else np.asarray(first) - np.asarray(rest[0])
-
-
-def _excess(item: Requirement, values: Array) -> Array:
-    """How far values are beyond the limit; negative where they meet it."""
-    return np.asarray(values - item.limit if item.direction == "below" else item.limit - values)
-
-
-def _changed(loaded: Scenario, changes: Sequence[str], trackers: Sequence[str]) -> Scenario:
-    return select_trackers(scenario_of(loaded.text, loaded.path, [*loaded.overrides, *changes]), trackers)

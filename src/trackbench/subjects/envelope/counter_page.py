@@ -17,7 +17,7 @@ from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import ConditionScores, Result
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
-from trackbench.subjects.envelope.claim import Claim
+from trackbench.subjects.envelope.claim import Claim, place_of_cell
 from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, CounterExample, CounterExamples
 from trackbench.trackers.config import FilterConfig
 
@@ -191,8 +191,7 @@ def worst_section(claim: Claim) -> Iterator[Section]:
 
 def at_point(claim: Claim, cell: int) -> str:
     """The values of a cell, as they are read."""
-    point = claim.cells[cell].at
-    return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(claim.axes, point, strict=True))
+    return place_of_cell(claim.axes, claim.cells[cell].at)
 
 
 def _examples(claim: Claim, counter: CounterExamples) -> Table:
@@ -216,8 +215,7 @@ def _value(claim: Claim, item: CounterExample) -> str:
     if item.limit is None:
         return item.cause
     limit = claim.limits[item.limit]
-    unit = "" if limit.unit == "1" else f" {limit.unit}"
-    return f"{limit.metric} {bounds(item.value, item.low, item.high)}{unit}"
+    return f"{limit.metric} {bounds(item.value, item.low, item.high)}{limit.after_number}"
 
 
 def bounds(value: float | None, low: float | None, high: float | None) -> str:

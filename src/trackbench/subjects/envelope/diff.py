@@ -163,8 +163,7 @@ def _change(before: Envelope, after: Envelope, places: tuple[int, int], name: st
 def _values(limits: Sequence[ClaimedLimit], states: Sequence[TrackerState]) -> Iterator[str]:
     for limit, old, new in zip(limits, *(state.values for state in states), strict=False):
         if old.value is not None and new.value is not None:
-            unit = "" if limit.unit == "1" else f" {limit.unit}"
-            yield f"{limit.metric} {old.value:.4g} -> {new.value:.4g}{unit}"
+            yield f"{limit.metric} {old.value:.4g} -> {new.value:.4g}{limit.after_number}"
 
 
 def _same_runs(before: Envelope, after: Envelope, places: tuple[int, int], name: str) -> bool:

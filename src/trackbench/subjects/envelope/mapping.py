@@ -198,12 +198,16 @@ class EnvelopeMap:
         self.cells: dict[Point, MapCell] = {}
         self.engine = ""
         """That computed the cells."""
-        self._executor, self._isolation, self._engine = executor, isolation, engine
+        self.executor, self.isolation, self.engine_choice = executor, isolation, engine
         self._store = store or Store(None, "")
         self._retune = retune
         numbers = tuple(extent.parts for extent in task.extents)
         self._spending = Spending(1.0 - task.config.confidence, task.config.cells * len(task.trackers), numbers)
         self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
+
+    def another(self) -> EnvelopeMap:
+        """One of the same task that is made in the same way, without cells; it keeps no runs and tunes no tracker."""
+        return EnvelopeMap(self.task, self.executor, self.isolation, self.engine_choice)
 
     def make(self, progress: NotedProgress = no_progress) -> None:
         """Make all cells.
@@ -279,7 +283,7 @@ class EnvelopeMap:
         else:
             # Scenes that are done are not sent again.
             here = work.of_scenes({piece.scene for piece in pieces})
-            result = self._executor.submit(Task(make_runs, here, own_folder(cell.loaded), long=True), names, pieces)
+            result = self.executor.submit(Task(make_runs, here, own_folder(cell.loaded), long=True), names, pieces)
         return _Look(cell, names, work, pieces, kept is not None, result)
 
     def work(self, loaded: Scenario, extent: Extent) -> Work:
@@ -294,10 +298,10 @@ class EnvelopeMap:
             loaded = replace(loaded, config=loaded.config.model_copy(update={"truth": truth}))
         key = truth_key(loaded)
         if key not in self._truths:
-            self._truths[key] = truths_of(loaded, executor=self._executor)
+            self._truths[key] = truths_of(loaded, executor=self.executor)
             while len(self._truths) > KEPT_TRUTHS:
                 self._truths.popitem(last=False)
-        work = work_of_cell(loaded, self._truths[key], self.task.requirements, self._isolation, self._engine)
+        work = work_of_cell(loaded, self._truths[key], self.task.requirements, self.isolation, self.engine_choice)
         self.engine = work.engine
         return work
 

@@ -157,13 +157,12 @@ def headlines(claim: Claim) -> Iterator[str]:
     """For each tracker, in how many cells it meets its requirement, and which share is undecided."""
     for tracker in claim.trackers:
         counts, total = claim.counts(tracker), len(claim.cells)
-        limits = " and ".join(limit.text.removeprefix(f"{tracker} ") for limit in claim.limits_of(tracker))
         share = f"{100 * counts['undecided'] / total:.0f} % undecided"
         states = [cell.trackers[tracker] for cell in claim.cells]
         if same := sum(item.state == "undecided" and ALL_THE_SAME in item.cause for item in states):
             share += f", of which {counted(same, 'cell')} because every run is the same"
         yield (
-            f"{tracker}: {limits} holds in {counts['holds']} of {counted(total, 'cell')}, "
+            f"{tracker}: {claim.required_of(tracker)} holds in {counts['holds']} of {counted(total, 'cell')}, "
             f"fails in {counts['fails']}, {share}"
         )
         if failure := claim.failures[tracker]:

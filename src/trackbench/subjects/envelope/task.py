@@ -18,6 +18,11 @@ from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
 from trackbench.truth.config.traffic import TracksConfig
 
 
+def changed_scenario(loaded: Scenario, changes: Sequence[str], trackers: Sequence[str]) -> Scenario:
+    """The scenario with ``key.path=value`` set over it, and some of its trackers alone."""
+    return select_trackers(scenario_of(loaded.text, loaded.path, [*loaded.overrides, *changes]), trackers)
+
+
 def base_point(loaded: Scenario, axes: Sequence[MapAxis]) -> list[Value | None]:
     """By axis the scenario's own value; None where it has none, or keys that are linked contradict each other.
 
@@ -31,15 +36,12 @@ def _own_value(loaded: Scenario, axis: MapAxis) -> Value | None:
     if config.form == "choices":
         first = axis.values[0] if config.key == "world" and loaded.config.world is None else None
         return next((value for value in axis.values if _is_set(loaded, axis.changes(value))), first)
-    links = {key: (link.factor, link.offset) for key, link in config.keys.items() if link.factor}
-    if config.key is not None:
-        links = {config.key: (1.0, 0.0)}
     numbers = []
-    for key, (factor, offset) in links.items():
+    for key, link in axis.links.items():
         number = value_at(loaded, key)
         if isinstance(number, bool) or not isinstance(number, int | float):
             return None
-        numbers.append((number - offset) / factor)
+        numbers.append(link.value(number))
     alike = bool(numbers) and max(numbers) - min(numbers) <= 1e-9 * max(map(abs, numbers))
     # Without the rounding of what the keys are linked by.
     return float(f"{numbers[0]:.12g}") if alike else None
@@ -106,10 +108,9 @@ class EnvelopeTask(NamedTuple):
         changes = [*overrides(self.axes, point), f"monte_carlo.runs={last.runs}"]
         changes += [f"truth.seeds={last.scenes}"] if self.config.claim == "traffic like these" else []
         try:
-            scenario = scenario_of(self.loaded.text, self.loaded.path, [*self.loaded.overrides, *changes])
+            return changed_scenario(self.loaded, changes, [*self.loaded.config.trackers])
         except InputError as error:
             raise self._at_axis(error, point) from error
-        return select_trackers(scenario, [*self.loaded.config.trackers])
 
     def _at_axis(self, error: InputError, point: Point) -> InputError:
         """The error at the axis that changes its key, with file and line."""

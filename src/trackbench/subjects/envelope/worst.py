@@ -6,7 +6,6 @@ Source of the search: Hansen (2016), "The CMA Evolution Strategy: A Tutorial", b
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
@@ -14,18 +13,16 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Task
 from trackbench.base.types import NotedProgress, no_progress
-from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.engine.choice import EngineName
 from trackbench.runner.tables import run_values
 from trackbench.runner.work import BlockRuns
 from trackbench.scenario import Scenario
-from trackbench.scenario.load import own_folder, scenario_of, select_trackers
+from trackbench.scenario.load import own_folder
 from trackbench.subjects.envelope.axes import MapAxis, Point, from_share, overrides
 from trackbench.subjects.envelope.cells import Extent, Requirement, make_runs
 from trackbench.subjects.envelope.config import Search
 from trackbench.subjects.envelope.counter_models import WorstRun
 from trackbench.subjects.envelope.mapping import EnvelopeMap
-from trackbench.subjects.envelope.task import EnvelopeTask, base_point
+from trackbench.subjects.envelope.task import base_point, changed_scenario
 
 #: Share of the runs that try other seeds at the worst point that was found.
 ON_SEEDS = 0.25
@@ -58,28 +55,18 @@ class WorstSearch:
     """Looks for the run that is furthest beyond the limit of a requirement.
 
     Args:
-        task: what is mapped.
+        made: the map; runs are made as its cells were.
         item: the requirement.
         search: how long, and over what.
-        executor: what makes the runs.
-        isolation: how plug-ins are kept apart.
-        engine: what computes.
     """
 
-    def __init__(
-        self,
-        task: EnvelopeTask,
-        item: Requirement,
-        search: Search,
-        executor: Executor,
-        isolation: Isolation = ISOLATED,
-        engine: EngineName = "auto",
-    ) -> None:
+    def __init__(self, made: EnvelopeMap, item: Requirement, search: Search) -> None:
+        task = made.task
         axes = tuple(MapAxis(name, axis) for name, axis in search.axes.items())
         self.axes = axes or tuple(axis for axis in task.axes if axis.ordered)
-        self._task, self._item, self._search, self._executor = task, item, search, executor
+        self._task, self._item, self._search = task, item, search
         self._scenes = 1 if task.config.claim == "traffic like these" else len(task.loaded.config.truth.scenes())
-        self._map = EnvelopeMap(task, executor, isolation, engine)
+        self._map = made.another()
         self._last: list[float] = []
         """The values of the runs that were tried last."""
         self._names = [item.tracker, *([item.other] if item.other else [])]
@@ -107,7 +94,7 @@ class WorstSearch:
             work = self._map.work(loaded, Extent(1, loaded.config.monte_carlo.runs))
             here = work.of_scenes({piece.scene})
             task = Task(make_runs, here, own_folder(loaded), long=True)
-            begun.append((work.metrics, self._executor.submit(task, self._names, [piece])))
+            begun.append((work.metrics, self._map.executor.submit(task, self._names, [piece])))
         values = []
         for metrics, future in begun:
             sums = future.result().sums
@@ -135,9 +122,7 @@ class WorstSearch:
 
     def scenario(self, candidate: Candidate) -> Scenario:
         """That of a run."""
-        loaded = self._task.loaded
-        changed = scenario_of(loaded.text, loaded.path, [*loaded.overrides, *self.changes(candidate)])
-        return select_trackers(changed, self._names)
+        return changed_scenario(self._task.loaded, self.changes(candidate), self._names)
 
     def point(self, candidate: Candidate) -> Point:
         """Its values of the axes."""
@@ -154,9 +139,7 @@ class WorstSearch:
         return max([best, *zip(group, self._last, strict=True)], key=lambda pair: self._excess(pair[1]))
 
     def _excess(self, value: float) -> float:
-        if np.isnan(value):
-            return -np.inf
-        return value - self._item.limit if self._item.direction == "below" else self._item.limit - value
+        return -np.inf if np.isnan(value) else float(self._item.excess(value))
 
     def _proposed(self, most: int) -> Iterator[list[Candidate]]:
         """Generations of an evolution strategy, begun anew wherever it has converged; each has one seed for all."""
@@ -186,22 +169,12 @@ class WorstSearch:
         return [min(max(share, 0.0), 1.0) for share in shares]
 
 
-def worst_runs(
-    task: EnvelopeTask,
-    search: Search,
-    executor: Executor,
-    isolation: Isolation = ISOLATED,
-    engine: EngineName = "auto",
-    progress: NotedProgress = no_progress,
-) -> list[WorstRun]:
+def worst_runs(made: EnvelopeMap, search: Search, progress: NotedProgress = no_progress) -> list[WorstRun]:
     """The worst run of each requirement.
 
     Args:
-        task: what is mapped.
+        made: the map; runs are made as its cells were.
         search: how long, and over what.
-        executor: what makes the runs.
-        isolation: how plug-ins are kept apart.
-        engine: what computes.
         progress: called with the number of runs made and of all, of each requirement.
 
     Raises:
@@ -209,8 +182,8 @@ def worst_runs(
     """
     require_cma()
     runs = []
-    for number, item in enumerate(task.requirements):
-        looking = WorstSearch(task, item, search, executor, isolation, engine)
+    for number, item in enumerate(made.task.requirements):
+        looking = WorstSearch(made, item, search)
         candidate, value = looking.worst(progress)
         runs.append(
             WorstRun(
