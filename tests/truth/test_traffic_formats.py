@@ -1,4 +1,4 @@
-"""Formats of recorded traffic: what each reads, and that no damaged file ends in more than a message."""
+"""Formats of recorded traffic: what each reads, its rows, and that no damaged file ends in more than a message."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError
 from trackbench.truth import traffic
 from trackbench.truth.formats.tables import I80_FILE
 from trackbench.truth.sources import TrafficTruth
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, moving_tracks
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficTrack, moving_tracks, rows_of
 
 
 def read(name: str, file: Path) -> list[TrafficTrack]:
@@ -215,3 +215,37 @@ def test_recorded_files_are_read(recorded_traffic: Path) -> None:
     trace = read("osi", recorded_traffic / "example_sv_trace.osi")
     assert [len(track.time) for track in trace] == [547, 547]
     assert all(track.length and track.width for track in trace)
+
+
+STAMPS = np.array([0.2, 0.0, 0.1])
+
+
+def test_rows_of_bodies_keep_what_only_some_of_them_state() -> None:
+    bodies = [
+        TrafficTrack("a", STAMPS[:2], STAMPS[:2], STAMPS[:2], heading=STAMPS[:2], length=4.0, kind="car"),
+        TrafficTrack("b", STAMPS[:1], STAMPS[:1], STAMPS[:1]),
+    ]
+    table = rows_of(bodies)
+    assert list(table.id) == ["a", "a", "b"]
+    assert list(table.kind or ()) == ["car", "car", ""]
+    np.testing.assert_array_equal(table.heading, [0.2, 0.0, np.nan])
+    np.testing.assert_array_equal(table.length, [4.0, 4.0, np.nan])
+    assert table.width is None
+    assert table.speed is None
+
+
+def test_ordered_rows_keep_their_columns_together() -> None:
+    covariance = np.arange(48.0).reshape(4, 4, 3)
+    table = TrackRows(["x", "y", "z"], STAMPS, STAMPS + 1, STAMPS + 2, covariance=covariance, run=["0", "1", "0"])
+    ordered = table.ordered(Path("a.csv"))
+    assert list(ordered.id) == ["y", "z", "x"]
+    assert list(ordered.run or ()) == ["1", "0", "0"]
+    np.testing.assert_array_equal(ordered.px - ordered.time, 1.0)
+    np.testing.assert_array_equal(ordered.covariance, covariance[..., [1, 2, 0]])
+
+
+def test_one_id_at_one_time_is_one_row_of_a_run() -> None:
+    twice = TrackRows(["x", "x"], np.zeros(2), np.zeros(2), np.ones(2), run=["0", "1"])
+    assert len(twice.ordered(Path("a.csv"))) == 2
+    with pytest.raises(InputError, match=r"a\.csv: x has two rows at 0 s"):
+        TrackRows(["x", "x"], np.zeros(2), np.zeros(2), np.ones(2)).ordered(Path("a.csv"))

@@ -278,8 +278,8 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation, metrics: Ma
 def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
     """Every path that an expectation may name."""
     hidden, truth = scenario.sensing.identities == "hidden", scenario.truth
-    known = not (isinstance(truth, RecordingTruth) and truth.without_truth)
-    return by_path(scenario.sensors, scenario.own_metrics, hidden, known)
+    has_truth = not (isinstance(truth, RecordingTruth) and truth.without_truth)
+    return by_path(scenario.sensors, scenario.own_metrics, hidden, has_truth)
 
 
 def _limit(

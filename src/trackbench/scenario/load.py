@@ -98,16 +98,15 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
 
 def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenario:
     """As ``load_scenario``, of a text that is at hand already; ``path`` is named in errors."""
-    document = parse_yaml(text, str(path))
+    document, keys = parse_yaml(text, str(path)), ScenarioConfig.model_fields
     if not isinstance(document.value, dict):
         result = "is empty" if document.value is None else "is not a mapping of keys to values"
-        required = ", ".join(name for name, field in ScenarioConfig.model_fields.items() if field.is_required())
+        required = ", ".join(name for name, field in keys.items() if field.is_required())
         message = f"the file {result}; a scenario has the keys {required}"
         raise InputError(message, file=path, line=document.origin(()).line)
-    known = ScenarioConfig.model_fields
-    if not {*document.value} & {*known}:
+    if not {*document.value} & {*keys}:
         # A file of another kind, which is not to be shown in messages.
-        raise InputError(f"this is no scenario: it has none of the keys {', '.join(known)}", file=path)
+        raise InputError(f"this is no scenario: it has none of the keys {', '.join(keys)}", file=path)
     document, sweeps = expand_sweeps(_in_world(apply_overrides(document, overrides)))
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})

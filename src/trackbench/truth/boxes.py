@@ -56,9 +56,9 @@ def load_boxes(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ..
     kinds = {track.id: track.kind for track in tracks}
     for number, kind in enumerate(config.reference.classes or ()):
         if kind not in kinds.values():
-            known = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
+            classes = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
             raise InputError(
-                f"no object is of the class {kind!r}; the file has {known}", key=f"truth.reference.classes.{number}"
+                f"no object is of the class {kind!r}; the file has {classes}", key=f"truth.reference.classes.{number}"
             )
     drive = Drive(
         {track.id: moved_to_centre(_motion(track), config) for track in tracks},

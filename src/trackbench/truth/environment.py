@@ -29,7 +29,7 @@ NULLABLE = {"destination"}
 def complete(
     config: Mapping[str, Any], defaults: Mapping[str, Any], variants: Variants, at: str = "truth.config"
 ) -> dict[str, Any]:
-    """``given`` with what it leaves out of a nested mapping filled in from ``defaults``.
+    """``config`` with what it leaves out of a nested mapping filled in from ``defaults``.
 
     Raises:
         InputError: an unknown key, a value of another type than its default, a count that is negative.
@@ -348,8 +348,8 @@ class Recorder:
         )
 
     def _sizes(self, name: str, numbers: Iterable[int]) -> Array:
-        known = len(self._bodies)
-        return np.array([float(getattr(self._bodies[i], name)) if i < known else 1.0 for i in numbers])
+        count = len(self._bodies)
+        return np.array([float(getattr(self._bodies[i], name)) if i < count else 1.0 for i in numbers])
 
     def _times(self, steps: int) -> Array:
         kept = any(self._clock.values())

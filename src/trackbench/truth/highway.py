@@ -199,13 +199,13 @@ def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any
         "action": {name: _parameters(cls) for name, cls in ACTIONS.items()},
         "observation": {name: _parameters(cls) for name, cls in OBSERVATIONS.items()},
     }
-    given = complete(config.config, defaults, variants)
-    simulation = given.get("simulation_frequency", config.rate_hz)
+    stated = complete(config.config, defaults, variants)
+    simulation = stated.get("simulation_frequency", config.rate_hz)
     if simulation != config.rate_hz:
         raise InputError(
             f"is set by truth.rate_hz ({config.rate_hz}); leave it out", key="truth.config.simulation_frequency"
         )
-    policy = given.get("policy_frequency", defaults["policy_frequency"])
+    policy = stated.get("policy_frequency", defaults["policy_frequency"])
     if config.rate_hz % policy:
         divisors = [n for n in range(1, config.rate_hz + 1) if config.rate_hz % n == 0]
         near = [max(n for n in divisors if n < policy), *[n for n in divisors if n > policy][:1]]
@@ -213,17 +213,17 @@ def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any
             f"{policy} does not divide truth.rate_hz ({config.rate_hz}); write {' or '.join(map(str, near))}",
             key="truth.config.policy_frequency",
         )
-    if defaults.get("length") is not None and given.get("length") == 0:
+    if defaults.get("length") is not None and stated.get("length") == 0:
         raise InputError("0 draws a length that the seed does not determine; write it", key="truth.config.length")
-    vehicle = given.get("other_vehicles_type", defaults["other_vehicles_type"])
+    vehicle = stated.get("other_vehicles_type", defaults["other_vehicles_type"])
     try:
         utils.class_from_path(vehicle)
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(
             f"{vehicle!r} is not the path of a class ({error})", key="truth.config.other_vehicles_type"
         ) from error
-    settings = {"observation": NO_OBSERVATION, **given, "simulation_frequency": config.rate_hz}
-    if "duration" in defaults and "duration" not in given:
+    settings = {"observation": NO_OBSERVATION, **stated, "simulation_frequency": config.rate_hz}
+    if "duration" in defaults and "duration" not in stated:
         settings["duration"] = max(defaults["duration"], config.duration_s + 2.0 / policy)
     return settings
 

@@ -17,7 +17,7 @@ from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.truth.config.traffic import format_of
-from trackbench.truth.formats.tables import QUANTITIES, header, layout
+from trackbench.truth.formats.tables import QUANTITIES, column_layout, read_header
 from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
 from trackbench.truth.tracks import TRAFFIC_FORMATS, read_rows
 
@@ -134,7 +134,7 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
         if rate is not None and rate.is_required() and options.rate_hz is None:
             raise InputError(f"{form} counts frames: give their number per second, --rate", file=file)
         return {**entry, **({"rate_hz": options.rate_hz} if rate and options.rate_hz else {})}
-    names = header(file, form)
+    names = read_header(file, form)
     own: dict[str, str] = {}
     for key, text in options.columns:
         if _column(text, names) in names and own.setdefault(key, text) != text:
@@ -142,7 +142,7 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
                 f"{key} is both {own[key]!r} and {text!r}, and this file has the two", file=file, key="--map"
             )
     try:
-        known = layout(names, own)
+        known = column_layout(names, own)
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
     columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
@@ -161,7 +161,7 @@ def _require_known(columns: Sequence[tuple[str, str]], files: Sequence[Path], op
         InputError: it is in none, or the key is none.
     """
     tables = [(file, form) for file in files if (form := _format(file, options)) in TABLES]
-    names = list(dict.fromkeys(name for file, form in tables for name in header(file, form)))
+    names = list(dict.fromkeys(name for file, form in tables for name in read_header(file, form)))
     for key, text in columns:
         if key not in QUANTITIES:
             raise InputError(f"no column is called {key!r}; {nearest(key, QUANTITIES)}", key="--map")

@@ -11,9 +11,15 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from trackbench.base.config import Angle, Config, KeyPath, Name, Positive, Problem
 from trackbench.base.errors import counted
 from trackbench.truth.base import MAX_SCENES, TruthSource
-from trackbench.truth.config.columns import MeasurementColumns, ObserverColumns, TruthColumns, Units
+from trackbench.truth.config.columns import (
+    POINTS,
+    MeasurementColumns,
+    ObserverColumns,
+    ReferenceOptions,
+    TruthColumns,
+    Units,
+)
 from trackbench.truth.config.logs import Paths, files_of, log_names
-from trackbench.truth.config.reference import POINTS, ReferenceOptions
 from trackbench.truth.jumps import Position, Velocity
 
 

@@ -31,7 +31,7 @@ class TextLine(NamedTuple):
     cells: list[str]
 
 
-def read_lines(file: Path, separator: str | None, least: int, layout: str) -> list[TextLine]:
+def _read_lines(file: Path, separator: str | None, least: int, layout: str) -> list[TextLine]:
     """The lines of a file that are not empty.
 
     Args:
@@ -58,7 +58,7 @@ def read_lines(file: Path, separator: str | None, least: int, layout: str) -> li
     return lines
 
 
-def numbers_of(lines: Sequence[TextLine], column: int, file: Path) -> Array:
+def _column_numbers(lines: Sequence[TextLine], column: int, file: Path) -> Array:
     """A column of finite numbers, of lengths or smaller ones.
 
     Raises:
@@ -84,8 +84,8 @@ class MotChallenge(RowsFormat):
     rate_hz: Positive = Field(description="Frames per second, Hz; frame 1 is at 0 s.")
 
     def rows(self, file: Path) -> TrackRows:
-        lines = read_lines(file, ",", 10, "frame, id, left, top, width, height, confidence, x, y, z")
-        frame, confidence, x, y = (numbers_of(lines, column, file) for column in (0, 6, 7, 8))
+        lines = _read_lines(file, ",", 10, "frame, id, left, top, width, height, confidence, x, y, z")
+        frame, confidence, x, y = (_column_numbers(lines, column, file) for column in (0, 6, 7, 8))
         if (x == -1).all() and (y == -1).all():
             message = "x and y are -1: these are boxes in the picture, and positions on the ground are scored"
             raise InputError(message, file=file)
@@ -106,10 +106,10 @@ class Kitti(RowsFormat):
     rate_hz: Positive = Field(10, description="Frames per second, Hz; frame 0 is at 0 s.")
 
     def rows(self, file: Path) -> TrackRows:
-        every = read_lines(file, None, COLUMNS, "frame, id, type and 14 numbers")
+        every = _read_lines(file, None, COLUMNS, "frame, id, type and 14 numbers")
         in_picture = [
             line.cells[TYPE] == NO_OBJECT and z == NOWHERE
-            for line, z in zip(every, numbers_of(every, Z, file), strict=True)
+            for line, z in zip(every, _column_numbers(every, Z, file), strict=True)
         ]
         lines = [line for line, nowhere in zip(every, in_picture, strict=True) if not nowhere]
         if all(line.cells[TYPE] == NO_OBJECT for line in lines):
@@ -117,7 +117,7 @@ class Kitti(RowsFormat):
         left_out = f"left out {counted(sum(in_picture), 'DontCare row')} without a place on the ground"
 
         def column(number: int) -> Array:
-            return numbers_of(lines, number, file)
+            return _column_numbers(lines, number, file)
 
         # The camera's x points right, y down and z forward; its angle turns from x over -z.
         return TrackRows(

@@ -60,12 +60,12 @@ def _track(item: ElementTree.Element, step: float) -> TrafficTrack | None:
     try:
         rows = [[_number(state.findtext(path)) for path in _MOTION] for state in states]
         own = {key: [state.findtext(f"{key}/exact") for state in states] for key in ("orientation", "velocity")}
-        known = {key: [_number(text) for text in texts] for key, texts in own.items() if None not in texts}
+        stated = {key: [_number(text) for text in texts] for key, texts in own.items() if None not in texts}
         length, width = (_size(item, key) for key in ("length", "width"))
     except ValueError as error:
         raise ValueError(f"obstacle {name[:20]!r}: {error}") from None
     time, x, y = np.array(rows).T
-    heading, speed = (np.array(known[key]) if key in known else None for key in ("orientation", "velocity"))
+    heading, speed = (np.array(stated[key]) if key in stated else None for key in ("orientation", "velocity"))
     kind = (item.findtext("type") or "").strip()
     return TrafficTrack(name, time * step, x, y, heading, speed, length, width, kind)
 

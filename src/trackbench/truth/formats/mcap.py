@@ -35,8 +35,8 @@ def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message
 
 def _rows(columns: Mapping[str, Sequence[Any]], file: Path) -> TrackRows:
     """The rows of a table that is called as ours is."""
-    known = {name: name for name in QUANTITIES if name in columns}
-    return table_rows(Rows(file, columns, None), ColumnLayout(known, {}), dict.fromkeys(QUANTITIES, 1.0))
+    columns_of_keys = {name: name for name in QUANTITIES if name in columns}
+    return table_rows(Rows(file, columns, None), ColumnLayout(columns_of_keys, {}), dict.fromkeys(QUANTITIES, 1.0))
 
 
 #: What has tracks, by schema; of those in a file the first is read.

@@ -104,7 +104,7 @@ class ColumnLayout(NamedTuple):
         return default if quantity is None or key not in self.units else UNITS[quantity][self.units[key]]
 
 
-def layout(header: Sequence[str], stated: Mapping[str, str], required: Iterable[str] = REQUIRED) -> ColumnLayout:
+def column_layout(header: Sequence[str], stated: Mapping[str, str], required: Iterable[str] = REQUIRED) -> ColumnLayout:
     """The layout of a table with these columns.
 
     Args:
@@ -138,7 +138,7 @@ def layout(header: Sequence[str], stated: Mapping[str, str], required: Iterable[
     return ColumnLayout(columns, units)
 
 
-def header(file: Path, form: str) -> list[str]:
+def read_header(file: Path, form: str) -> list[str]:
     """The names of the columns of a file of the format "csv" or "parquet".
 
     Raises:
@@ -199,12 +199,12 @@ def _known(name: str) -> tuple[str | None, str | None]:
     return None, None
 
 
-def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
+def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
     """The rows of a table of tracks.
 
     Args:
         rows: of the table.
-        found: where it has what.
+        layout: where it has what.
         factors: what the columns are multiplied by.
 
     Raises:
@@ -212,25 +212,25 @@ def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) ->
     """
 
     def numbers(key: str) -> Array | None:
-        if key not in found.columns:
+        if key not in layout.columns:
             return None
         optional = key not in REQUIRED
-        return rows.numbers(found.columns[key], factors[key], QUANTITIES[key], optional=optional)
+        return rows.numbers(layout.columns[key], factors[key], QUANTITIES[key], optional=optional)
 
     def texts(key: str) -> list[str] | None:
-        if key not in found.columns:
+        if key not in layout.columns:
             return None
-        return ["" if value is None else str(value).strip() for value in rows.columns[found.columns[key]]]
+        return ["" if value is None else str(value).strip() for value in rows.columns[layout.columns[key]]]
 
-    stamps = time_stamps(rows, found.columns["time"], factors["time"])
+    stamps = time_stamps(rows, layout.columns["time"], factors["time"])
     start = min(stamps).to_integral_value(ROUND_FLOOR) if max(map(abs, stamps)) > FROM_ZERO_S else Decimal(0)
     time = np.array([float(stamp - start) for stamp in stamps])
     latest = int(np.argmax(time))
     if time[latest] - time.min() > jumps.LONGEST:
         problem = jumps.why_too_long(float(time[latest] - time.min()))
-        raise rows.error(latest, f"{found.columns['time']}: {problem}, such as time={found.columns['time']}:ns")
+        raise rows.error(latest, f"{layout.columns['time']}: {problem}, such as time={layout.columns['time']}:ns")
     covariance = None
-    if any(key in found.columns for key in COVARIANCE):
+    if any(key in layout.columns for key in COVARIANCE):
         covariance = np.full((4, 4, len(rows)), np.nan)
         for key, (a, b) in COVARIANCE.items():
             values = numbers(key)
@@ -242,10 +242,10 @@ def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) ->
     for key, (least, most, why) in POSSIBLE.items():
         if (values := numeric[key]) is not None and (wrong := (values < least) | (values > most)).any():
             row = int(np.argmax(wrong))
-            raise rows.error(row, f"{found.columns[key]} is {values[row]:g}, {why}")
+            raise rows.error(row, f"{layout.columns[key]} is {values[row]:g}, {why}")
     named: dict[str, Any] = {key: texts(key) for key in ("scene", "run", "fingerprint")}
     return TrackRows(
-        rows.names(found.columns["id"]),
+        rows.names(layout.columns["id"]),
         time,
         numeric.pop("x"),
         numeric.pop("y"),
@@ -254,7 +254,7 @@ def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) ->
         kind=texts("class"),
         **named,
         start=start,
-        notes=tuple(found.lines),
+        notes=tuple(layout.lines),
     )
 
 
@@ -278,11 +278,11 @@ class TableFormat(RowsFormat):
 
     def rows(self, file: Path) -> TrackRows:
         try:
-            found = layout(header(file, self.form), self.columns)
+            layout = column_layout(read_header(file, self.form), self.columns)
         except InputError as error:
             raise error.located(file=file, line=None) from None
-        factors = {key: found.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        return table_rows(read_table(file, self.form, found.columns.values()), found, factors)
+        factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
+        return table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
 
 
 class Csv(TableFormat):
@@ -311,7 +311,7 @@ class InterstateI80(RowsFormat):
     simultaneous: ClassVar[bool] = False
 
     def rows(self, file: Path) -> TrackRows:
-        names = header(I80_FILE, "parquet")
+        names = read_header(I80_FILE, "parquet")
         factors = {**dict.fromkeys(QUANTITIES, 1.0), **I80_FACTORS}
         return table_rows(
             read_table(I80_FILE, "parquet", names), ColumnLayout({name: name for name in names}, {}), factors

@@ -247,14 +247,15 @@ def _in_fixed_frame(
             parents = {parent for parent, *_ in moves[child]}
             if len(parents) > 1:
                 raise InputError(f"the frame {child!r} has several parents: {first_names(parents)}", file=file)
-            known = sorted(values for _, *values in moves[child])
-            at = np.array([(values[0] - stamps[0]) / 1e9 for values in known])
-            x, y, yaw = np.array([values[1:] for values in known]).T
+            (parent,) = parents
+            transforms = sorted(values for _, *values in moves[child])
+            at = np.array([(stamp - stamps[0]) / 1e9 for stamp, *_ in transforms])
+            x, y, yaw = np.array([pose for _, *pose in transforms]).T
             x, y, yaw = (np.interp(time[own], at, values) for values in (x, y, np.unwrap(yaw)))
             cos, sin = np.cos(yaw), np.sin(yaw)
             px, py, heading = result[:, own]
             result[:, own] = x + cos * px - sin * py, y + sin * px + cos * py, heading + yaw
-            frames = [parents.copy().pop() if frame == child else frame for frame in frames]
+            frames = [parent if frame == child else frame for frame in frames]
     if len({*frames}) > 1:
         problem = f"boxes are in several frames, and no transform says where one is: {first_names({*frames})}"
         raise InputError(problem, file=file)

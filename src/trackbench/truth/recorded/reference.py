@@ -9,9 +9,8 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask, Truth, Unscored
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config.columns import TruthColumns
+from trackbench.truth.config.columns import BoxRegion, ReferenceOptions, TruthColumns
 from trackbench.truth.config.recording import RecordingOptions, ReferenceTruth
-from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
 from trackbench.truth.recorded.drive import Drive, Motion, slope
 from trackbench.truth.recorded.robust import noise_of_motions
 from trackbench.truth.recorded.rows import Rows

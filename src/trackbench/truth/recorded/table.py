@@ -63,9 +63,9 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     columns, units = config.columns, config.units
     observer, ignore = columns.observer, config.reference.ignore
     inside = [entry for entry in config.measurements.values() if entry.path is None]
-    wanted = [columns.time, columns.object, *columns.given.values()]
+    wanted = [columns.time, columns.object, *columns.stated.values()]
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
-    wanted += [columns.kind, *ignore, *(observer.given.values() if observer is not None and not observer.path else ())]
+    wanted += [columns.kind, *ignore, *(observer.stated.values() if observer is not None and not observer.path else ())]
     file = find_log(config.path, folder, "truth.path")
     table = read_table(file, config.format, wanted, LogPart("boxes", columns.topic))
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
@@ -169,7 +169,7 @@ def _observer_of_file(
     """The observer's motion from a file of its own, whose column of times is ``time``."""
     key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
     file = find_log(columns.path or "", folder, key)
-    table = read_table(file, config.format, [time, *columns.given.values()], LogPart("frame", columns.frame))
+    table = read_table(file, config.format, [time, *columns.stated.values()], LogPart("frame", columns.frame))
     stamps = time_stamps(table, time, config.units.factor("time", columns.units.get("time")))
     return observer_motion(table, columns, seconds_from(start, stamps), config.units)
 
@@ -196,7 +196,7 @@ def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str | None]:
 def _values(table: Rows, columns: MotionColumns, units: Units, own: Mapping[str, str]) -> dict[str, Array]:
     value = {
         key: table.numbers(column, units.factor(quantity, own.get(key)), quantity)
-        for key, column in columns.given.items()
+        for key, column in columns.stated.items()
         if (quantity := MOTION_QUANTITIES[key]) != "time"
     }
     if "speed" in value:
@@ -251,7 +251,7 @@ def _require_one_pose_a_time(table: Rows, columns: ObserverColumns, seconds: Arr
         InputError: two rows of one time disagree.
     """
     _, first, of_row = np.unique(seconds, return_index=True, return_inverse=True)
-    for column in columns.given.values():
+    for column in columns.stated.values():
         values = table.numbers(column, 1.0, None)
         for row in np.flatnonzero(values != values[first][of_row]).tolist():
             raise table.error(row, f"{column} differs from that of the same time in a row before")

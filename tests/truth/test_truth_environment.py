@@ -1,4 +1,5 @@
-"""Vehicles whose front wheels turn at a finite rate: the rate holds, velocities do not jump, lanes are followed."""
+"""The environment of highway-env: its own settings; the velocity at an instant, where steps have one velocity each; and
+vehicles whose front wheels turn at a finite rate, so that velocities do not jump and lanes are followed."""
 
 from __future__ import annotations
 
@@ -13,10 +14,12 @@ from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.controller import ControlledVehicle
 
-from trackbench.base.types import Array, Truth
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array, Observer, Truth
 from trackbench.scenario import load_scenario
 from trackbench.truth import highway, simulated
-from trackbench.truth.environment import SteeredVehicle, steered
+from trackbench.truth.audit import by_euler
+from trackbench.truth.environment import SteeredVehicle, complete, rates_at_instants, steered
 from trackbench.truth.sources import HighwayTruth
 
 RATE = math.radians(30)
@@ -149,3 +152,144 @@ def test_without_the_option_the_motion_is_that_of_the_environment() -> None:
         np.testing.assert_array_equal(truth.py[step, :, 0], [-y for _, y in bodies])
         env.step(env.action_type.actions_indexes["IDLE"])
     env.close()
+
+
+STEPS, SPEED, RADIUS = 200, 15.0, 20.0
+TIME = DT * np.arange(STEPS)
+
+
+def stepped(course: Array, speed: Array) -> Truth:
+    """A body that moves with the given course and speed during each step, and carries the observer too."""
+    velocity = speed * np.exp(1j * course)
+    position = np.concatenate([[0.0], np.cumsum(velocity[:-1]) * DT])
+
+    def rate(values: Array) -> Array:
+        return np.append(np.diff(values), values[-1] - values[-2]) / DT
+
+    column = (slice(None), None, None)
+    carrier = Observer(position.real, position.imag, course, velocity.real, velocity.imag, rate(course))
+    return Truth(
+        time=TIME,
+        ids=("car",),
+        px=position.real[column],
+        py=position.imag[column],
+        heading=course[column],
+        course=course[column],
+        speed=speed[column],
+        acceleration=rate(speed)[column],
+        yaw_rate=rate(course)[column],
+        alive=np.ones((STEPS, 1), dtype=bool),
+        length=np.array([5.0]),
+        width=np.array([2.0]),
+        observer=carrier,
+    )
+
+
+def test_on_a_circle_the_velocity_is_tangential_at_each_instant() -> None:
+    truth = stepped(SPEED / RADIUS * TIME, np.full(STEPS, SPEED))
+    found = rates_at_instants(truth, by_euler(truth))
+    # The positions lie on a circle; its tangent there is the mean of the chords before and after.
+    half = 0.5 * SPEED / RADIUS * DT
+    np.testing.assert_allclose(found.course[1:, 0, 0], np.angle(np.exp(1j * (SPEED / RADIUS * TIME[1:] - half))))
+    np.testing.assert_allclose(found.speed[1:, 0, 0], SPEED * np.cos(half))
+    np.testing.assert_allclose(found.yaw_rate, SPEED / RADIUS)
+    before = np.hypot(truth.vx - found.vx, truth.vy - found.vy)[1:]
+    assert before.max() == pytest.approx(SPEED**2 / RADIUS * DT / 2, rel=1e-3)
+    np.testing.assert_allclose(found.observer.vx, found.vx[:, 0, 0])
+
+
+def test_an_acceleration_is_that_between_the_steps_before_and_after() -> None:
+    speed = 10.0 + np.where(TIME < 5.0, 0.0, 2.0 * (TIME - 5.0))
+    truth = stepped(np.zeros(STEPS), speed)
+    found = rates_at_instants(truth, by_euler(truth))
+    np.testing.assert_allclose(found.speed[1:, 0, 0], 0.5 * (speed[1:] + speed[:-1]))
+    np.testing.assert_allclose(found.acceleration[1:, 0, 0], np.diff(speed) / DT)
+    assert found.acceleration[100, 0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert found.acceleration[101, 0, 0] == pytest.approx(2.0)
+
+
+def test_a_body_at_rest_keeps_its_course_and_others_keep_all() -> None:
+    speed = np.where(TIME < 2.0, 5.0, 0.0)
+    truth = stepped(np.full(STEPS, 0.7), speed)
+    found = rates_at_instants(truth, by_euler(truth))
+    np.testing.assert_allclose(found.course, 0.7)
+    same = rates_at_instants(truth, np.array([False]))
+    for name in ("speed", "course", "acceleration", "yaw_rate"):
+        np.testing.assert_array_equal(getattr(same, name), getattr(truth, name))
+
+
+def test_an_object_has_no_step_before_the_one_in_which_it_appears() -> None:
+    truth = stepped(np.zeros(STEPS), 10.0 + TIME)
+    truth.alive[:50] = False
+    found = rates_at_instants(truth, np.array([True]))
+    assert found.speed[50, 0, 0] == truth.speed[50, 0, 0]
+    assert found.speed[51, 0, 0] == pytest.approx(truth.speed[51, 0, 0] - 0.5 * DT)
+
+
+DEFAULTS: dict[str, Any] = {
+    "lanes_count": 4,
+    "vehicles_density": 1,
+    "duration": 40,
+    "offroad_terminal": False,
+    "initial_lane_id": None,
+    "destination": "o1",
+    "policy_frequency": 1,
+    "reward_speed_range": [20, 30],
+    "action": {"type": "Meta", "lateral": True, "target_speeds": [0, 5, 10]},
+}
+VARIANTS = {"action": {"Meta": {"lateral", "longitudinal", "target_speeds"}, "Both": {"clip", "action_config"}}}
+
+
+def test_partial_action_keeps_the_defaults_of_its_type() -> None:
+    assert complete({"action": {"lateral": False}}, DEFAULTS, VARIANTS) == {
+        "action": {"type": "Meta", "lateral": False, "target_speeds": [0, 5, 10]}
+    }
+
+
+def test_action_of_another_type_takes_nothing_over() -> None:
+    given = {"action": {"type": "Both", "clip": True}}
+    assert complete(given, DEFAULTS, VARIANTS) == given
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"vehicles_density": 1.5, "duration": 12.5},
+        {"initial_lane_id": 2},
+        {"destination": None},
+        {"action": {"target_speeds": [1, 2, 3, 4]}},
+        {"lanes_count": 0},
+    ],
+)
+def test_valid_values_pass(given: dict[str, Any]) -> None:
+    assert set(complete(given, DEFAULTS, VARIANTS)) == set(given)
+
+
+@pytest.mark.parametrize(
+    ("given", "key", "message"),
+    [
+        ({"lane_count": 3}, "lane_count", "unknown key; did you mean 'lanes_count'"),
+        ({"lanes_count": "3"}, "lanes_count", "must be a number, not '3'"),
+        ({"lanes_count": 3.5}, "lanes_count", "whole number from 0 to 1000"),
+        ({"lanes_count": True}, "lanes_count", "must be a number, not True"),
+        ({"policy_frequency": 0}, "policy_frequency", "whole number from 1 to 1000"),
+        ({"vehicles_density": float("nan")}, "vehicles_density", "must be finite"),
+        ({"offroad_terminal": 1}, "offroad_terminal", "must be true or false"),
+        ({"duration": None}, "duration", "must be a number"),
+        ({"reward_speed_range": [20]}, "reward_speed_range", "must have 2 numbers"),
+        ({"reward_speed_range": [20, "a"]}, "reward_speed_range", "list of numbers"),
+        ({"action": "Meta"}, "action", "must be a mapping"),
+        ({"action": {"type": "Mta"}}, "action.type", "did you mean 'Meta'"),
+        ({"action": {"latral": True}}, "action.latral", "did you mean 'lateral'"),
+        ({"action": {"lateral": 1}}, "action.lateral", "must be true or false"),
+        (
+            {"action": {"type": "Both", "action_config": {"type": "Meta", "latral": 1}}},
+            "action.action_config.latral",
+            "did you mean 'lateral'",
+        ),
+    ],
+)
+def test_mistakes_are_named_with_their_key(given: dict[str, Any], key: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        complete(given, DEFAULTS, VARIANTS)
+    assert caught.value.key == f"truth.config.{key}"
