@@ -31,7 +31,7 @@ from doctor.traffic.subject import looped
 from doctor_rates import doctor
 from faults.corpus import KINDS, Fault, Program, bases, faults, sound
 from markdown import table
-from trackbench.metrics.breakdown import share_interval
+from trackbench.metrics.count_intervals import share_interval
 from trackbench.subjects.doctor.certainty import Word, certainty
 from trackbench.subjects.doctor.report import examination_verdict
 from trackbench.subjects.doctor.subject import SENSORS

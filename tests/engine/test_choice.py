@@ -19,7 +19,7 @@ from trackbench.engine import choice
 from trackbench.engine.choice import chosen
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.results import Result
-from trackbench.runner import until, work
+from trackbench.runner import run, work
 from trackbench.runner.block import run_block
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
@@ -235,8 +235,8 @@ def test_more_runs_by_another_engine_are_all_computed_by_it(tiny: Path, monkeypa
 
     monkeypatch.setattr(work, "chosen", engine)
     monkeypatch.setattr(work, "BATCH_SIZE", 40)
-    loaded = until.first_look(load_scenario(tiny), 400)
-    found = until.run_until(loaded, truths_of(loaded), 1e-9, 400, command=lambda _: "")
+    loaded = run.first_look(load_scenario(tiny), 400)
+    found = run.run_until(loaded, truths_of(loaded), 1e-9, 400, command=lambda _: "")
     assert len(asked) > 1
     assert found.summary.engine == "fused"
 

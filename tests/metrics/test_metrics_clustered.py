@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from trackbench.metrics import clustered, ratio, root, scaled_interval
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, paired, unpaired
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.runner.assemble import scene_share
+from trackbench.runner.tracker_entry import scene_share
 
 
 def sums(seed: int, scenes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

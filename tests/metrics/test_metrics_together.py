@@ -11,7 +11,7 @@ from trackbench.metrics import Interval, evaluate
 from trackbench.metrics.built_in.basic import PositionRmse
 from trackbench.metrics.differences import tracker_differences
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.evaluate import independent_scores, stretches
+from trackbench.metrics.evaluate import independent_scores, stretch_numbers
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
@@ -194,7 +194,7 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     parts = independent_scores(scores, np.zeros(1, dtype=np.intp))
     assert parts.per_part.shape == (len(ERROR), 2), "ten seconds, none shorter than four"
     np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
-    stretch = stretches(len(whole.scenes[0].instants()), 10.0)
+    stretch = stretch_numbers(len(whole.scenes[0].instants()), 10.0)
     expected = np.bincount(stretch, errors(scores).per_step[ERROR["px"]])
     np.testing.assert_allclose(parts.per_part[ERROR["px"]], expected, rtol=1e-12)
     assert parts.classes.total[0, 0] == errors(scores).per_run[0, 0]

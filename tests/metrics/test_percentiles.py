@@ -7,7 +7,7 @@ import pytest
 
 from trackbench.base.types import Estimate
 from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_waiting
-from trackbench.metrics.built_in.percentiles import percentile
+from trackbench.metrics.built_in.with_own_sums import percentile
 from trackbench.metrics.estimates import percentiles
 
 

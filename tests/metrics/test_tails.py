@@ -8,8 +8,8 @@ from benchmarks.calibration.tails import INSTANTS, alternating, beyond, matched,
 from tests.support.example_result import make_result
 
 from trackbench.base.distributions import chi_square_quantile
-from trackbench.metrics.breakdown import effective_number, share_interval
 from trackbench.metrics.consistency import DIRECTIONS
+from trackbench.metrics.count_intervals import effective_number, share_interval
 from trackbench.metrics.intervals import reach_of_ratio
 from trackbench.metrics.verdicts import (
     NAMED,

@@ -94,7 +94,7 @@ def braking(times: np.ndarray, offset: float = 0.0, behind: float = 0.0, cars: i
 
 
 def offset_shown(folder: Path, tracks: pd.DataFrame, **options: Any) -> tb.TrackerResult:
-    braking(np.arange(600) / 10).to_csv(folder / "boxes.csv", index=False)
+    braking(np.arange(300) / 10).to_csv(folder / "boxes.csv", index=False)
     tracks = tracks.assign(x=tracks.x + np.random.default_rng(1).normal(0, 0.1, len(tracks)))
     tracks.to_csv(folder / "tracks.csv", index=False)
     return tb.score(folder / "tracks.csv", folder / "boxes.csv", **options)["tracks"]
@@ -102,19 +102,19 @@ def offset_shown(folder: Path, tracks: pd.DataFrame, **options: Any) -> tb.Track
 
 @pytest.mark.parametrize("offset", [0.05, -0.02, 0.3, 1.0])
 def test_a_constant_offset_is_shown_and_taken_out_only_when_it_is_asked(tmp_path: Path, offset: float) -> None:
-    late = braking(np.arange(20, 580) / 10, offset)
+    late = braking(np.arange(20, 280) / 10, offset)
     shown = offset_shown(tmp_path, late)
     low, high = shown.time_offset.ci95
     assert low < -offset < high < low + 5e-3
     assert shown.offset_shown
     moved = offset_shown(tmp_path, late, time_offset_s=-offset)
     assert moved.siap_position.value < 0.2
-    assert moved.matched_share.value == pytest.approx(560 / 600)
+    assert moved.matched_share.value == pytest.approx(260 / 300)
     assert not moved.offset_shown
 
 
 def test_another_point_of_the_body_is_no_offset(tmp_path: Path) -> None:
-    behind = offset_shown(tmp_path, braking(np.arange(20, 580) / 10, behind=2.25))
+    behind = offset_shown(tmp_path, braking(np.arange(20, 280) / 10, behind=2.25))
     assert not behind.offset_shown
     assert behind.along_path_m == pytest.approx(-2.25, abs=0.02)
     low, high = behind.time_offset.ci95

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pytest
 
 from trackbench.results import Difference, Result, json_text
-from trackbench.runner import expectations, work
+from trackbench.runner import evaluated, work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Expectation
 from trackbench.scenario.truth import truths_of
@@ -281,10 +281,10 @@ def test_one_run_of_a_second_shows_no_difference(run_tiny: Run) -> None:
 
 def test_an_expectation_of_what_is_not_there_fails(tiny_result: Result) -> None:
     stated = Expectation(tracker="raw", metric="nis.radar.mean", below=1e9)
-    (judged,) = expectations.judge([stated], [tiny_result["raw"]], [], 0.9)
+    (judged,) = evaluated.judge([stated], [tiny_result["raw"]], [], 0.9)
     assert (judged.value, judged.passed) == (None, False)
     rival = Expectation(tracker="raw", metric="position_rmse", better_than="failed")
-    assert not expectations.judge([rival], [tiny_result["raw"]], [], 0.9)[0].passed
+    assert not evaluated.judge([rival], [tiny_result["raw"]], [], 0.9)[0].passed
 
 
 def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result) -> None:
@@ -310,7 +310,7 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
         (untested, False, " (difference -0.1 m, too few runs or scenes to test)"),
         (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01)"),
     ):
-        (judged,) = expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
+        (judged,) = evaluated.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
         assert judged.undecided is (difference in (not_shown, untested))
         assert (judged.passed, judged.text) == (passed, f"ekf position_rmse better than raw{said}")
 

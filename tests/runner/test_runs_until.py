@@ -13,8 +13,7 @@ import pytest
 from trackbench.base.execution import executor
 from trackbench.results import Result
 from trackbench.runner import work
-from trackbench.runner.run import run_scenario
-from trackbench.runner.until import FIRST_RUNS, first_look, run_until
+from trackbench.runner.run import FIRST_RUNS, first_look, run_scenario, run_until
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
 

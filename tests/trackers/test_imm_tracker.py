@@ -13,8 +13,8 @@ from tests.support.scenes import NOISE, member, tracker
 from trackbench.base.errors import TrackbenchError
 from trackbench.models.motion import Kinematics
 from trackbench.results import Result
-from trackbench.runner.describe import describe_tracker
 from trackbench.runner.run import run_scenario
+from trackbench.runner.tracker_entry import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.trackers.config import FilterConfig

@@ -18,7 +18,7 @@ from trackbench.document import Table
 from trackbench.driving.drive import deliveries
 from trackbench.report import tables
 from trackbench.results import Result
-from trackbench.runner.describe import describe_tracker
+from trackbench.runner.tracker_entry import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden

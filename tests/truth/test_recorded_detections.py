@@ -16,10 +16,10 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import FieldOfView, RecordedDetections, Scan, Tracks
 from trackbench.cli.commands import cli
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
+from trackbench.metrics.traffic.without_truth import judged_scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.results import Result
 from trackbench.runner.run import run_scenario
-from trackbench.runner.unlabelled import judged_scan
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 

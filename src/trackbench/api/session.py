@@ -69,7 +69,7 @@ def run(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listene
 
 def _checked(scenario: Scenario, plan: RunPlan, listener: Listener) -> Scenario:
     if plan.precision is not None:
-        from trackbench.runner.until import first_look
+        from trackbench.runner.run import first_look
 
         if scenario.config.sensing.identities == "hidden":
             problem = "stops by the position RMSE of labelled objects; with hidden identities give --runs"
@@ -245,7 +245,7 @@ class _Batch:
             if pending is not None:
                 result = pending.collect(command_of(scenario, self._plan.engine), advance, observe)
             else:
-                from trackbench.runner.until import run_until
+                from trackbench.runner.run import run_until
 
                 assert self._plan.precision is not None
                 result = run_until(

@@ -385,3 +385,12 @@ class Truth:
     def vy(self) -> Array:
         """``(steps, objects, runs)`` m/s."""
         return self.speed * np.sin(self.course)
+
+    @property
+    def state(self) -> Array:
+        """``(4, steps, objects, runs)`` px, py, vx, vy."""
+        return np.stack([self.px, self.py, self.vx, self.vy])
+
+    def state_of_run(self, run: int) -> Array:
+        """``(4, steps, objects)`` in one run."""
+        return np.stack([of_runs(each, range(run, run + 1))[..., 0] for each in (self.px, self.py, self.vx, self.vy)])

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.distributions import beta_quantile, normal_quantile
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
 from trackbench.metrics.consistency import BEYOND, DIRECTIONS
+from trackbench.metrics.count_intervals import effective_number, share_interval
 from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
@@ -211,31 +211,6 @@ def _beyond(sums: ClassSums, column: int) -> dict[str, MetricValue]:
             break
         shares[point] = MetricValue(value=share, unit="1", ci95=share_interval(share, effective))
     return shares
-
-
-def effective_number(share: float, count: float, reach: float) -> float:
-    """How many independent trials would tell as much of a share as ``count`` dependent ones; at most ``count``.
-
-    The number over the design effect, with fewer for a variance that is known from few runs: Korn and Graubard (1998),
-    "Confidence intervals for proportions with small expected number of positive counts estimated from cluster samples".
-    0 where the share is the same in every run, which says nothing of its variance.
-
-    Args:
-        share: of the trials.
-        count: number of trials.
-        reach: of the share, as :func:`reach_of_ratio` gives it.
-    """
-    variance = (reach / normal_quantile(0.975)) ** 2
-    return min(share * (1.0 - share) / variance, count) if variance > 0 else 0.0
-
-
-def share_interval(share: float, number: float) -> tuple[float, float]:
-    """The exact 95 % interval of a share of so many independent trials, which need not be whole: Clopper and Pearson
-    (1934), "The use of confidence or fiducial limits illustrated in the case of the binomial"."""
-    hits = share * number
-    misses = number - hits
-    low = float(beta_quantile(0.025, hits, misses + 1)) if hits > 0 else 0.0
-    return low, float(beta_quantile(0.975, hits + 1, misses)) if misses > 0 else 1.0
 
 
 def _with_reach(value: float, reach: float, parts: Parts, **more: Any) -> MetricValue:

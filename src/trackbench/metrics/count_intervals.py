@@ -41,5 +41,32 @@ def count_limits(
     if kind == "rate":
         low = float(chi_square_quantile(outside, 2.0 * count)) / 2.0 / amount if count > 0 else 0.0
         return low, float(chi_square_quantile(1.0 - outside, 2.0 * (count + 1.0))) / 2.0 / amount
-    low = float(beta_quantile(outside, count, rest + 1.0)) if count > 0 else 0.0
-    return low, float(beta_quantile(1.0 - outside, count + 1.0, rest)) if rest > 0 else 1.0
+    return _binomial_limits(count, rest, outside)
+
+
+def effective_number(share: float, count: float, reach: float) -> float:
+    """How many independent trials would tell as much of a share as ``count`` dependent ones; at most ``count``.
+
+    The number over the design effect, with fewer for a variance that is known from few runs: Korn and Graubard (1998),
+    "Confidence intervals for proportions with small expected number of positive counts estimated from cluster samples".
+    0 where the share is the same in every run, which says nothing of its variance.
+
+    Args:
+        share: of the trials.
+        count: number of trials.
+        reach: of the share, half of the symmetric 95 % interval.
+    """
+    variance = (reach / normal_quantile(0.975)) ** 2
+    return min(share * (1.0 - share) / variance, count) if variance > 0 else 0.0
+
+
+def share_interval(share: float, number: float) -> tuple[float, float]:
+    """The exact 95 % interval of a share of so many independent trials, which need not be whole: Clopper and Pearson
+    (1934), "The use of confidence or fiducial limits illustrated in the case of the binomial"."""
+    hits = share * number
+    return _binomial_limits(hits, number - hits, 0.025)
+
+
+def _binomial_limits(hits: float, misses: float, outside: float) -> tuple[float, float]:
+    low = float(beta_quantile(outside, hits, misses + 1)) if hits > 0 else 0.0
+    return low, float(beta_quantile(1.0 - outside, hits + 1, misses)) if misses > 0 else 1.0

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError, nearest
@@ -78,17 +79,19 @@ def function_events(
     if function not in labels:
         hint = nearest(function, labels) if labels else "it has none"
         raise InputError(f"no function {function!r} in this run; {hint}", key="--function")
-    table = result.tables.if_there("function_events")
-    if not table.num_rows:
-        return []
-    for name, value in (("function", function), ("tracker", tracker), ("run", run), ("object", vehicle)):
-        if value is not None:
-            table = table.filter(pc.equal(table[name], float(value) if name == "run" else value))
-    events = [
-        FunctionEvent(**{**row, "run": int(row["run"]), "delay_s": _known(row["delay_s"])}) for row in table.to_pylist()
-    ]
+    rows = _rows(result.tables.if_there("function_events"), function=function, tracker=tracker, run=run, object=vehicle)
+    events = [FunctionEvent(**{**row, "run": int(row["run"]), "delay_s": _known(row["delay_s"])}) for row in rows]
     wrong = [event for event in events if event.word in WORST]
     return sorted(wrong, key=lambda event: (WORST.index(event.word), -round(event.wrong_s, 6), event.run, event.time_s))
+
+
+def _rows(table: pa.Table, **values: str | int | None) -> list[dict[str, Any]]:
+    """The rows with these values in their columns; None: any."""
+    for name, value in values.items():
+        if value is not None and table.num_rows:
+            table = table.filter(pc.equal(table[name], float(value) if name == "run" else value))
+    rows: list[dict[str, Any]] = table.to_pylist()
+    return rows
 
 
 def _known(value: float | None) -> float | None:
@@ -141,19 +144,12 @@ def events_of(
         run: of this one alone.
         vehicle: those in which this one has a part.
     """
-    table = result.tables.events
-    if not table.num_rows:
-        return []
-    if tracker is not None:
-        table = table.filter(pc.equal(table["tracker"], tracker))
-    if run is not None:
-        table = table.filter(pc.equal(table["run"], float(run)))
-    columns = {name: table[name].to_pylist() for name in TrackEvent._fields}
     events = [
         TrackEvent(
-            **{**row, "run": int(row["run"]), "track": _whole(row["track"]), "other_track": _whole(row["other_track"])}
+            **{name: row[name] for name in TrackEvent._fields}
+            | {"run": int(row["run"]), "track": _whole(row["track"]), "other_track": _whole(row["other_track"])}
         )
-        for row in (dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
+        for row in _rows(result.tables.events, tracker=tracker, run=run)
     ]
     if vehicle is not None:
         events = [event for event in events if vehicle in (event.object, event.other_object)]

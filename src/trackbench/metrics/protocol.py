@@ -368,8 +368,9 @@ class Metric(Config):
     def of_runs(self, *columns: Array) -> Interval | None:
         """The metric from its ``columns`` ``(runs,)`` of some runs; None where there is nothing to compare."""
         (values,) = columns
-        known = np.isfinite(values).all()
-        return ratio(values, np.ones(len(values)), at_least=self.at_least, at_most=self.at_most) if known else None
+        if not np.isfinite(values).all():
+            return None
+        return ratio(values, np.ones(len(values)), at_least=self.at_least, at_most=self.at_most)
 
     def entries(self) -> list[Field]:
         """What an expectation may name of it."""

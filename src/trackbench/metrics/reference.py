@@ -79,7 +79,7 @@ def information(sensor: IdealSensor, truth: Truth) -> Information:
     It is an expectation over the motion of the targets: the mean over the runs in which the sensor can see the target,
     and where the truth is the same in every run, that along the truth.
     """
-    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
+    target = truth.state
     each = np.stack([_information(sensor, k, target[:, step]) for k, step in enumerate(sensor.steps)])
     # A radar has no Jacobian of a target at its own place, and is taken to tell nothing of it.
     each = np.where(np.isfinite(each).all(axis=(-2, -1), keepdims=True), each, 0.0)

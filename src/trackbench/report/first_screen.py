@@ -22,7 +22,7 @@ from trackbench.document import (
     Tone,
     TrackerStyle,
 )
-from trackbench.metrics.moments import EstimateMoment
+from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict, only_where
 from trackbench.report import tables
 from trackbench.report.association import against_oracle

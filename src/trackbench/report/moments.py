@@ -10,8 +10,7 @@ import pyarrow.compute as pc
 
 from trackbench.document import Block, Cell, Code, Column, Paragraph, Section, Table
 from trackbench.metrics.function_events import TrackEvent, events_of
-from trackbench.metrics.moments import EstimateMoment, worst
-from trackbench.metrics.recorded_run import load_recorded_run
+from trackbench.metrics.recorded_run import EstimateMoment, load_recorded_run, worst
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
 from trackbench.report.tables import TRACKER, text_table
 from trackbench.results import Result

@@ -9,21 +9,17 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 
 from trackbench.base.errors import counted
-from trackbench.base.types import Array, Indices, Truth
+from trackbench.base.types import Array, Truth
 from trackbench.engine.equations import EngineUsed, joined
-from trackbench.metrics import Evaluation, Interval, Metric, health, no_metrics, ratio
-from trackbench.metrics.breakdown import breakdown
+from trackbench.metrics import Metric
 from trackbench.metrics.differences import MOST_PAIRED, Family, tracker_differences
 from trackbench.metrics.evaluate import log_broken
-from trackbench.metrics.sums import ERROR
-from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.models.sensors import Sensor
-from trackbench.results import FiledRows, Health, Result, Summary, Tables, TrackerResult, difference_table
+from trackbench.results import Result, Summary, Tables, difference_table
 from trackbench.results.scenario_summary import (
     ComponentNoise,
     MountSummary,
@@ -35,24 +31,18 @@ from trackbench.results.scenario_summary import (
 )
 from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.runner.block import Block
-from trackbench.runner.describe import describe_tracker
-from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
-from trackbench.runner.expectations import judge
-from trackbench.runner.filed_run import offset_of
+from trackbench.runner.evaluated import Evaluated, evaluated, judge
 from trackbench.runner.first_velocity import contradiction
-from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.tables import labelled_tables
+from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.worlds import MEANING
 from trackbench.sensing.scans import scan_rate
-from trackbench.trackers.answers import NOT_FINITE
-from trackbench.trackers.raw import BASELINE
 from trackbench.truth import LoadedTruth
 from trackbench.truth.base import Recorded
-from trackbench.truth.tracks import TrackRows
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +84,9 @@ def assemble(
         for name, config in work.trackers.items()
     }
     trackers = [
-        _tracker(work, name, scores, engines.get(name), place=place, random=name in random, first_velocity=first[name])
+        tracker_entry(
+            work, name, scores, engines.get(name), place=place, random=name in random, first_velocity=first[name]
+        )
         for name, place in loaded.places.items()
         if name in work.trackers
     ]
@@ -166,83 +158,9 @@ def assemble(
     return Result(summary, Tables({**tables, "differences": difference_table(pairs)}))
 
 
-def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, **stated: Any) -> TrackerResult:
-    """The entry of one tracker, with what else is ``stated`` of it."""
-    config, failure = work.trackers[name], scores.failures.get(name)
-    associate = getattr(config, "associate", None)
-    entry = {
-        "name": name,
-        "describe": describe_tracker(config, work.late_sensors),
-        "association": None if associate is None else associate.method,
-        "baseline": getattr(config, "use", None) == BASELINE,
-        "sensors": config.sensors_used,
-        "confirmation": None if associate is None else associate.confirmation,
-        "smoother": getattr(config, "smoother", None),
-        "offline": name in work.filed,
-        "paired": name not in work.unpaired,
-        "engine": None if engine is None else engine.engine,
-        **stated,
-        "failed": failure,
-    }
-    if failure is not None:
-        metrics = work.metrics if work.cutoff is None else metrics_of_truth(work)
-        values = no_metrics("the tracker failed", metrics)
-        return TrackerResult(
-            **entry, metrics=values, health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE))
-        )
-    evaluation = scores.evaluations[name]
-    share = None
-    if work.headline in evaluation.intervals:
-        share = scene_share(ratio(*_headline_sums(work, evaluation)), work.scene_of_run)
-    entry |= {"metrics": evaluation.values, "scene_share": share}
-    if work.cutoff is not None:
-        if name in work.filed:
-            pairs = [block.offset for block in scores.tracks[name] if block.offset is not None]
-            offset = offset_of(np.concatenate(pairs, axis=1))
-            entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
-            entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
-            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name])
-        reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
-        return TrackerResult(**entry, health=Health(reused_ids=reused))
-    return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
-
-
-def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:
-    read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
-    # Scenes of one file without runs share its rows.
-    outside = (len(rows) if rows.run is None else read) - there
-    return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent)
-
-
-def _headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
-    """``(runs,)`` sums of what trackers are ranked by, squared, and the number of terms in each."""
-    if work.cutoff is not None:
-        total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
-        return total, count
-    sums = evaluation.scores.per_run
-    return sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]]
-
-
 def _description(scenario: ScenarioConfig) -> str:
     parts = [scenario.description, MEANING[scenario.world] if scenario.world is not None else ""]
     return "; ".join(part for part in parts if part)
-
-
-def scene_share(value: Interval, scene: Indices) -> float | None:
-    """Share of the variance of one run's value, not clustered, that is between scenes and not noise within them.
-
-    Source: Searle, Casella and McCulloch (1992), "Variance components", section 3.6: the ANOVA estimator for unequal
-    numbers of runs, negative components set to zero. None where the two cannot be told apart.
-    """
-    scenes, index, counts = np.unique(scene, return_inverse=True, return_counts=True)
-    runs = len(index)
-    if not 1 < len(scenes) < runs:
-        return None
-    means = np.bincount(index, value.influence) / counts
-    within = float(((value.influence - means[index]) ** 2).sum() / (runs - len(scenes)))
-    between = float((counts * (means - value.influence.mean()) ** 2).sum() / (len(scenes) - 1))
-    of_scene = max(0.0, (between - within) / ((runs - (counts**2).sum() / runs) / (len(scenes) - 1)))
-    return of_scene / (of_scene + within) if of_scene + within > 0 else None
 
 
 def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary:
@@ -340,7 +258,7 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
         errors: dict[str, Array] = {}
         for name in names:
             total, count = (
-                np.bincount(work.scene_of_run, sums) for sums in _headline_sums(work, scores.evaluations[name])
+                np.bincount(work.scene_of_run, sums) for sums in headline_sums(work, scores.evaluations[name])
             )
             errors[name] = np.sqrt(total / np.where(count > 0, count, np.nan))
         cuts = max(work.stretches, 1)

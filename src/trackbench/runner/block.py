@@ -26,7 +26,7 @@ from trackbench.runner.first_velocity import first_velocities
 from trackbench.runner.hidden_run import HiddenBatch, HiddenRun, TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun, score_labelled_runs
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant, RecordedScans
-from trackbench.runner.second_drives import SecondDrives
+from trackbench.runner.start import SecondDrives
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
@@ -69,6 +69,14 @@ class Block:
     unshown: Counter[str] = field(default_factory=Counter)
     """Lines that plug-ins printed and that were not shown."""
 
+    def add(self, name: str, outcome: Outcome, engine: EngineUsed | None, random: bool) -> None:
+        """Add what a tracker leaves, what computed it, and whether it says that it draws random numbers."""
+        self.outcomes[name] = outcome
+        if engine is not None:
+            self.engines[name] = engine
+        if random:
+            self.random |= {name}
+
     @property
     def recorded(self) -> dict[str, RecordedEstimates]:
         """With known identities, by tracker its estimates of the recorded run, if it is in this block."""
@@ -95,57 +103,9 @@ def failures_and_outcomes(
 def run_block(
     work: Work, piece: BlockRuns, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
 ) -> Block:
-    """Synthesise the measurements of some runs, take every tracker through them and score it.
-
-    Args:
-        work: what all blocks share.
-        piece: the runs of this block.
-        progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
-        on_recorded_run: called with the recorded run, if it is in this block and identities are known.
-    """
-    if work.cutoff is not None:
-        (block,) = run_group(work, [piece], progress)
-        return block
-    keep_freed_memory()
-    scene, runs = work.scenes[piece.scene], piece.runs
-    kept = work.recorded_in(piece)
-    _draw_comparisons(work, piece)
-    second_drives = SecondDrives(work, piece) if piece == work.driven_twice else None
-    measurements = sense_known(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
-    targets = Targets(work, piece, measurements)
-    start = partial(
-        LabelledRun, work, piece, measurements=measurements, targets=targets, kept=kept, second_drives=second_drives
-    )
-    detections = {name: float(count.sum()) for name, count in measurements.detections.items()}
-    recorded = None if kept is None else _recorded_scans(work, measurements, kept)
-    observe = on_recorded_run if recorded is not None else None
-    if observe is not None and recorded is not None:
-        observe(recorded.scans)
-    steps, taken = len(scene.instants()) * len(work.trackers), itertools.count(1)
-    outcomes: dict[str, Outcome] = {}
-    engines: dict[str, EngineUsed] = {}
-    random: set[str] = set()
-    first: Mapping[str, Array] = {}
-    if runs.start == 0 and work.has_truth:
-        first = first_velocities(work.trackers, measurements, len(scene.truth.ids))
-    # One tracker after the other where nobody looks on: the memory of one is that of the next.
-    for names in [[*work.trackers]] if observe is not None else [[name] for name in work.trackers]:
-        trackers = {name: start(name) for name in names}
-        _advance(trackers, len(scene.instants()), lambda: progress(next(taken) / steps * len(runs), len(runs)), observe)
-        outcomes |= {name: tracker.close() for name, tracker in trackers.items()}
-        for outcome in outcomes.values():
-            if isinstance(outcome, LabelledOutcome) and outcome.scores.errors.classes is None:
-                sum_classes(outcome.scores)
-        engines |= {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
-        random |= {name for name, tracker in trackers.items() if tracker.random}
-    return Block(
-        piece, outcomes, detections, measurements.digests, engines, recorded, frozenset(random), first, take_unshown()
-    )
-
-
-def _draw_comparisons(work: Work, piece: BlockRuns) -> None:
-    if piece.scene == piece.runs.start == 0:
-        draw_comparisons(work.engine_here, stream(work.seed, work.noise_of(0), 0, "comparisons"))
+    """A single block; as ``run_blocks``."""
+    (block,) = run_blocks(work, [piece], progress, on_recorded_run)
+    return block
 
 
 def run_blocks(
@@ -154,32 +114,62 @@ def run_blocks(
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> list[Block]:
-    """The blocks of a group of ``Work.groups``; as ``run_block``."""
-    if work.cutoff is not None:
-        return run_group(work, group, progress)
-    return [run_block(work, piece, progress, on_recorded_run) for piece in group]
-
-
-def run_group(work: Work, pieces: Sequence[BlockRuns], progress: Progress = no_progress) -> list[Block]:
-    """Blocks with hidden identities; built-in trackers take the runs of all at once.
+    """Synthesise the measurements of some runs, take every tracker through them and score it.
 
     Args:
         work: what all blocks share.
-        pieces: a group of ``Work.groups``, or one block.
-        progress: as of ``run_block``.
+        group: a group of ``Work.groups``.
+        progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
+        on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
     """
     keep_freed_memory()
-    _draw_comparisons(work, pieces[0])
+    if group[0].scene == group[0].runs.start == 0:
+        draw_comparisons(work.engine_here, stream(work.seed, work.noise_of(0), 0, "comparisons"))
+    if work.cutoff is not None:
+        return _run_hidden(work, group, progress)
+    return [_run_labelled(work, piece, progress, on_recorded_run) for piece in group]
+
+
+def _sensed_block(work: Work, piece: BlockRuns, measurements: Measurements | HiddenMeasurements) -> Block:
+    """A block that no tracker has gone through yet."""
+    kept = work.recorded_in(piece)
+    recorded = None if kept is None else _recorded_scans(work, measurements, kept)
+    block = Block(piece, {}, _detections(measurements), measurements.digests, {}, recorded)
+    if piece.runs.start == 0 and work.has_truth:
+        block.first_velocities = first_velocities(work.trackers, measurements, len(work.scenes[piece.scene].truth.ids))
+    return block
+
+
+def _run_labelled(work: Work, piece: BlockRuns, progress: Progress, on_recorded_run: OnRecordedRun | None) -> Block:
+    scene, runs = work.scenes[piece.scene], piece.runs
+    second_drives = SecondDrives(work, piece) if piece == work.driven_twice else None
+    measurements = sense_known(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
+    block, targets = _sensed_block(work, piece, measurements), Targets(work, piece, measurements)
+    observe = None
+    if on_recorded_run is not None and block.recorded_scans is not None:
+        observe = on_recorded_run
+        observe(block.recorded_scans.scans)
+    steps, taken = len(scene.instants()) * len(work.trackers), itertools.count(1)
+    # One tracker after the other where nobody looks on: the memory of one is that of the next.
+    for names in [[*work.trackers]] if observe is not None else [[name] for name in work.trackers]:
+        trackers = {name: LabelledRun(work, piece, name, targets, second_drives) for name in names}
+        _advance(trackers, len(scene.instants()), lambda: progress(next(taken) / steps * len(runs), len(runs)), observe)
+        for name, tracker in trackers.items():
+            outcome = tracker.close()
+            if isinstance(outcome, LabelledOutcome):
+                sum_classes(outcome.scores)
+            block.add(name, outcome, tracker.engine, tracker.random)
+    block.unshown = take_unshown()
+    return block
+
+
+def _run_hidden(work: Work, pieces: Sequence[BlockRuns], progress: Progress) -> list[Block]:
+    """Blocks with hidden identities; built-in trackers take the runs of all at once."""
     alone, blocks = [], []
     for piece in pieces:
         hidden = sense_hidden(work.scenes[piece.scene].sensors, work.seed, work.noise_of(piece.scene), piece.runs)
-        kept = work.recorded_in(piece)
-        recorded = None if kept is None else _recorded_scans(work, hidden, kept)
-        first: Mapping[str, Array] = {}
-        if piece.runs.start == 0 and work.has_truth:
-            first = first_velocities(work.trackers, hidden, len(work.scenes[piece.scene].truth.ids))
         alone.append(HiddenBatch([piece], hidden))
-        blocks.append(Block(piece, {}, _detections(hidden), hidden.digests, {}, recorded, first_velocities=first))
+        blocks.append(_sensed_block(work, piece, hidden))
     together = [HiddenBatch(pieces, scenes_side_by_side([batch.measurements for batch in alone]))]
     runs, taken = sum(len(piece.runs) for piece in pieces), itertools.count(1)
     for name, entry in work.trackers.items():
@@ -191,11 +181,9 @@ def run_group(work: Work, pieces: Sequence[BlockRuns], progress: Progress = no_p
         for tracker in trackers:
             outcomes, engine = tracker.close(), tracker.engine
             for place, piece in enumerate(tracker.pieces):
-                block = blocks[pieces.index(piece)]
-                block.outcomes[name] = outcomes if isinstance(outcomes, Failure) else outcomes[place]
-                if engine is not None:
-                    block.engines[name] = engine if place == 0 else engine._replace(again=0)
-                block.random |= {name} if tracker.random else set()
+                outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
+                own = engine if engine is None or place == 0 else engine._replace(again=0)
+                blocks[pieces.index(piece)].add(name, outcome, own, tracker.random)
         progress(next(taken) / len(work.trackers) * runs, runs)
     blocks[0].unshown = take_unshown()
     return blocks
@@ -255,10 +243,12 @@ def _of_run(scan: Scan, objects: int, run: int) -> Scan:
     return scan._replace(measurement=scan.measurement[:, members].copy(), valid=scan.valid[members].copy())
 
 
-def _detections(hidden: HiddenMeasurements) -> dict[str, float]:
+def _detections(measurements: Measurements | HiddenMeasurements) -> dict[str, float]:
     """By sensor, the number of detections of objects."""
+    if isinstance(measurements, Measurements):
+        return {name: float(count.sum()) for name, count in measurements.detections.items()}
     counts: dict[str, float] = {}
-    for scan, origins in zip(hidden.scans, hidden.origins, strict=True):
+    for scan, origins in zip(measurements.scans, measurements.origins, strict=True):
         counts[scan.sensor] = counts.get(scan.sensor, 0.0) + float(np.count_nonzero(origins >= 0))
     return counts
 

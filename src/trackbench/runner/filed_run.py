@@ -91,8 +91,7 @@ class _Nearest:
 
     def __init__(self, truth: Truth, run: int, stamp: Array, place: Array) -> None:
         self._truth, self._stamp, self._place = truth, stamp, place
-        motion = np.stack([truth.px, truth.py, truth.vx, truth.vy])
-        self._motion = motion[..., min(run, motion.shape[-1] - 1)]
+        self._motion = truth.state_of_run(run)
 
     def at(self, moved: float) -> tuple[Array, Array, Array, Array]:
         """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object."""

@@ -200,7 +200,7 @@ def _states(truth: Truth, run: int, time: Array, nominal: Array) -> Array:
     Before its first and after its last instant an object keeps its velocity.
     """
     result = np.array(nominal)
-    motion = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., min(run, truth.px.shape[-1] - 1)]
+    motion = truth.state_of_run(run)
     for item in range(len(truth.ids)):
         alive = truth.alive[:, item] if truth.beside is None else truth.alive[:, item] & ~truth.beside[:, item]
         if not alive.any():

@@ -80,16 +80,16 @@ def _distances(config: FilterConfig, scans: Iterable[Scan]) -> Array:
     """For each track the first velocity between two positions that is as certain as the one it is held against."""
     # What is certain of the range rate is no matter of the stated standard deviation.
     velocity = "zero" if config.initial.velocity == "zero" else "radial"
-    one = config.initial.model_copy(update={"velocity": velocity})
+    initial = config.initial.model_copy(update={"velocity": velocity})
     waiting: TentativeTrack | None = None
     prior: Gaussian | None = None
     apart, done = np.empty((2, 0)), np.empty(0, dtype=bool)
     for part in scans:
         if waiting is None:
             apart, done = np.full((2, part.valid.size), np.nan), np.zeros(part.valid.size, dtype=bool)
-        belief = first_measurement(CARTESIAN, one, part)
+        belief = first_measurement(CARTESIAN, initial, part)
         prior = belief if prior is None or waiting is None else belief.where(np.isnan(waiting.time), prior)
-        waiting = start(one, part, waiting).waiting
+        waiting = start(initial, part, waiting).waiting
         elapsed = part.time - waiting.time
         later = part.valid & (elapsed > LEAST_TIME) & ~done
         if not np.any(later):

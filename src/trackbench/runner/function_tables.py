@@ -62,8 +62,7 @@ def decisions_on_estimates(work: Work, recorded: RecordedEstimates, sums: Metric
     its metrics."""
     scene = work.scenes[work.recorded_scene]
     truth, instants = scene.truth, scene.instants()
-    column = min(work.recorded_run, truth.px.shape[2] - 1)
-    state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., column][:, instants]
+    state = truth.state_of_run(work.recorded_run)[:, instants]
     mean, covariance = (np.swapaxes(part, -1, -2)[..., None] for part in (recorded.mean, recorded.covariance))
     states = np.swapaxes(state, 1, 2)[..., None], truth.alive[instants].T[..., None]
     return {

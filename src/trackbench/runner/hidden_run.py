@@ -28,12 +28,16 @@ from trackbench.metrics.traffic import (
 )
 from trackbench.metrics.traffic.assignment import NO_DETECTION
 from trackbench.metrics.traffic.run import in_stretches
-from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, scores_without_truth
+from trackbench.metrics.traffic.without_truth import (
+    UnlabelledScan,
+    judged_scan,
+    score_without_truth,
+    scores_without_truth,
+)
 from trackbench.results import Failure
-from trackbench.runner.second_drives import SecondDrives
+from trackbench.runner.start import SecondDrives
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.traffic_sums import TrafficSums
-from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.view import unscored
@@ -108,15 +112,12 @@ class HiddenRun(TrackerRun[Tracks]):
         config, scene = work.trackers[name], work.scenes[batch.pieces[0].scene]
         self._batch, self._hidden = batch, batch.measurements
         steps, scans = scene.due.steps, self._hidden.scans
-        late = any(sensor.config.latency[1] > 0 for sensor in scene.sensors)
-        # Where nothing comes late no past state needs to be kept.
-        options = {"engine": work.engine_here} if late else {"engine": work.engine_here, "lag_s": 0.0}
         drive = TrackerDrive[Tracks](
             lambda: start(
                 work.driven(name),
                 work.folder,
                 batch.runs,
-                lambda tracker: replace(tracker, **options),
+                lambda tracker: replace(tracker, **work.tracker_options),
                 work.isolation,
                 True,
                 work.sensors,
@@ -263,11 +264,9 @@ class HiddenRun(TrackerRun[Tracks]):
 
     def _truth_of(self, part: SceneRuns, run: int) -> TruthHistory:
         """The truth at the instants, in a run counted from the first of the piece."""
-        single = range(part.piece.runs.start + run, part.piece.runs.start + run + 1)
-        truth, due = part.scene.truth, part.scene.due
-        motion = truth.px, truth.py, truth.vx, truth.vy
-        state = np.stack([of_runs(component, single)[due.steps, :, 0] for component in motion])
-        return TruthHistory(self._time, state, of_runs(due.status, single)[..., 0])
+        number, due = part.piece.runs.start + run, part.scene.due
+        state = part.scene.truth.state_of_run(number)[:, due.steps]
+        return TruthHistory(self._time, state, of_runs(due.status, range(number, number + 1))[..., 0])
 
     def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:
         """A function that gives the truth and the tracks of a run."""

@@ -19,13 +19,11 @@ from trackbench.metrics import BlockScores, MetricSums, Scorer, score_waiting
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
-from trackbench.runner.prepare import stepper_of
 from trackbench.runner.recorded import ModeSums, RecordedEstimates
-from trackbench.runner.second_drives import SecondDrives
+from trackbench.runner.start import SecondDrives, stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.scans import Measurements
 
 if TYPE_CHECKING:
     from trackbench.runner.filter_sequence import SequenceResult
@@ -63,24 +61,15 @@ class LabelledRun(TrackerRun[Estimate | None]):
         work: what all blocks share.
         piece: the runs of this block.
         name: of the tracker.
-        measurements: those of the block.
         targets: what trackers are held against.
-        kept: number of the recorded run in this block, if it is there.
         second_drives: as of ``TrackerRun``.
     """
 
     def __init__(
-        self,
-        work: Work,
-        piece: BlockRuns,
-        name: str,
-        measurements: Measurements,
-        targets: Targets,
-        kept: int | None,
-        second_drives: SecondDrives | None,
+        self, work: Work, piece: BlockRuns, name: str, targets: Targets, second_drives: SecondDrives | None
     ) -> None:
-        config, scene, scans = work.driven(name), work.scenes[piece.scene], measurements.scans
-        self._target, self._scene, self._kept = targets.of(config), scene, kept
+        config, scene, scans = work.driven(name), work.scenes[piece.scene], targets.scans
+        self._target, self._scene, self._kept = targets.of(config), scene, work.recorded_in(piece)
         drive = TrackerDrive[Estimate | None](
             lambda: stepper_of(work, piece, config, scans_read(scans, config.sensors_used)),
             scans,
@@ -107,11 +96,11 @@ class LabelledRun(TrackerRun[Estimate | None]):
         self._modes: ModeSums | None = None
         self._step_by_step_until = 0
         self._recorded: RecordedEstimates | None = None
-        if kept is not None:
+        if self._kept is not None:
             self._recorded = RecordedEstimates(
                 np.full((4, instants, objects), np.nan),
                 np.full((4, 4, instants, objects), np.nan),
-                self._target.due[..., kept],
+                self._target.due[..., self._kept],
                 {
                     sensor.name: [np.full(objects, np.nan)] * len(sensor.steps)
                     for sensor in scene.sensors

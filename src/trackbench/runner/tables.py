@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackbench.base.types import Array, Indices, Scan, Truth
+from trackbench.base.types import Array, Indices, Scan, Truth, of_runs
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate
 from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds, normalised_square
@@ -84,10 +84,9 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
 
 def truth_records(truth: Truth, run: int) -> list[Record]:
     """The motion of every target and of the observer in one run."""
-    column = min(run, truth.px.shape[2] - 1)
     names = ("px", "py", "heading", "course", "speed", "vx", "vy", "acceleration", "yaw_rate")
     # Some are computed, of all objects at once.
-    fields = {name: getattr(truth, name)[:, :, column] for name in names}
+    fields = {name: of_runs(getattr(truth, name), range(run, run + 1))[..., 0] for name in names}
     records: list[Record] = [
         {
             "object": name,
@@ -129,8 +128,7 @@ def estimate_records(
     recorded: Mapping[str, RecordedEstimates], truth: Truth, instants: Indices, run: int
 ) -> list[Record]:
     """Every tracker's estimates of one run at some steps of the truth, with their errors."""
-    column = min(run, truth.px.shape[2] - 1)
-    state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., column][:, instants]
+    state = truth.state_of_run(run)[:, instants]
     records: list[Record] = []
     for name, estimates in recorded.items():
         error = estimates.mean - state

@@ -28,8 +28,7 @@ class Targets:
         self._scene = work.scenes[piece.scene]
         truth, instants = self._scene.truth, self._scene.instants()
         runs = piece.runs
-        state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, instants]
-        self.state = of_runs(state, runs)
+        self.state = of_runs(truth.state[:, instants], runs)
         """``(4, instants, objects, runs or 1)``"""
         self._time, self._alive = truth.time[instants], truth.alive[instants]
         shape = (len(truth.ids), len(runs))
@@ -44,7 +43,7 @@ class Targets:
             for name in self._valid
         }
         self._order = {name: np.argsort(arrival, kind="stable") for name, arrival in self._arrival.items()}
-        self._scans = measurements.scans
+        self.scans = measurements.scans
         self.due, self.starting = self._where_due(shape)
         """``(instants, objects, runs)``"""
         self._measured: dict[frozenset[str], tuple[Iterator[Array], list[Array]]] = {}
@@ -68,13 +67,13 @@ class Targets:
         sensors = frozenset(tracker.sensors_used or self._valid)
         if sensors not in self._measured:
             options = tracker.sensors_used, self._scene.each_measurement
-            self._measured[sensors] = measured_positions(self._scans, self._position, *options), []
+            self._measured[sensors] = measured_positions(self.scans, self._position, *options), []
         coming, positions = self._measured[sensors]
         positions.extend(islice(coming, max(0, here.stop - len(positions))))
         return np.stack(positions[here], axis=1)
 
     def _position(self, number: int) -> Array:
-        scan = self._scans[number]
+        scan = self.scans[number]
         return SENSOR_MODELS[scan.kind].position(scan).mean
 
     def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
@@ -115,7 +114,7 @@ class Targets:
     def _delivered(self) -> dict[str, Indices]:
         """By sensor ``(instants,)`` how many of its scans a tracker can have been given."""
         number = {name: np.zeros(len(self._time), dtype=np.intp) for name in self._valid}
-        for instant, group in enumerate(deliveries(self._scans, each_measurement=self._scene.each_measurement)):
+        for instant, group in enumerate(deliveries(self.scans, each_measurement=self._scene.each_measurement)):
             for delivery in group:
                 if delivery.number is not None:
                     number[delivery.scan.sensor][instant] += 1

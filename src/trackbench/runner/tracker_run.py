@@ -14,7 +14,7 @@ from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
 from trackbench.models.motion import MotionModel
 from trackbench.results import Failure
-from trackbench.runner.second_drives import SecondDrives
+from trackbench.runner.start import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario.config import TrackerEntry
 from trackbench.trackers.config import FilterConfig, ImmConfig

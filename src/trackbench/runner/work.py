@@ -278,6 +278,11 @@ class Work:
         return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
 
     @property
+    def tracker_options(self) -> dict[str, Any]:
+        """What computes built-in trackers here; where nothing comes late, that no past state is kept."""
+        return {"engine": self.engine_here, **({} if self.late_sensors else {"lag_s": 0.0})}
+
+    @property
     def scene_of_run(self) -> Indices:
         """``(scenes * runs,)`` number of the scene of each run; each stretch of a log that is cut is one of each."""
         if self.stretches:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackbench.metrics.functions.events import TOLERANCE, match_events, spans
+from trackbench.metrics.functions.sums import TOLERANCE, match_events, spans
 
 Interval = tuple[int, int, int]
 

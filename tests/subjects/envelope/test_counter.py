@@ -15,8 +15,7 @@ from tests.support.claims import claim_of
 
 import trackbench as tb
 from trackbench.document import Code, Figure, Paragraph, Row, Section
-from trackbench.metrics.moments import scene_at
-from trackbench.metrics.recorded_run import load_recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run, scene_at
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.axes import point_distance
 from trackbench.subjects.envelope.claim import Envelope, read_envelope

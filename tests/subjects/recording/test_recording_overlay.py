@@ -10,8 +10,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.moments import worst
-from trackbench.metrics.recorded_run import load_recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run, worst
 from trackbench.results import Result
 from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.contents import labels, laid_over, same_traffic

@@ -18,8 +18,7 @@ from tests.support.results import with_tables
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.metrics.moments import worst
-from trackbench.metrics.recorded_run import load_recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run, worst
 from trackbench.results import Result, json_text
 from trackbench.subjects.recording import chunks
 from trackbench.subjects.recording import writer as recording

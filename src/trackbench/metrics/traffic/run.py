@@ -98,10 +98,10 @@ class RunScores(NamedTuple):
 
     def object_of(self, shape: tuple[int, ...]) -> Indices:
         """``(T, K)`` the object that each track is on; -1 where it is on none."""
-        found = np.full(shape, -1)
+        object_of = np.full(shape, -1)
         for pairs in self.on:
-            found[pairs.instant, pairs.column] = pairs.object
-        return found
+            object_of[pairs.instant, pairs.column] = pairs.object
+        return object_of
 
 
 class TrackScope(NamedTuple):
@@ -234,8 +234,8 @@ def _beginning(
         **matched_errors(truth, tracks, matched),
         **({} if associations is None else association_counts(counted, associations)),
     }
-    told = {path: sums for path, sums in values.items() if any(sums)}
-    return _Beginning(told, parts, waited, trajectory.exact, track_of, changes)
+    values = {path: sums for path, sums in values.items() if any(sums)}
+    return _Beginning(values, parts, waited, trajectory.exact, track_of, changes)
 
 
 def count_by_clear(near: Nearby) -> Counted:

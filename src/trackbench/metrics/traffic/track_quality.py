@@ -130,8 +130,8 @@ def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs
 
 
 def _finite_sum(values: Array) -> tuple[float, float]:
-    known = values[np.isfinite(values)]
-    return float(known.sum()), float(len(known))
+    finite = values[np.isfinite(values)]
+    return float(finite.sum()), float(len(finite))
 
 
 def association_counts(counted: Counted, taken: Associations) -> RunSums:
@@ -141,8 +141,8 @@ def association_counts(counted: Counted, taken: Associations) -> RunSums:
     the scan itself does to the track so says nothing about which object is its own.
     """
     number = np.minimum(np.searchsorted(counted.ids, taken.ids), max(len(counted.ids) - 1, 0))
-    known = counted.ids[number] == taken.ids if len(counted.ids) else np.zeros(taken.ids.shape, dtype=bool)
-    scan, column = np.nonzero(known)
+    counts = counted.ids[number] == taken.ids if len(counted.ids) else np.zeros(taken.ids.shape, dtype=bool)
+    scan, column = np.nonzero(counts)
     # (T, tracks), -1 where a track has none yet.
     object_of = object_of_each(counted.matched, len(counted.due), len(counted.ids))
     before = last_instant_before(object_of >= 0)
@@ -189,11 +189,11 @@ def existence_bins(counted: Counted, existence: Array) -> ExistenceBins:
     """
     real: Mask = np.zeros(counted.present.shape, dtype=bool)
     real[counted.matched.instant, counted.matched.column] = True
-    known = counted.present & np.isfinite(existence)
-    stated = existence[known]
+    stating = counted.present & np.isfinite(existence)
+    stated = existence[stating]
     which = np.clip((stated * BINS).astype(np.intp), 0, BINS - 1)
     return ExistenceBins(
         np.asarray(np.bincount(which, stated, BINS), dtype=float),
-        np.bincount(which[real[known]], minlength=BINS),
+        np.bincount(which[real[stating]], minlength=BINS),
         np.bincount(which, minlength=BINS),
     )

@@ -17,7 +17,7 @@ from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title
 from trackbench.document.margins import shortened_to_width
 from trackbench.document.palette import ERROR_COLOURS, error_labels, error_limits
 from trackbench.metrics.function_events import events_of
-from trackbench.metrics.moments import EstimateMoment
+from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.report.figures.over_time import column, names_in_column, rows_where
 from trackbench.report.moments import moment_text
 from trackbench.report.numbers import joined_names, rounded

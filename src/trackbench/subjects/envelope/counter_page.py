@@ -11,8 +11,7 @@ from trackbench.base.execution import Task
 from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.function_events import FunctionEvent, events_of, function_events, function_labels
-from trackbench.metrics.moments import scene_at
-from trackbench.metrics.recorded_run import load_recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run, scene_at
 from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import ConditionScores, Result
 from trackbench.scenario import Scenario

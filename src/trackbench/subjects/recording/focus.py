@@ -9,8 +9,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted
 from trackbench.metrics.function_events import TrackEvent, events_of, function_events
-from trackbench.metrics.moments import distinct, require_name, require_time, worst
-from trackbench.metrics.recorded_run import load_recorded_run
+from trackbench.metrics.recorded_run import distinct, load_recorded_run, require_name, require_time, worst
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
 

@@ -17,8 +17,17 @@ from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_waiting
 from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.function_events import FunctionEvent, TrackEvent, function_events
-from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
-from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, load_recorded_run
+from trackbench.metrics.recorded_run import (
+    EstimateMoment,
+    RecordedRun,
+    RecordedTrack,
+    SceneMoment,
+    load_recorded_run,
+    require_name,
+    require_time,
+    scene_at,
+    worst,
+)
 from trackbench.metrics.silence import measured_positions
 from trackbench.results import Health, Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, split, table_columns
@@ -185,9 +194,9 @@ def inspect(
         if tracker is not None:
             require_name(tracker, list(result), "tracker")
         of_function, count = function_events(result, function, tracker, vehicle=vehicle)[:count], None
+    if vehicle is not None:
+        require_name(vehicle, result.summary.truth.objects, "vehicle")
     if result.summary.identities == "hidden":
-        if vehicle is not None:
-            require_name(vehicle, result.summary.truth.objects, "vehicle")
         events = None if count is None else costly_events(result, tracker, vehicle)[:count]
         moment = None if at is None else _tracks_at(result, at, tracker)
         return Inspection(recorded, list(result.scored), at=moment, worst=events, of_function=of_function)
@@ -197,8 +206,6 @@ def inspect(
     trackers = [*dict.fromkeys([*first, *run.tracks])]
     if tracker is not None:
         trackers = [require_name(tracker, run.tracks, "tracker")]
-    if vehicle is not None:
-        require_name(vehicle, run.objects, "vehicle")
     return Inspection(
         recorded,
         scored,

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from trackbench.base.errors import counted
 from trackbench.metrics.function_events import FunctionEvent, TrackEvent
-from trackbench.metrics.moments import SceneMoment
+from trackbench.metrics.recorded_run import SceneMoment
 from trackbench.report.console import track_values
 from trackbench.report.numbers import decimals, rounded
 from trackbench.results import Summary

@@ -1,0 +1,156 @@
+"""The entry of one tracker in a result."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.config.key_units import in_words
+from trackbench.base.types import Array, Indices
+from trackbench.engine.equations import EngineUsed
+from trackbench.metrics import Evaluation, Interval, health, no_metrics, ratio
+from trackbench.metrics.breakdown import breakdown
+from trackbench.metrics.sums import ERROR
+from trackbench.metrics.traffic import TRACKS, run_sums
+from trackbench.results import FiledRows, Health, TrackerResult
+from trackbench.runner.evaluated import Evaluated, metrics_of_truth
+from trackbench.runner.filed_run import offset_of
+from trackbench.runner.hidden_run import TrafficScores
+from trackbench.runner.work import Work
+from trackbench.scenario.config import TrackerEntry
+from trackbench.trackers.answers import NOT_FINITE
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.initial import InitialConfig
+from trackbench.trackers.raw import BASELINE
+from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.tracks import TrackRows
+
+
+def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, **stated: Any) -> TrackerResult:
+    """The entry of one tracker, with what else is ``stated`` of it."""
+    config, failure = work.trackers[name], scores.failures.get(name)
+    associate = getattr(config, "associate", None)
+    entry = {
+        "name": name,
+        "describe": describe_tracker(config, work.late_sensors),
+        "association": None if associate is None else associate.method,
+        "baseline": getattr(config, "use", None) == BASELINE,
+        "sensors": config.sensors_used,
+        "confirmation": None if associate is None else associate.confirmation,
+        "smoother": getattr(config, "smoother", None),
+        "offline": name in work.filed,
+        "paired": name not in work.unpaired,
+        "engine": None if engine is None else engine.engine,
+        **stated,
+        "failed": failure,
+    }
+    if failure is not None:
+        metrics = work.metrics if work.cutoff is None else metrics_of_truth(work)
+        values = no_metrics("the tracker failed", metrics)
+        return TrackerResult(
+            **entry, metrics=values, health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE))
+        )
+    evaluation = scores.evaluations[name]
+    share = None
+    if work.headline in evaluation.intervals:
+        share = scene_share(ratio(*headline_sums(work, evaluation)), work.scene_of_run)
+    entry |= {"metrics": evaluation.values, "scene_share": share}
+    if work.cutoff is not None:
+        if name in work.filed:
+            pairs = [block.offset for block in scores.tracks[name] if block.offset is not None]
+            offset = offset_of(np.concatenate(pairs, axis=1))
+            entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
+            entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
+            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name])
+        reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
+        return TrackerResult(**entry, health=Health(reused_ids=reused))
+    return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
+
+
+def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:
+    read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
+    # Scenes of one file without runs share its rows.
+    outside = (len(rows) if rows.run is None else read) - there
+    return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent)
+
+
+def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
+    """``(runs,)`` sums of what trackers are ranked by, squared, and the number of terms in each."""
+    if work.cutoff is not None:
+        total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
+        return total, count
+    sums = evaluation.scores.per_run
+    return sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]]
+
+
+def scene_share(value: Interval, scene: Indices) -> float | None:
+    """Share of the variance of one run's value, not clustered, that is between scenes and not noise within them.
+
+    Source: Searle, Casella and McCulloch (1992), "Variance components", section 3.6: the ANOVA estimator for unequal
+    numbers of runs, negative components set to zero. None where the two cannot be told apart.
+    """
+    scenes, index, counts = np.unique(scene, return_inverse=True, return_counts=True)
+    runs = len(index)
+    if not 1 < len(scenes) < runs:
+        return None
+    means = np.bincount(index, value.influence) / counts
+    within = float(((value.influence - means[index]) ** 2).sum() / (runs - len(scenes)))
+    between = float((counts * (means - value.influence.mean()) ** 2).sum() / (len(scenes) - 1))
+    of_scene = max(0.0, (between - within) / ((runs - (counts**2).sum() / runs) / (len(scenes) - 1)))
+    return of_scene / (of_scene + within) if of_scene + within > 0 else None
+
+
+def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
+    """A tracker in a few words; ``late``: names of the sensors whose scans are."""
+    if isinstance(tracker, TracksConfig):
+        moved = f", time offset {tracker.time_offset_s:g} s" if tracker.time_offset_s else ""
+        return f"made elsewhere, {PurePath(tracker.path).name}{moved}"
+    if isinstance(tracker, PluginConfig):
+        options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
+        parts = [str(tracker.use), options]
+    else:
+        parts = [tracker.filter, *([f"{tracker.smoother} smoother"] if tracker.smoother else [])]
+        parts += tracker.motion_in_words
+        if tracker.process_noise_diag is not None:
+            parts.append(f"constant Q {_diagonal(tracker.process_noise_diag)}")
+        parts += [f"{sensor} taken for a {kind}" for sensor, kind in tracker.sensor_models.items()]
+        for sensor, sigmas in tracker.measurement_noise.items():
+            parts += [f"{sensor} with {in_words(key, value)}" for key, value in sigmas.items()]
+        for sensor, effects in tracker.assume.items():
+            parts.append(f"{sensor} with {' and '.join(effects.names)} assumed")
+        parts += [_initial(tracker), _late(tracker, late)]
+    parts.append("all sensors" if tracker.sensors is None else " + ".join(tracker.sensors))
+    return ", ".join(part for part in parts if part)
+
+
+def _initial(tracker: FilterConfig) -> str:
+    """How its tracks start: "initial: two_measurements with skip 3"; empty where it is as unless given."""
+    initial, usual = tracker.initial, InitialConfig()
+    other = {name: value for name, value in initial if value != getattr(usual, name)}
+    if not other:
+        return ""
+    other.pop("source", None)
+    words = [_option(name, value) for name, value in other.items()]
+    return f"initial: {initial.source}" + (f" with {' and '.join(words)}" if words else "")
+
+
+def _late(tracker: FilterConfig, late: Collection[str]) -> str:
+    """What becomes of late scans: "late: replay"; empty where there are none."""
+    read = late if tracker.sensors_used is None else set(late) & set(tracker.sensors_used)
+    if not read or tracker.smoother is not None:
+        return ""
+    lag = f" within {tracker.lag_s:g} s" if "lag_s" in tracker.model_fields_set else ""
+    return f"late: {tracker.late}{lag}"
+
+
+def _option(name: str, value: Any) -> str:
+    if name == "covariance_diag":
+        return f"covariance {_diagonal(value)}"
+    return in_words(name, " + ".join(value) if name == "sensors" else value)
+
+
+def _diagonal(variances: Sequence[float]) -> str:
+    return f"diag({', '.join(f'{variance:g}' for variance in variances)})"
