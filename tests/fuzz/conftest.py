@@ -28,8 +28,8 @@ def tried(cli: Callable[..., Any]) -> Iterator[Tried]:
         done = cli(*arguments)
         faulthandler.cancel_dump_traceback_later()
         right = done.status in statuses and not any(word in done.err for word in ("Traceback", "memory is not enough"))
-        said = done.status != 2 or 0 < len(done.err) < 20_000
-        if not (right and said):
+        explained = done.status != 2 or 0 < len(done.err) < 20_000
+        if not (right and explained):
             faults.append(f"case {case}: {' '.join(map(str, arguments))}: status {done.status}\n{done.err[-1500:]}")
         return int(done.status)
 

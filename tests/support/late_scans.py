@@ -56,11 +56,11 @@ def lidar_scans(count: int = 12, seed: int = 0, batch: int = 3, period: float = 
 
 
 def taken(of: Any, scans: list[Scan]) -> list[Estimate]:
-    state, said = None, []
-    for one in scans:
-        state, estimate = of.step(state, one)
-        said.append(estimate)
-    return said
+    state, estimates = None, []
+    for item in scans:
+        state, estimate = of.step(state, item)
+        estimates.append(estimate)
+    return estimates
 
 
 def swapped(scans: list[Scan], *numbers: int) -> list[Scan]:

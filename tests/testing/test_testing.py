@@ -32,16 +32,18 @@ KEPT = [*RULES, *REPEATING]
 
 
 class Good:
-    """The mean of the positions of the last half second, at the mean velocity between its halves."""
+    """The straight line of least squares through the latest positions."""
 
     def step(self, state: Any, scan: Scan) -> Any:
         place = [(scan.time, *self.position(scan))] if scan.valid else []
         seen = [*(state or []), *place][-40:]
-        times, points = np.array([item[0] for item in seen]), np.array([item[1:] for item in seen])
-        if len(seen) < 4 or times[-1] == times[0]:
+        if len(seen) < 4 or seen[-1][0] == seen[0][0]:
             return seen, None
-        slope, offset = np.polyfit(times - scan.time, points, 1)
-        return seen, (np.array([*offset, *slope]), np.diag([1.0, 1.0, 4.0, 4.0]))
+        rows = np.array(seen)
+        time, points = rows[:, 0] - rows[:, 0].mean(), rows[:, 1:]
+        slope = time @ points / (time @ time)
+        position = points.mean(axis=0) + slope * (scan.time - rows[:, 0].mean())
+        return seen, (np.array([*position, *slope]), np.diag([1.0, 1.0, 4.0, 4.0]))
 
     def position(self, scan: Scan) -> tuple[float, float]:
         x, y, yaw = scan.sensor_pose

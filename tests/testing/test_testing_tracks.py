@@ -20,10 +20,12 @@ class Nearest:
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
         tracks, last, time = state or ((), -1, scan.time)
-        found = positions(scan)
+        detections = positions(scan)
         dt = scan.time - time
         moved = [(number, place + dt * speed, speed, missed, hits) for number, place, speed, missed, hits in tracks]
-        pairs = [(np.hypot(*(place - z)), i, j) for i, (_, place, *_) in enumerate(moved) for j, z in enumerate(found)]
+        pairs = [
+            (np.hypot(*(place - z)), i, j) for i, (_, place, *_) in enumerate(moved) for j, z in enumerate(detections)
+        ]
         taken: dict[int, int] = {}
         for distance, i, j in sorted(pairs):
             if distance < GATE and i not in taken and j not in taken.values():
@@ -31,16 +33,16 @@ class Nearest:
         after = []
         for i, (number, place, speed, missed, hits) in enumerate(moved):
             if i in taken:
-                gap = found[taken[i]] - place
+                gap = detections[taken[i]] - place
                 after.append((number, place + 0.5 * gap, speed + (0.2 * gap / dt if dt else 0), 0, hits + 1))
             elif missed < PATIENCE:
                 after.append((number, place, speed, missed + 1, hits))
-        for z in sorted((tuple(z) for j, z in enumerate(found) if j not in taken.values())):
+        for z in sorted((tuple(z) for j, z in enumerate(detections) if j not in taken.values())):
             last += 1
             after.append((last, np.array(z), np.zeros(2), 0, 1))
-        return (tuple(after), last, scan.time), self.said(after)
+        return (tuple(after), last, scan.time), self.reported(after)
 
-    def said(self, tracks: Any) -> Tracks:
+    def reported(self, tracks: Any) -> Tracks:
         shown = [track for track in tracks if track[4] > 3]
         ids = np.array([track[0] for track in shown], dtype=int)
         mean = np.array([[*place, *speed] for _, place, speed, _, _ in shown]).reshape(-1, 4).T
@@ -50,20 +52,20 @@ class Nearest:
 class Forgetful(Nearest):
     """Numbers its tracks anew at every scan."""
 
-    def said(self, tracks: Any) -> Tracks:
-        found = super().said(tracks)
-        return found._replace(ids=np.arange(len(found.ids)))
+    def reported(self, tracks: Any) -> Tracks:
+        reported = super().reported(tracks)
+        return reported._replace(ids=np.arange(len(reported.ids)))
 
 
 class ByColumn:
     """Takes the column of a detection for its object."""
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
-        found = positions(scan)
-        mean = np.concatenate([found, np.tile([10.5, 1.0], (len(found), 1))], axis=1).T
+        detections = positions(scan)
+        mean = np.concatenate([detections, np.tile([10.5, 1.0], (len(detections), 1))], axis=1).T
         before = state if state is not None and state.shape == mean.shape else mean
         mean = 0.5 * (mean + before)
-        return mean, Tracks(np.arange(len(found)), mean, np.tile(np.eye(4)[:, :, None], len(found)))
+        return mean, Tracks(np.arange(len(detections)), mean, np.tile(np.eye(4)[:, :, None], len(detections)))
 
 
 class NeedsDetections(Nearest):
@@ -73,9 +75,9 @@ class NeedsDetections(Nearest):
 
 
 class Twice(Nearest):
-    def said(self, tracks: Any) -> Tracks:
-        found = super().said(tracks)
-        return found._replace(ids=np.zeros(len(found.ids), dtype=int))
+    def reported(self, tracks: Any) -> Tracks:
+        reported = super().reported(tracks)
+        return reported._replace(ids=np.zeros(len(reported.ids), dtype=int))
 
 
 class Waits(Nearest):
@@ -83,14 +85,14 @@ class Waits(Nearest):
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
         if state is not None and not scan.measurement.size:
-            return state, self.said(state[0])
+            return state, self.reported(state[0])
         return super().step(state, scan)
 
 
 class Indefinite(Nearest):
-    def said(self, tracks: Any) -> Tracks:
-        found = super().said(tracks)
-        return found._replace(covariance=-found.covariance)
+    def reported(self, tracks: Any) -> Tracks:
+        reported = super().reported(tracks)
+        return reported._replace(covariance=-reported.covariance)
 
 
 class OfOne:

@@ -25,11 +25,7 @@ CTRV = {
     "acceleration_sigma_mps2": ACCELERATION_SIGMA,
     "yaw_acceleration_sigma_radps2": YAW_ACCELERATION_SIGMA,
 }
-MOVES = {
-    "state": STATE,
-    "transition": "tests.adapted:velocity",
-    "process_noise": "tests.adapted:velocity_noise",
-}
+MOVES = {"state": STATE, "transition": "tests.adapted:velocity", "process_noise": "tests.adapted:velocity_noise"}
 TURNS = {"state": TURNING_STATE, "process_noise": "tests.adapted:turn_noise"}
 RADAR = {
     "hx": "tests.adapted:radar",
@@ -103,10 +99,7 @@ CASES: dict[str, tuple[Any, dict[str, Any], dict[str, Any]]] = {
         {
             "pair": "tests.adapted:pair",
             "state": STATE,
-            "sensors": {
-                "radar": {"measurement_model": "tests.adapted:radar_model_at", "R": "own"},
-                "lidar": {},
-            },
+            "sensors": {"radar": {"measurement_model": "tests.adapted:radar_model_at", "R": "own"}, "lidar": {}},
         },
         {"filter": "ekf", **CV},
     ),
@@ -119,11 +112,11 @@ CASES: dict[str, tuple[Any, dict[str, Any], dict[str, Any]]] = {
 
 
 def estimates(of: Tracker, scans: list[Scan]) -> list[Estimate | None]:
-    state, found = None, []
+    state, result = None, []
     for seen in scans:
         state, estimate = of.step(state, seen)
-        found.append(estimate)
-    return found
+        result.append(estimate)
+    return result
 
 
 @pytest.mark.parametrize("initial", ["first_measurement", "two_measurements"])
@@ -131,7 +124,7 @@ def estimates(of: Tracker, scans: list[Scan]) -> list[Estimate | None]:
 @pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_the_estimates_are_those_of_the_built_in_filter(case: str, initial: str) -> None:
     make, options, keys = CASES[case]
-    scans = list(measurements())
+    scans = list(measurements(60))
     start = {"from": initial, "least_time_s": 0} if initial == "two_measurements" else initial
     theirs = estimates(make(**options, initial=start), scans)
     # Adapted filters start in their own state.

@@ -111,8 +111,7 @@ def test_a_constant_matrix_is_only_used_for_its_own_interval(every: float, fits:
 
 def test_each_track_has_a_copy_of_an_object() -> None:
     before = adapted.ekf.x.copy()
-    one, two = create("filterpy", MOVING)(), create("filterpy", MOVING)()
-    for tracker in (one, two):
+    for tracker in (create("filterpy", MOVING)(), create("filterpy", MOVING)()):
         state = None
         for seen in measurements(20):
             state, _ = tracker.step(state, seen)
@@ -128,11 +127,11 @@ def test_a_first_covariance_that_is_stated_is_in_the_filter_s_order() -> None:
 
 def test_a_component_that_trackbench_does_not_know_starts_as_the_filter_has_it() -> None:
     """And the others start as they do in the built-in filters."""
-    given = {**PAIR, "initial": "first_measurement"}
+    options = {**PAIR, "initial": "first_measurement"}
     space = {"pair": "tests.adapted:pair_in_space", "state": [*STATE, "other", "other"]}
     first = next(measurements())
-    with_other = create("stonesoup", {**given, **space})().step(None, first)[1]
-    without = create("stonesoup", given)().step(None, first)[1]
+    with_other = create("stonesoup", {**options, **space})().step(None, first)[1]
+    without = create("stonesoup", options)().step(None, first)[1]
     np.testing.assert_array_equal(with_other.mean, without.mean)
     np.testing.assert_array_equal(with_other.state_covariance[4:, 4:], 1e-6 * np.eye(2))
 
@@ -178,17 +177,9 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
             "filter: module 'tests.adapted' has no 'efk': did you mean 'ekf'?",
         ),
         ("filterpy", {"filter": "tests.adaptde:ekf"}, "filter: cannot import 'tests.adaptde:ekf': no module named"),
-        (
-            "filterpy",
-            {"filter": "tests.adapted:STATE"},
-            "gives a list, not one of KalmanFilter, ExtendedKalmanFilter",
-        ),
+        ("filterpy", {"filter": "tests.adapted:STATE"}, "gives a list, not one of KalmanFilter, ExtendedKalmanFilter"),
         ("filterpy", {"filter": "tests.adapted:pair"}, "gives a tuple, not one of KalmanFilter"),
-        (
-            "filterpy",
-            {"filter": "tests.adapted:radar"},
-            "filter: 'tests.adapted:radar' raises TypeError",
-        ),
+        ("filterpy", {"filter": "tests.adapted:radar"}, "filter: 'tests.adapted:radar' raises TypeError"),
         ("filterpy", {"filter_options": {"dt": 1}}, "filter_options: 'tests.adapted:ekf' is an object"),
         ("filterpy", {"transition": None}, "dt_s: missing: the filter's own F holds for one interval only"),
         ("filterpy", {"dt_s": 0.05}, "dt_s: not used beside transition and process_noise; remove it"),
@@ -199,18 +190,10 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
             {"transition": "tests.adapted:fails"},
             "transition: 'tests.adapted:fails' raises RuntimeError: no",
         ),
-        (
-            "filterpy",
-            {"transition": "tests.adapted:STATE"},
-            "transition: 'tests.adapted:STATE' is not a function",
-        ),
+        ("filterpy", {"transition": "tests.adapted:STATE"}, "transition: 'tests.adapted:STATE' is not a function"),
         ("filterpy", {"process_noise": "math:sqrt"}, "gives the shape (), not (4, 4)"),
         ("filterpy", {"transition": None, "fx": "tests.adapted:turn"}, "transition: missing: beside fx"),
-        (
-            "filterpy",
-            {"filter": "tests.adapted:kf", "fx": "tests.adapted:turn"},
-            "fx: not used with KalmanFilter",
-        ),
+        ("filterpy", {"filter": "tests.adapted:kf", "fx": "tests.adapted:turn"}, "fx: not used with KalmanFilter"),
         ("filterpy", {"sensors": {}}, "sensors: must not be empty"),
         ("filterpy", {"sensors": {"radar": {"hc": "a:b"}}}, "sensors.radar.hc: unknown key; did you mean 'hx'?"),
         ("filterpy", {"sensors": {"radar": {"hx": "tests.adapted:radar"}}}, "sensors.radar.HJacobian: missing"),
@@ -249,21 +232,14 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("stonesoup", {"state": [*STATE, "ax"]}, "names 5 components, but the transition model's state has 4"),
         ("stonesoup", {"initial": "own"}, "gives no first state (a GaussianState), which initial: own needs"),
         ("stonesoup", {"dt_s": 0.1}, "dt_s: not used: the transition model takes any interval"),
-        (
-            "stonesoup",
-            {"pair": "tests.adapted:pair_fixed"},
-            "dt_s: missing: the transition model is time-invariant",
-        ),
+        ("stonesoup", {"pair": "tests.adapted:pair_fixed"}, "dt_s: missing: the transition model is time-invariant"),
         ("stonesoup", {"sensors": {"radar": {"R": "own"}}}, "sensors.radar.R: not used without measurement_model"),
         ("stonesoup", {"sensors": {"radar": {"measurement_model": "own"}}}, "the updater has none of its own"),
         (
             "stonesoup",
             {
                 "sensors": {
-                    "radar": {
-                        "measurement_model": "tests.adapted:radar_model",
-                        "measurement": ["range", "azimuth"],
-                    }
+                    "radar": {"measurement_model": "tests.adapted:radar_model", "measurement": ["range", "azimuth"]}
                 }
             },
             "sensors.radar.measurement: a CartesianToBearingRangeRate2D measures azimuth, range, range_rate, in this",
@@ -283,11 +259,7 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
             {"sensors": {"lidar": {"measurement_model": "tests.adapted:space_lidar_model"}}},
             "is of a state of 6 components, not 4",
         ),
-        (
-            "stonesoup",
-            {"sensors": {"lidar": {"measurement_model": "tests.adapted:STATE"}}},
-            "is no MeasurementModel",
-        ),
+        ("stonesoup", {"sensors": {"lidar": {"measurement_model": "tests.adapted:STATE"}}}, "is no MeasurementModel"),
         (
             "stonesoup",
             {"sensors": {"radar": {"measurement_model": "tests.adapted:radar_model_at", "pose": "own"}}},
@@ -296,9 +268,9 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
     ],
 )
 def test_what_does_not_fit_is_an_input_error(use: str, changes: dict[str, Any], message: str) -> None:
-    given = {**(MOVING if use == "filterpy" else PAIR), **changes}
+    options = {**(MOVING if use == "filterpy" else PAIR), **changes}
     with pytest.raises(InputError) as caught:
-        create(use, given)
+        create(use, options)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 

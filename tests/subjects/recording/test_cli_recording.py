@@ -69,11 +69,11 @@ def test_a_tracker_alone_keeps_its_colour_in_report_and_recording(cli: Cli, fold
 
 def test_inspect_prints_json_and_nothing_else(cli: Cli, folder: Path) -> None:
     done = cli("inspect", "results/tiny", "--json", "--at", "1", "--worst", "2")
-    found = json.loads(done.out, parse_constant=pytest.fail)
+    inspected = json.loads(done.out, parse_constant=pytest.fail)
     assert done.err == ""
-    assert found["at"]["time_s"] == 1.0
-    assert {name: len(moments) for name, moments in found["worst"].items()} == {"raw": 2, "ekf": 2}
-    assert found["fingerprint"] == Result.load(folder).summary.fingerprint
+    assert inspected["at"]["time_s"] == 1.0
+    assert {name: len(moments) for name, moments in inspected["worst"].items()} == {"raw": 2, "ekf": 2}
+    assert inspected["fingerprint"] == Result.load(folder).summary.fingerprint
 
 
 def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
@@ -159,12 +159,12 @@ def test_the_report_and_inspect_name_the_same_worst_moments(cli: Cli, folder: Pa
     report = (folder / "report.md").read_text(encoding="utf-8")
     section = report.partition("## Worst moments")[2].partition("\n## ")[0]
     rows = [line for line in section.splitlines() if line.startswith("| **")]
-    told = {row.split("**")[1]: [cell.strip() for cell in row.split("|")[2:5]] for row in rows}
-    assert {name: cells[:2] for name, cells in told.items()} == {
+    reported = {row.split("**")[1]: [cell.strip() for cell in row.split("|")[2:5]] for row in rows}
+    assert {name: cells[:2] for name, cells in reported.items()} == {
         name: [f"{moments[0]['time_s']:.2f}", moments[0]["object"]] for name, moments in worst.items()
     }
     for name, (moment,) in worst.items():
-        assert float(told[name][2]) == pytest.approx(moment["position_error_m"], rel=0.01)
+        assert float(reported[name][2]) == pytest.approx(moment["position_error_m"], rel=0.01)
     assert "trackbench view . --worst --tracker ekf" in report
 
 
@@ -202,10 +202,14 @@ def test_without_a_screen_view_says_so_and_a_run_goes_on(cli: Cli, folder: Path)
 
 
 @pytest.mark.viewer
+def test_a_viewer_without_a_driver_does_not_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VK_DRIVER_FILES", "/nowhere")
+    assert not viewer.draws()
+
+
 @pytest.mark.parametrize("driver", [True, False])
 def test_view_recommends_a_picture_only_where_there_is_a_driver(monkeypatch: pytest.MonkeyPatch, driver: bool) -> None:
-    if not driver:
-        monkeypatch.setenv("VK_DRIVER_FILES", "/nowhere")
+    monkeypatch.setattr(viewer, "draws", lambda: driver)
     message = str(viewer.ended(io.BytesIO(b"neither WAYLAND_DISPLAY nor DISPLAY is set")))
     assert message.startswith(viewer.NO_SCREEN)
     assert ("trackbench snapshot" in message) is driver

@@ -80,11 +80,3 @@ def test_a_recording_opens_at_the_worst_event(result: Result) -> None:
     assert (focus.vehicle, focus.time_s) == ("lead", pytest.approx(5.0))
     with pytest.raises(InputError, match="1 event of fcw went wrong"):
         focus_of([result], Opening(worst=2, function="fcw", tracker="slow"))
-
-
-def test_a_recording_without_functions_has_no_lanes(tmp_path: Path) -> None:
-    text = BRAKING.split("functions:")[0].replace("runs: 20", "runs: 2")
-    write(result_of(tmp_path, text, SIGMA="0.5", AZIMUTH="0.2"), tmp_path / "recording.rrd")
-    paths = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "recording.rrd").stream()}
-    assert not [path for path in paths if path.startswith(("/functions", "/function_events", "/world/warned"))]
-    assert "decisions" not in read(tmp_path / "recording.rrd").result.tables

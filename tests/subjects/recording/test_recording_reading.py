@@ -74,19 +74,25 @@ def test_every_number_comes_back(folder: Path) -> None:
         assert plain(recorded.result.tables[name]) == plain(saved.tables[name]), name
 
 
+def test_a_recording_without_functions_has_no_lanes(folder: Path, read_file: Any) -> None:
+    lanes = ("/functions", "/function_events", "/world/warned")
+    assert not [entity for entity in read_file(folder / "recording.rrd").entities() if entity.startswith(lanes)]
+    assert "decisions" not in read(folder / "recording.rrd").result.tables
+
+
 def test_the_scores_are_those_of_the_recorded_run(folder: Path) -> None:
-    found = inspect(folder / "recording.rrd")
+    inspected = inspect(folder / "recording.rrd")
     runs = {row["tracker"]: row for row in Result.load(folder).tables.runs.to_pylist() if row["run"] == 2}
-    assert [tracker.name for tracker in found.scored] == ["raw", "ekf"]
-    for tracker in found.scored:
+    assert [tracker.name for tracker in inspected.scored] == ["raw", "ekf"]
+    for tracker in inspected.scored:
         row = runs[tracker.name]
         assert tracker.position_rmse.value == pytest.approx(row["position_rmse_m"], rel=1e-12)
         assert tracker.velocity_rmse.value == pytest.approx(row["velocity_rmse_mps"], rel=1e-12)
         assert tracker.course_rmse.value == pytest.approx(row["course_rmse_deg"], rel=1e-12)
         assert tracker.nees.mean == pytest.approx(row["nees_mean"], rel=1e-12)
         assert tracker.health.diverged_runs == row["diverged"]
-    assert found.checked is not None
-    assert 0 <= found.checked.largest_relative_difference < 1e-12
+    assert inspected.checked is not None
+    assert 0 <= inspected.checked.largest_relative_difference < 1e-12
 
 
 def test_of_a_single_run_they_are_those_of_the_result(save: Callable[..., Path]) -> None:
@@ -237,22 +243,22 @@ def test_a_folder_without_a_recording_is_read_from_its_tables(folder: Path, tmp_
     copy = tmp_path / "run"
     shutil.copytree(folder, copy)
     (copy / "recording.rrd").unlink()
-    found = inspect(copy, at=1.0, count=1)
-    assert found.recorded.note == "there is no recording in this folder"
-    assert found.at == inspect(folder, at=1.0).at
+    inspected = inspect(copy, at=1.0, count=1)
+    assert inspected.recorded.note == "there is no recording in this folder"
+    assert inspected.at == inspect(folder, at=1.0).at
 
 
 def test_what_is_found_is_also_json_without_a_value_that_is_no_number(folder: Path) -> None:
-    found = json.loads(json_text(inspect(folder, at=1.0, count=2).json()))
-    assert [tracker["name"] for tracker in found["trackers"]] == ["raw", "ekf"]
-    for tracker in found["trackers"]:
+    inspected = json.loads(json_text(inspect(folder, at=1.0, count=2).json()))
+    assert [tracker["name"] for tracker in inspected["trackers"]] == ["raw", "ekf"]
+    for tracker in inspected["trackers"]:
         assert set(tracker) == {"name", "describe", "failed", "metrics", "health"}
         assert set(tracker["metrics"]) <= set(AFRESH)
         assert set(tracker["health"]) == {"diverged_runs"}
-    assert set(found["at"]) == {"time_s", "vehicles", "measurements", "estimates"}
-    assert {"px_m", "speed_mps", "course_rad"} <= set(found["at"]["vehicles"][0])
-    assert {"tracker", "object", "time_s", "position_error_m", "nees"} <= set(found["worst"]["ekf"][0])
-    assert set(found["checked"]) == {"file", "largest_relative_difference"}
+    assert set(inspected["at"]) == {"time_s", "vehicles", "measurements", "estimates"}
+    assert {"px_m", "speed_mps", "course_rad"} <= set(inspected["at"]["vehicles"][0])
+    assert {"tracker", "object", "time_s", "position_error_m", "nees"} <= set(inspected["worst"]["ekf"][0])
+    assert set(inspected["checked"]) == {"file", "largest_relative_difference"}
     assert not {"at", "worst"} & set(inspect(folder).json())
 
 
@@ -260,10 +266,10 @@ def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[...,
     (tmp_path / "stepless.py").write_text("class Stepless:\n    batched = True\n", encoding="utf-8")
     result = run_tiny("trackers.broken.use=stepless:Stepless", folder=tmp_path)
     result.save(tmp_path / "run", {"recording.rrd": lambda path: recording.write(result, path)})
-    found = inspect(tmp_path / "run", count=1)
-    assert [tracker.name for tracker in found.scored] == ["raw", "ekf"]
-    assert set(found.worst or {}) == {"raw", "ekf"}
-    *_, broken = found.json()["trackers"]
+    inspected = inspect(tmp_path / "run", count=1)
+    assert [tracker.name for tracker in inspected.scored] == ["raw", "ekf"]
+    assert set(inspected.worst or {}) == {"raw", "ekf"}
+    *_, broken = inspected.json()["trackers"]
     assert set(broken) == {"name", "describe", "failed"}
     assert "step" in broken["failed"]["cause"]
 
@@ -293,6 +299,6 @@ def test_missing_estimates_are_charged_afresh_as_in_the_run(tmp_path: Path, late
     result = tb.run(tb.load("scripted/own_model", changes, runs=2))
     assert result["late"].position_rmse.charged_share > 0
     result.save(tmp_path / "run")
-    found = inspect(tmp_path / "run")
-    assert found.checked is not None
-    assert found.checked.largest_relative_difference < 1e-9
+    inspected = inspect(tmp_path / "run")
+    assert inspected.checked is not None
+    assert inspected.checked.largest_relative_difference < 1e-9
