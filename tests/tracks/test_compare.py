@@ -20,9 +20,9 @@ from trackbench.results import Result
 
 
 def test_trackers_are_compared_by_tgospa(traffic_result: Result) -> None:
-    found = compare_results([traffic_result])
-    assert found.ranked_by == "tgospa"
-    for item in found.differences:
+    comparison = compare_results([traffic_result])
+    assert comparison.ranked_by == "tgospa"
+    for item in comparison.differences:
         assert item.metric == "tgospa"
         ours = traffic_result[item.entrant.tracker].metrics["tgospa"].value
         theirs = traffic_result[item.against.tracker].metrics["tgospa"].value
@@ -30,7 +30,7 @@ def test_trackers_are_compared_by_tgospa(traffic_result: Result) -> None:
         assert theirs is not None
         assert item.difference == pytest.approx(ours - theirs)
     (stored,) = (d for d in traffic_result.differences if (d.metric, d.a, d.b) == ("tgospa", *_pair(traffic_result)))
-    (item,) = (d for d in found.differences if (d.entrant.tracker, d.against.tracker) == _pair(traffic_result))
+    (item,) = (d for d in comparison.differences if (d.entrant.tracker, d.against.tracker) == _pair(traffic_result))
     assert item.ci95 == pytest.approx(stored.ci95)
 
 
@@ -76,21 +76,21 @@ def test_a_reference_is_shown_and_never_the_best(traffic_result: Result) -> None
 
     # With no error at all it would be far ahead.
     perfect = [
-        found.model_copy(update={"better": "oracle"}) if "oracle" in (found.a, found.b) else found
-        for found in traffic_result.differences
+        pair.model_copy(update={"better": "oracle"}) if "oracle" in (pair.a, pair.b) else pair
+        for pair in traffic_result.differences
     ]
     first = with_differences(traffic_result, perfect).updated(
         ranking=["oracle", *alone(traffic_result).summary.ranking]
     )
     assert first.contenders[0].name != "oracle"
-    found = compare_results([[first, renamed(first, "again")]])
+    comparison = compare_results([[first, renamed(first, "again")]])
     without = compare_results([[alone(first), alone(renamed(first, "again"))]])
-    *others, reference = found.ranking
+    *others, reference = comparison.ranking
     assert (reference.tracker, reference.reference) == ("oracle", True)
     assert [item.mean_rank for item in others] == [item.mean_rank for item in without.ranking]
-    assert found.rank_differences == without.rank_differences
-    assert not any(score.leading for score in found.scores if score.entrant.tracker == "oracle")
-    page = document_text(comparison_document(found, times=False))
+    assert comparison.rank_differences == without.rank_differences
+    assert not any(score.leading for score in comparison.scores if score.entrant.tracker == "oracle")
+    page = document_text(comparison_document(comparison, times=False))
     assert "oracle (reference)" in page
     assert "3 trackers over 2 scenarios" in page
     assert "oracle has the best" not in page
@@ -115,50 +115,51 @@ def no_truth(result: Result, name: str) -> Result:
 
 def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_result: Result, tmp_path: Path) -> None:
     both = [traffic_result, renamed(traffic_result, "again"), tiny_result, no_truth(traffic_result, "recorded")]
-    found = compare_results([both])
-    assert [(group.ranked_by, [scenario.name for scenario in group.scenarios]) for group in found.groups] == [
+    comparison = compare_results([both])
+    assert [(group.ranked_by, [scenario.name for scenario in group.scenarios]) for group in comparison.groups] == [
         ("tgospa", ["three_cars", "again"]),
         ("position_rmse", ["tiny"]),
     ]
     alone = compare_results([both[:2]]), compare_results([tiny_result])
-    for group, same in zip(found.groups, alone, strict=True):
+    for group, same in zip(comparison.groups, alone, strict=True):
         assert (group.ranking, group.scores, group.rank_differences) == (
             same.ranking,
             same.scores,
             same.rank_differences,
         )
         assert [item.difference for item in group.differences] == [item.difference for item in same.differences]
-    page = comparison_document(found, times=True)
+    page = comparison_document(comparison, times=True)
     for items in (page.tables, page.figures):
         assert len({item.name for item in items}) == len(items) > 1
     shown = document_text(page)
     assert "By T-GOSPA over 2 scenarios" in shown
     assert "By position RMSE: tiny" in shown
     assert "recorded not compared: no truth" in shown
-    for file, content in comparison_files(found, tmp_path / "comparison.json"):
+    for file, content in comparison_files(comparison, tmp_path / "comparison.json"):
         file.write_bytes(content)
-    assert load_comparison(tmp_path / "comparison.json").json() == found.json()
+    assert load_comparison(tmp_path / "comparison.json").json() == comparison.json()
 
 
 def test_nobody_leads_in_a_tie(traffic_result: Result) -> None:
-    found = compare_results([[traffic_result, renamed(traffic_result, "again")]])
+    comparison = compare_results([[traffic_result, renamed(traffic_result, "again")]])
     tied = [
-        item.model_copy(update={"mean_rank": 1.5 if place < 2 else 3.0}) for place, item in enumerate(found.ranking)
+        item.model_copy(update={"mean_rank": 1.5 if place < 2 else 3.0})
+        for place, item in enumerate(comparison.ranking)
     ]
     first, second, *_ = (item.tracker for item in tied)
-    said = ranking_answer(found.model_copy(update={"ranking": tied}))
-    assert said.startswith(
+    sentence = ranking_answer(comparison.model_copy(update={"ranking": tied}))
+    assert sentence.startswith(
         f"{first} and {second} share the best mean rank, 1.50. Over 2 scenarios the T-GOSPA of {second} "
     )
 
 
 def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: Result) -> None:
     both = [traffic_result, tiny_result]
-    found = compare_results([both, both], limits=[Limit("gospa", 5.0)])
-    assert found.passed
-    assert {item.metric for group in found.groups for item in group.gates} == {"gospa"}
-    assert [len(suite.cases) for suite in suites_of_comparison(found)] == [4, 0]
-    assert "no gospa in tiny, so its limit says nothing of it" in found.notes
+    comparison = compare_results([both, both], limits=[Limit("gospa", 5.0)])
+    assert comparison.passed
+    assert {item.metric for group in comparison.groups for item in group.gates} == {"gospa"}
+    assert [len(suite.cases) for suite in suites_of_comparison(comparison)] == [4, 0]
+    assert "no gospa in tiny, so its limit says nothing of it" in comparison.notes
     with pytest.raises(InputError, match=r"--metric: 'velocity' is not compared run by run; did you mean"):
         compare_results([both], metrics=["velocity"])
 

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
+from tests.support.recordings import ReadRecording
 from tests.support.results import with_tables
 
 from trackbench.base.errors import InputError
@@ -32,16 +32,13 @@ from trackbench.subjects.recording.writer import costs, write_recording
 
 
 @pytest.fixture(scope="module")
-def entities(traffic_folder: Path) -> dict[str, list[Any]]:
-    found: dict[str, list[Any]] = {}
-    for entity, rows in changing_rows(traffic_folder / "recording.rrd"):
-        found.setdefault(entity, []).append(rows)
-    return found
+def recording(traffic_folder: Path) -> ReadRecording:
+    return ReadRecording(traffic_folder / "recording.rrd")
 
 
-def changing_rows(file: Path) -> list[tuple[str, Any]]:
-    chunks = RrdReader(file).stream()
-    return [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if not chunk.is_static]
+def lengths(recording: ReadRecording, entity: str, component: str) -> list[int]:
+    """How many there are at each instant."""
+    return [len(cell or []) for cell in recording(entity, component).values()]
 
 
 def test_the_tables_come_back(traffic_folder: Path, traffic_result: Result) -> None:
@@ -55,68 +52,50 @@ def test_the_tables_come_back(traffic_folder: Path, traffic_result: Result) -> N
                 np.sort(theirs[column].to_numpy(float)),
                 err_msg=f"{name} {column}",
             )
-    found = read(traffic_folder / "recording.rrd").result
-    assert events_of(found) == events_of(traffic_result, run=0)
+    recorded = read(traffic_folder / "recording.rrd").result
+    assert events_of(recorded) == events_of(traffic_result, run=0)
 
 
-def test_every_track_is_drawn_at_every_instant(entities: dict[str, list[Any]], traffic_result: Result) -> None:
+def test_every_track_is_drawn_at_every_instant(recording: ReadRecording, traffic_result: Result) -> None:
     tracks = traffic_result.to_pandas("tracks")
     for tracker in ("gnn", "pmb"):
-        rows = entities[f"/world/tracks/{tracker}"]
-        drawn = [len(cell or []) for chunk in rows for cell in chunk.column("Points2D:positions").to_pylist()]
+        drawn = lengths(recording, f"/world/tracks/{tracker}", "Points2D:positions")
         assert len(drawn) == 61
         assert sum(drawn) == (tracks["tracker"] == tracker).sum()
-        assert sum(
-            len(cell or []) for chunk in entities[f"/world/track_covariances/{tracker}"]
-            for cell in chunk.column("LineStrips2D:strips").to_pylist()
-        ) == sum(drawn)  # fmt: skip
+        outlines = lengths(recording, f"/world/track_covariances/{tracker}", "LineStrips2D:strips")
+        assert sum(outlines) == sum(drawn)
 
 
-def test_existence_is_opacity(entities: dict[str, list[Any]], traffic_result: Result) -> None:
+def test_existence_is_opacity(recording: ReadRecording, traffic_result: Result) -> None:
     tracks = traffic_result.to_pandas("tracks")
     own = tracks[tracks["tracker"] == "pmb"].sort_values("time_s", kind="stable")
-    colours = [
-        colour
-        for chunk in entities["/world/tracks/pmb"]
-        for cell in chunk.column("Points2D:colors").to_pylist()
-        for colour in cell or []
-    ]
-    alpha = np.array(colours) & 0xFF
+    cells = recording("/world/tracks/pmb", "Points2D:colors").values()
+    alpha = np.array([colour for cell in cells for colour in cell or []]) & 0xFF
     np.testing.assert_allclose(alpha, 255 * (0.2 + 0.8 * own["existence"].to_numpy()), atol=0.51)
     assert alpha.min() < 250
 
 
-def test_a_due_object_without_a_track_is_ringed(entities: dict[str, list[Any]], traffic_result: Result) -> None:
+def test_a_due_object_without_a_track_is_ringed(recording: ReadRecording, traffic_result: Result) -> None:
     objects = traffic_result.to_pandas("objects")
     own = objects[(objects["tracker"] == "gnn") & objects["state"].isin(["waiting", "lost"])]
     instants = round(float((own["until_s"] - own["time_s"]).sum() / 0.1))
-    rings = [
-        len(cell or [])
-        for chunk in entities["/world/misses/gnn"]
-        for cell in chunk.column("Ellipses2D:half_sizes").to_pylist()
-    ]
-    assert sum(rings) == instants > 0
+    assert sum(lengths(recording, "/world/misses/gnn", "Ellipses2D:half_sizes")) == instants > 0
 
 
-def test_events_are_a_log(entities: dict[str, list[Any]], traffic_result: Result) -> None:
+def test_events_are_a_log(recording: ReadRecording, traffic_result: Result) -> None:
     for tracker in ("gnn", "naive"):
         events = events_of(traffic_result, tracker, 0)
-        texts = [
-            cell[0] for chunk in entities[f"/events/{tracker}"] for cell in chunk.column("TextLog:text").to_pylist()
-        ]
+        parts = recording.parts[f"/events/{tracker}", "TextLog:text"]
+        texts = [cell[0] for _, column in parts for cell in column.to_pylist()]
         assert len(texts) == len(events)
         assert sum(text.startswith(f"{tracker}: born") for text in texts) == sum(
             event.kind == "born" for event in events
         )
 
 
-def test_a_line_leads_to_each_detection_taken(entities: dict[str, list[Any]], traffic_result: Result) -> None:
+def test_a_line_leads_to_each_detection_taken(recording: ReadRecording, traffic_result: Result) -> None:
     taken = traffic_result.to_pandas("taken")
-    lines = [
-        len(cell or [])
-        for chunk in entities["/world/associations/oracle"]
-        for cell in chunk.column("LineStrips2D:strips").to_pylist()
-    ]
+    lines = lengths(recording, "/world/associations/oracle", "LineStrips2D:strips")
     assert 0 < sum(lines) <= (taken["tracker"] == "oracle").sum()
 
 
@@ -137,9 +116,9 @@ def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         write_recording(tmp_path / "marks.rrd", "marks", send)
-    sent = dict(changing_rows(tmp_path / "marks.rrd"))
-    assert len(sent["/world/marks/gnn"].column("Points2D:colors").to_pylist()[0]) == count
-    assert len(sent["/world/associations/gnn/gates"].column("LineStrips2D:colors").to_pylist()[0]) == count
+    sent = ReadRecording(tmp_path / "marks.rrd")
+    assert lengths(sent, "/world/marks/gnn", "Points2D:colors") == [count]
+    assert lengths(sent, "/world/associations/gnn/gates", "LineStrips2D:colors") == [count]
 
 
 def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
@@ -231,10 +210,10 @@ def test_a_late_start_comes_after_what_else_costs(traffic_result: Result) -> Non
 def test_inspect_names_the_worst_events(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
     done = cli("inspect", traffic_folder, "--worst", "2", "--json")
     assert done.status == 0
-    found = json.loads(done.out)["worst"]
+    worst = json.loads(done.out)["worst"]
     # The oracle is no competitor.
     expected = [event for event in events_of(traffic_result, run=0) if event.tracker != "oracle"][:2]
-    assert [(event["tracker"], event["kind"], event["time_s"]) for event in found] == [
+    assert [(event["tracker"], event["kind"], event["time_s"]) for event in worst] == [
         (event.tracker, event.kind, event.time_s) for event in expected
     ]
     printed = cli("inspect", traffic_folder, "--worst", "2").out
@@ -270,8 +249,8 @@ def test_a_tracker_that_failed_says_so(cli: Callable[..., Any], failing_folder: 
 def test_a_tracker_is_chosen_at_a_time(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
     focus = focus_of([traffic_result], Opening(at_s=3.1, tracker="naive"))
     assert (focus.time_s, focus.tracker) == (3.1, "naive")
-    found = json.loads(cli("inspect", traffic_folder, "--at", "5", "--tracker", "naive", "--json").out)["at"]
-    assert {track["tracker"] for track in found["tracks"]} == {"naive"}
+    moment = json.loads(cli("inspect", traffic_folder, "--at", "5", "--tracker", "naive", "--json").out)["at"]
+    assert {track["tracker"] for track in moment["tracks"]} == {"naive"}
     with pytest.raises(InputError, match="did you mean 'naive'"):
         focus_of([traffic_result], Opening(at_s=3.1, tracker="naiv"))
 

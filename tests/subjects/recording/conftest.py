@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
-from rerun.chunk import RrdReader
 from scipy import stats
+from tests.support.recordings import ReadRecording
 from tests.support.results import with_tables
 
 from trackbench.results import (
@@ -298,13 +298,13 @@ def short(result: Result) -> Result:
 
 
 @pytest.fixture(scope="session")
-def rewritten(short: Result, tmp_path_factory: pytest.TempPathFactory, read_file: type[Read]) -> Callable[..., Read]:
+def rewritten(short: Result, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., ReadRecording]:
     """Writes ``short`` with other tables, or another result, and reads the recording."""
 
-    def write(result: Result = short, **tables: pa.Table) -> Read:
+    def write(result: Result = short, **tables: pa.Table) -> ReadRecording:
         path = tmp_path_factory.mktemp("rewritten") / "run.rrd"
         recording.write(with_tables(result, **tables), path)
-        return read_file(path)
+        return ReadRecording(path)
 
     return write
 
@@ -316,32 +316,6 @@ def file(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-class Read:
-    """A recording: for an entity and a component, values by time in seconds (None: static)."""
-
-    def __init__(self, path: Path) -> None:
-        self.parts: dict[tuple[str, str], list[tuple[Any, pa.Array]]] = {}
-        self.timelines: set[str] = set()
-        for chunk in RrdReader(path).stream():
-            batch = chunk.to_record_batch()
-            self.timelines.update(chunk.timeline_names)
-            times = [None] * len(batch) if chunk.is_static else batch.column("sim_time").to_numpy().astype(float) / 1e9
-            for name in batch.schema.names:
-                self.parts.setdefault((chunk.entity_path, name), []).append((times, batch.column(name)))
-
-    def __call__(self, entity: str, component: str) -> dict[float | None, Any]:
-        parts = self.parts[entity, component]
-        return {time: value for times, column in parts for time, value in zip(times, column.to_pylist(), strict=True)}
-
-    def entities(self) -> set[str]:
-        return {entity for entity, _ in self.parts}
-
-
 @pytest.fixture(scope="session")
-def read(file: Path) -> Read:
-    return Read(file)
-
-
-@pytest.fixture(scope="session")
-def read_file() -> type[Read]:
-    return Read
+def read(file: Path) -> ReadRecording:
+    return ReadRecording(file)

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from tests.support.commands import run_command
+from tests.support.recordings import ReadRecording
 
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.results import Result
@@ -59,11 +60,11 @@ def test_inspect_prints_what_is_in_a_recording(cli: Cli, folder: Path) -> None:
     assert of_folder.out == done.out
 
 
-def test_a_tracker_alone_keeps_its_colour_in_report_and_recording(cli: Cli, folder: Path, read_file: Any) -> None:
+def test_a_tracker_alone_keeps_its_colour_in_report_and_recording(cli: Cli, folder: Path) -> None:
     assert cli("run", "tiny.yaml", "--trackers", "ekf", "--out", "alone").status == 0
     alone, colour = folder.parents[1] / "alone" / "tiny", TRACKER_COLOURS[list(Result.load(folder)).index("ekf")]
     assert f'style="--mark: {colour}"></span>ekf</td>' in (alone / "report.html").read_text(encoding="utf-8")
-    recorded = read_file(alone / "recording.rrd")
+    recorded = ReadRecording(alone / "recording.rrd")
     assert recorded("/world/estimates/ekf/v1", "Points2D:colors")[None] == [int(colour[1:] + "FF", 16)]
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rerun as rr
+from tests.support.recordings import ReadRecording
 
 from trackbench.api.plan import Prepared
 from trackbench.base.types import Gaussian
@@ -118,7 +119,7 @@ def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
 
 
 def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
-    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded, truth = scene
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
@@ -130,7 +131,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         for batch in batches:
             drawing.take(batch)
         drawing.finish()
-        return read_file(tmp_path / f"{name}.rrd")
+        return ReadRecording(tmp_path / f"{name}.rrd")
 
     colours = tracker_colours(["raw", "ekf"])
     about = LiveRun("tiny", colours, ["radar", "lidar"], truth.truth)
@@ -158,7 +159,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
 
 
 def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
-    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
@@ -168,7 +169,7 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
     drawing = Painter("failing")
     drawing.take([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
     drawing.finish()
-    read = read_file(tmp_path / "failing.rrd")
+    read = ReadRecording(tmp_path / "failing.rrd")
     raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))
     assert [len(ekf[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 0, 0]
     assert [len(raw[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 1, 1]

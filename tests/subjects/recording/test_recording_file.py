@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 import pytest
 from rerun.chunk import RrdReader
 from scipy import stats
+from tests.support.recordings import shown_views
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.document.palette import TRACKER_COLOURS, tracker_colours
@@ -38,15 +39,8 @@ def test_five_vehicles_and_five_trackers_take_less_than_ten_megabytes(file: Path
 
 
 def test_the_layout_is_in_the_file(file: Path, result: Result) -> None:
-    reader = RrdReader(file)
-    assert len(reader.blueprints()) == 1
-    (store,) = reader.blueprints()
-    views = {
-        row[0]
-        for chunk in reader.stream(store=store)
-        if "ViewBlueprint:display_name" in (batch := chunk.to_record_batch()).schema.names
-        for row in batch.column("ViewBlueprint:display_name").to_pylist()
-    }
+    assert len(RrdReader(file).blueprints()) == 1
+    views = shown_views(file)
     assert {"Seen from above", *result.summary.truth.objects} <= views
     assert {"Legend", "Ranking", "About this run", "Position RMSE, m", "Velocity error, m/s", "NEES"} <= views
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-from rerun.chunk import RrdReader
+from tests.support.recordings import ReadRecording, shown_views
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.recorded_run import load_recorded_run, worst
@@ -32,9 +31,9 @@ def test_runs_are_called_by_what_tells_their_paths_apart() -> None:
     assert len(set(labels([Path("x.rrd"), Path("x.rrd")]))) == 2
 
 
-def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path: Path, read_file: Any) -> None:
+def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path: Path) -> None:
     write_overlay(laid_over(pair), tmp_path / "both.rrd", Focus())
-    read_back = read_file(tmp_path / "both.rrd")
+    read_back = ReadRecording(tmp_path / "both.rrd")
     drawn = {entity for entity in read_back.entities() if entity.startswith("/series/all_runs/nees/")}
     names = {f"{name}\\ \\({label}\\)" for name in ("raw", "ekf") for label in pair}
     assert names <= {entity.removeprefix("/series/all_runs/nees/") for entity in drawn}
@@ -79,9 +78,7 @@ def test_other_traffic_is_not_laid_over(pair: dict[str, Result], run_tiny: Calla
     assert not same_traffic([pair["old"], run_tiny("truth.seed=5")])
 
 
-def test_what_the_viewer_gets(
-    pair: dict[str, Result], run_tiny: Callable[..., Result], tmp_path: Path, read_file: Any
-) -> None:
+def test_what_the_viewer_gets(pair: dict[str, Result], run_tiny: Callable[..., Result], tmp_path: Path) -> None:
     everything = {**pair, "other": run_tiny("truth.seed=5")}
     for name, result in everything.items():
         writers = {} if name == "new" else {"recording.rrd": lambda path, result=result: recording.write(result, path)}
@@ -92,7 +89,7 @@ def test_what_the_viewer_gets(
     with playable([old, new], Opening()) as ready:
         (file,) = ready.files
         assert "tables" in ready.notes[0]
-        drawn = read_file(file).entities()
+        drawn = ReadRecording(file).entities()
         assert {f"/world/estimates/ekf\\ \\({label}\\)/v1" for label in ("old", "new")} <= drawn
         with pytest.raises(InputError, match="several that are laid over each other"):
             read(file)
@@ -104,18 +101,7 @@ def test_what_the_viewer_gets(
         pass
 
 
-def shown_views(file: Path) -> set[str]:
-    reader = RrdReader(file)
-    return {
-        name
-        for store in reader.blueprints()
-        for chunk in reader.stream(store=store)
-        if "ViewBlueprint:display_name" in (batch := chunk.to_record_batch()).schema.names
-        for (name,) in batch.column("ViewBlueprint:display_name").to_pylist()
-    }
-
-
-def test_a_recording_opens_where_the_error_is(pair: dict[str, Result], tmp_path: Path, read_file: Any) -> None:
+def test_a_recording_opens_where_the_error_is(pair: dict[str, Result], tmp_path: Path) -> None:
     result = pair["old"]
     recording.write(result, tmp_path / "run.rrd")
     run = load_recorded_run(result)
@@ -125,7 +111,7 @@ def test_a_recording_opens_where_the_error_is(pair: dict[str, Result], tmp_path:
         with playable([tmp_path / "run.rrd"], Opening(worst=number)) as ready:
             assert ready.time_s == moment.time_s
             assert f"Seen from above, around {moment.object}" in shown_views(ready.files[0])
-            assert read_file(ready.files[0]).entities() == read_file(tmp_path / "run.rrd").entities()
+            assert ReadRecording(ready.files[0]).entities() == ReadRecording(tmp_path / "run.rrd").entities()
     (of_ekf,) = worst(run, ["ekf"], 1, "v2")
     with playable([tmp_path / "run.rrd"], Opening(worst=1, vehicle="v2", tracker="ekf")) as ready:
         assert ready.time_s == of_ekf.time_s

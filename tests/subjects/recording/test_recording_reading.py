@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 import rerun as rr
+from tests.support.recordings import ReadRecording
 from tests.support.results import with_tables
 
 import trackbench as tb
@@ -74,9 +75,9 @@ def test_every_number_comes_back(folder: Path) -> None:
         assert plain(recorded.result.tables[name]) == plain(saved.tables[name]), name
 
 
-def test_a_recording_without_functions_has_no_lanes(folder: Path, read_file: Any) -> None:
+def test_a_recording_without_functions_has_no_lanes(folder: Path) -> None:
     lanes = ("/functions", "/function_events", "/world/warned")
-    assert not [entity for entity in read_file(folder / "recording.rrd").entities() if entity.startswith(lanes)]
+    assert not [entity for entity in ReadRecording(folder / "recording.rrd").entities() if entity.startswith(lanes)]
     assert "decisions" not in read(folder / "recording.rrd").result.tables
 
 
