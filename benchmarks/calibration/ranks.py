@@ -12,7 +12,7 @@ from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import LEVEL, holm, tracker_differences
 from trackbench.metrics.intervals import ratio, root
 from trackbench.results import Difference
-from trackbench.results.score_summary import MarginSummary
+from trackbench.results.scenario_summary import MarginSummary
 
 from .claim import Claim, power, rate
 

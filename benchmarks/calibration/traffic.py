@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.metrics.differences import EQUIVALENT, EVERY_PAIR, Family, tracker_differences
 from trackbench.metrics.intervals import Interval, paired
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.results.score_summary import MarginSummary
+from trackbench.results.scenario_summary import MarginSummary
 
 from . import traffic_pool
 from .claim import Claim, power, rate

@@ -7,7 +7,7 @@ from tests.scenario.test_worlds import SCRIPTED
 
 import trackbench as tb
 from trackbench.compare.comparison import OrderInWorlds
-from trackbench.report.comparison.worlds import order_sentences
+from trackbench.report.comparison.sentences import order_sentences
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from trackbench.document.axes import QuickFigure
+from trackbench.document.axes import QuickFigure, fit_margins, shortened_to_width, text_width
 from trackbench.document.drawing import logarithmic, panel_title
-from trackbench.document.margins import fit_margins, shortened_to_width, text_width
 
 WIDTH, HEIGHT = 430.0, 250.0
 LONG = "extended_kalman_filter_with_constant_velocity_and_low_noise_0p8"

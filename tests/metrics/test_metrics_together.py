@@ -16,7 +16,7 @@ from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
 from trackbench.results import MetricValue
-from trackbench.results.score_summary import MarginSummary
+from trackbench.results.scenario_summary import MarginSummary
 from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.targets import Targets

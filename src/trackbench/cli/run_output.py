@@ -92,7 +92,7 @@ class RunOutput(Listener):
         from trackbench.report.comparison.document import scenarios_without_truth
 
         if not self._as_json and not self._quiet:
-            from trackbench.report.comparison.worlds import order_sentences
+            from trackbench.report.comparison.sentences import order_sentences
 
             for group in comparison.groups:
                 for text in order_sentences(group):

@@ -16,7 +16,7 @@ from trackbench.base.errors import InputError, counted
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.results.score_summary import MetricSummary
+from trackbench.results.scenario_summary import MetricSummary
 from trackbench.scenario.config import ScenarioConfig
 
 

@@ -25,8 +25,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import QuickFigure
-from trackbench.document.margins import fit_margins, shortened_to_width
+from trackbench.document.axes import QuickFigure, fit_margins, shortened_to_width
 
 #: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
 INK, GRID, MUTED = "trackbench:ink", "trackbench:grid", "trackbench:muted"

@@ -15,7 +15,7 @@ from trackbench.base.distributions import t_quantile
 from trackbench.metrics.intervals import Contrast, Interval, all_paired
 from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference, MetricValue
-from trackbench.results.score_summary import MarginSummary
+from trackbench.results.scenario_summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
 LEVEL = 0.05

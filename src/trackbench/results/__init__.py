@@ -3,6 +3,7 @@
 from trackbench.results.folder import (
     EXAMINATION,
     SUMMARY,
+    Tables,
     json_text,
     require_file,
     require_replaceable,
@@ -16,7 +17,6 @@ from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartV
 from trackbench.results.result import MOST_DRAWN, Difference, Result, difference_table, merged_places, summary_of
 from trackbench.results.scenario_summary import TruthAudit, TruthSummary
 from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, PrecisionReached, Summary
-from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, FiledRows, Health, TrackerResult
 
 __all__ = [

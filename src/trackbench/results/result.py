@@ -13,10 +13,9 @@ import numpy as np
 from trackbench.base.errors import InputError, beside, counted, nearest
 from trackbench.base.files import read_json
 from trackbench.results.declared import SHARED
-from trackbench.results.folder import EXAMINATION, SUMMARY, json_text, save_files, write_file
+from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, write_file
 from trackbench.results.metric_value import ResultModel, data_frame, model_of, value_columns
 from trackbench.results.summary import READABLE, Summary
-from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import TrackerResult
 
 if TYPE_CHECKING:

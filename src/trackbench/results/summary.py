@@ -11,8 +11,13 @@ from pydantic import Field, field_validator
 from trackbench.engine.equations import ComputedBy
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
 from trackbench.results.metric_value import ResultModel
-from trackbench.results.scenario_summary import ReferenceSummary, ScenarioSummary, SensorSummary, TruthSummary
-from trackbench.results.score_summary import ScoreSummary
+from trackbench.results.scenario_summary import (
+    ReferenceSummary,
+    ScenarioSummary,
+    ScoreSummary,
+    SensorSummary,
+    TruthSummary,
+)
 from trackbench.results.tracker_result import TrackerResult
 
 

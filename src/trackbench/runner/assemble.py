@@ -22,14 +22,16 @@ from trackbench.models.sensors import Sensor
 from trackbench.results import Result, Summary, Tables, difference_table
 from trackbench.results.scenario_summary import (
     ComponentNoise,
+    MarginSummary,
+    MetricSummary,
     MountSummary,
     ReferenceSummary,
     ScenarioSummary,
     SceneSummary,
+    ScoreSummary,
     SensorSummary,
     TruthSummary,
 )
-from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated, evaluated, judge
 from trackbench.runner.first_velocity import contradiction

@@ -26,13 +26,14 @@ from trackbench.results import (
 )
 from trackbench.results.scenario_summary import (
     ComponentNoise,
+    MarginSummary,
     MountSummary,
     ReferenceSummary,
     ScenarioSummary,
+    ScoreSummary,
     SensorSummary,
     TruthSummary,
 )
-from trackbench.results.score_summary import MarginSummary, ScoreSummary
 from trackbench.subjects.recording import writer as recording
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)

@@ -1,18 +1,49 @@
-"""A comparison as a document and as files: trackers over scenarios, or differences with what became of limits."""
+"""A comparison as a document and as files: trackers over scenarios, or a table of differences for each metric."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from trackbench.compare import Comparison
-from trackbench.document import Block, Document, Item, Items, Section, named_apart
+from trackbench.base.errors import counted
+from trackbench.compare import Comparison, Entrant, PairDifference
+from trackbench.compare.comparison import ComparedResult, OverallChange
+from trackbench.document import (
+    Block,
+    Cell,
+    Code,
+    Column,
+    Document,
+    Item,
+    Items,
+    Paragraph,
+    Row,
+    Section,
+    Table,
+    Tone,
+    named_apart,
+)
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
 from trackbench.document.palette import Styles, tracker_styles
-from trackbench.report.comparison import differences, ranking
-from trackbench.report.comparison.sentences import NAMES
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
+from trackbench.report.comparison import ranking
+from trackbench.report.comparison.figures import difference_figure
+from trackbench.report.comparison.sentences import (
+    NAMES,
+    answer_blocks,
+    best_tracker,
+    difference_decimals,
+    difference_subject,
+    differences_from,
+    entrant_name,
+    in_percent,
+    set_letter,
+)
+from trackbench.report.numbers import half_width, short
+from trackbench.report.tables import unit_after_heading
 from trackbench.results import json_text
 
 
@@ -54,8 +85,8 @@ _GroupText = tuple[str, tuple[Block, ...]]
 def _group_text(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
         blocks = ranking.ranking_blocks(comparison, styles, reports, times=times)
-        return "Comparison of trackers", (*blocks, *differences.reproduction(comparison))
-    return f"Comparison{_over(comparison)}", tuple(differences.difference_blocks(comparison, styles, reports))
+        return "Comparison of trackers", (*blocks, *reproduction(comparison))
+    return f"Comparison{_over(comparison)}", tuple(difference_blocks(comparison, styles, reports))
 
 
 def _over(comparison: Comparison) -> str:
@@ -119,3 +150,183 @@ def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
         if page.is_file():
             pages[label] = Path(os.path.relpath(page, folder)).as_posix()
     return pages
+
+
+TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
+
+
+def difference_blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> Iterator[Block]:
+    """What became of the limits, the answer, the differences by metric, and the results."""
+    yield from answer_blocks(comparison)
+    for metric, items in comparison.by_metric():
+        yield Section(
+            f"{metric}{unit_after_heading(items[0].unit)}", tuple(_metric_section(comparison, styles, metric, items))
+        )
+    yield Section("Results", tuple(_results(comparison, reports)))
+    yield from reproduction(comparison)
+
+
+def _metric_section(
+    comparison: Comparison, styles: Styles, metric: str, items: Sequence[PairDifference]
+) -> Iterator[Block]:
+    several = len(comparison.scenarios) > 1
+    explained = Section("How it is judged", (Paragraph(_explanation(items, len(comparison.differences))),), folded=True)
+    best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
+    shown = differences_from(best, items) if best else sorted(items, key=lambda item: item.identical)
+    if several:
+        yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
+        yield _changes(comparison, metric, items)
+    else:
+        yield _differences(comparison, metric, shown)
+    if not all(item.identical for item in shown):
+        labels = [
+            difference_subject(comparison, item) if best or len(comparison.sets) > 1 else _pair(item) for item in shown
+        ]
+        yield Row((difference_figure(metric, shown, labels, styles, best or ""),))
+    if several or len(shown) < len(items):
+        title = "Each difference" if several else "Each pair"
+        each = _differences(comparison, metric, items)
+        yield Section(title, (replace(each, name=f"{each.name}-each"),), folded=True)
+    yield explained
+
+
+def _pair(item: PairDifference) -> str:
+    return f"{item.entrant.tracker} against {item.against.tracker}"
+
+
+def reproduction(comparison: Comparison) -> Iterator[Block]:
+    """The commands that make it again, where they are known."""
+    if comparison.commands:
+        yield Section("Reproduce", (Code("\n".join(comparison.commands), "sh"),))
+
+
+def _how(result: ComparedResult) -> str:
+    if not result.reason:
+        return ""
+    return f"{'unpaired' if result.shared_runs is None else 'paired'}: {result.reason}"
+
+
+def _explanation(items: Sequence[PairDifference], number: int) -> str:
+    """``number``: of the differences by all metrics."""
+    ways = []
+    if paired := sorted({(item.paired_runs, item.scenes, item.stretches or 0) for item in items if item.paired_runs}):
+        ways.append(f"paired over {' or '.join(_parts(*each) for each in paired)}")
+    if any(item.paired_runs is None for item in items):
+        ways.append("unpaired (Welch's test)")
+    together = "" if number == len(items) else " by all metrics together"
+    corrected = f", corrected for their number{together} (Holm)" if number > 1 else ""
+    few = all(item.ci95 is None and item.p_value == 1 for item in items)
+    untested = " There are too few runs or scenes to test any." if few else ""
+    return (
+        "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
+        f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "
+        f"than the margin, at a level of 5 %{corrected}; equivalent: interval within the margin; undecided: neither."
+        f"{untested}"
+    )
+
+
+def _parts(runs: int, scenes: int, stretches: int) -> str:
+    """What differences are paired over."""
+    of = f"{scenes} scenes of {counted(runs // scenes, 'run')}" if scenes > 1 else counted(runs, "run")
+    return f"{stretches} stretch{'es' * (stretches > 1)} of time of {of}" if stretches else of
+
+
+def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
+    """Every difference of a metric."""
+    digits = difference_decimals(items)
+
+    def with_reach(item: PairDifference) -> str:
+        reach = "" if item.ci95 is None else f" ±{short(half_width(item.ci95), digits)}"
+        return "0 in every run" if item.identical else short(item.difference, digits) + reach
+
+    tracker = (Column("tracker", left=True), [_name_cell(comparison, item) for item in items])
+    if len(comparison.scenarios) > 1:
+        first = [(Column("scenario", left=True), [Cell(item.scenario) for item in items]), tracker]
+    else:
+        first = [tracker, (Column("against"), [_against_cell(comparison, item) for item in items])]
+    columns = [
+        *first,
+        (Column("difference"), [Cell(with_reach(item)) for item in items]),
+        (
+            Column("verdict", left=True),
+            [Cell(item.verdict, tone=TONES.get(item.verdict, ""), chip=True) for item in items],
+        ),
+        (Column("%", "of the value that it is held against"), [Cell(in_percent(item.percent)) for item in items]),
+        (Column("value"), [Cell(short(item.value, digits)) for item in items]),
+        (
+            Column("margin", "up to which a difference does not matter"),
+            [Cell(short(item.margin, digits)) for item in items],
+        ),
+    ]
+    return Table.of_columns(f"differences-{metric.replace('.', '-')}", columns)
+
+
+def _name_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
+    return Cell(entrant_name(comparison, item.entrant), tracker=item.entrant.tracker)
+
+
+def _against_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
+    return Cell(entrant_name(comparison, item.against, item.entrant))
+
+
+def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
+    """Each entrant over all scenarios: in how many it is better, and the mean change."""
+    mean = "geometric mean over the scenarios of the value over that which it is held against, less one"
+    columns = [
+        (Column("tracker", left=True), [_name_cell(comparison, item) for item in items]),
+        (Column("against"), [_against_cell(comparison, item) for item in items]),
+        *(
+            (Column(verdict, "scenarios"), [Cell(str(item.verdicts.get(verdict, 0))) for item in items])
+            for verdict in VERDICTS
+            if any(verdict in item.verdicts for item in items)
+        ),
+        (Column("mean %", mean), [Cell(in_percent(item.mean_percent)) for item in items]),
+    ]
+    caption = "Number of scenarios by verdict, and the mean change"
+    return Table.of_columns(f"overall-{items[0].metric.replace('.', '-')}", columns, caption)
+
+
+def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
+    """The change in percent, scenarios down and entrants across."""
+    entrants = list(dict.fromkeys(item.entrant for item in items))
+    by_entrant = {(item.scenario, item.entrant): item for item in items}
+
+    def cell(scenario: str, entrant: Entrant) -> Cell:
+        item = by_entrant.get((scenario, entrant))
+        if item is None:
+            return Cell("")
+        text, strong = "0" if item.identical else in_percent(item.percent), item.verdict not in (EQUIVALENT, UNDECIDED)
+        return Cell(text, tone=TONES.get(item.verdict, ""), strong=strong)
+
+    scenarios = dict.fromkeys(item.scenario for item in items)
+    rows = tuple((Cell(scenario), *(cell(scenario, entrant) for entrant in entrants)) for scenario in scenarios)
+    columns = (Column("scenario", left=True), *(Column(entrant_name(comparison, entrant)) for entrant in entrants))
+    caption = "Change in percent; coloured where it is shown to be more than the margin"
+    return Table(f"changes-{metric.replace('.', '-')}", columns, rows, caption)
+
+
+def _results(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
+    """The results, and how they are compared; of several scenarios in a table."""
+    several = len(comparison.sets) > 1
+    if len(comparison.scenarios) == 1:
+        yield Items(
+            tuple(
+                Item(
+                    f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
+                    label=set_letter(result.set) if several else "",
+                    detail=_how(result),
+                )
+                for result in comparison.scenarios[0].results
+            )
+        )
+        return
+    yield Items(tuple(Item(label, label=set_letter(i)) for i, label in enumerate(comparison.sets)))
+    rows = [(scenario.name, result) for scenario in comparison.scenarios for result in scenario.results]
+    columns = [
+        (Column("scenario", left=True), [Cell(title, link=reports.get(result.label, "")) for title, result in rows]),
+        (Column("", left=True), [Cell(set_letter(result.set)) for _, result in rows]),
+        (Column("runs"), [Cell(str(result.runs)) for _, result in rows]),
+        (Column("seed"), [Cell(str(result.seed)) for _, result in rows]),
+        (Column("compared", left=True), [Cell(_how(result)) for _, result in rows]),
+    ]
+    yield Table.of_columns("scenarios", columns)

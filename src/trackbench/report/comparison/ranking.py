@@ -12,9 +12,8 @@ from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Row, Section, Table
 from trackbench.document.palette import Styles
 from trackbench.metrics.verdicts import NAMED, mean_text, only_where, what_is_off
-from trackbench.report.comparison import worlds
 from trackbench.report.comparison.figures import rank_figure, ranked_label, reference_figure
-from trackbench.report.comparison.sentences import NAMES, compared, ranking_answer
+from trackbench.report.comparison.sentences import NAMES, compared, ranking_answer, worlds_section
 from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, interval_text, reach_text, rounded, short
 from trackbench.report.tables import tone_of
 
@@ -55,7 +54,7 @@ def ranking_blocks(
     how = Section("How it is ranked", (method,), folded=True)
     yield Section("Overall", (Row((rank_figure(comparison, styles),)), _overall(comparison), how))
     if comparison.worlds:
-        yield worlds.worlds_section(comparison)
+        yield worlds_section(comparison)
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
 
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:

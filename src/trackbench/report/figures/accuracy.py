@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.axes import fit_margins, shortened_to_width, text_width
 from trackbench.document.drawing import (
     DASHED,
     INK,
@@ -24,7 +25,6 @@ from trackbench.document.drawing import (
     panel_title,
     time_axis,
 )
-from trackbench.document.margins import fit_margins, shortened_to_width, text_width
 from trackbench.document.palette import tracker_figure
 from trackbench.report.calibration import TITLE, UNIT, By, Quantity, condition_names, rmse, scores_by_condition
 from trackbench.report.figures.over_time import (

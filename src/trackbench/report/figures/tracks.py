@@ -11,8 +11,8 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.axes import shortened_to_width
 from trackbench.document.drawing import DASHED, GRID, INK, TIME_LABEL, WIDTH, panel_title, time_axis
-from trackbench.document.margins import shortened_to_width
 from trackbench.document.palette import ERROR_COLOURS, tracker_figure
 from trackbench.report.figures.over_time import (
     beyond_axis,

@@ -15,8 +15,8 @@ from matplotlib.path import Path
 from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.axes import shortened_to_width
 from trackbench.document.drawing import HATCHES, INK, MARKERS, MUTED, WIDTH, logarithmic, panel_title
-from trackbench.document.margins import shortened_to_width
 from trackbench.subjects.envelope.audited_log import log_values
 from trackbench.subjects.envelope.axes import MapAxis, Value
 from trackbench.subjects.envelope.claim import Claim, State

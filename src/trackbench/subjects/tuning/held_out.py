@@ -13,7 +13,7 @@ from trackbench.base.errors import InputError
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import UNDECIDED, contrast_verdict, holm, margin_between
 from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, paired
-from trackbench.results.score_summary import MarginSummary
+from trackbench.results.scenario_summary import MarginSummary
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.recorded_checks import same_every_run
