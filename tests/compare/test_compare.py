@@ -611,6 +611,16 @@ def test_every_pair_is_there_once(keep: Keep) -> None:
     assert sorted(map(sorted, pairs)) == sorted(map(sorted, combinations(("ekf", "raw", "twin"), 2)))
 
 
+def test_a_reference_neither_leads_nor_follows(keep: Keep) -> None:
+    found = compare_results([keep(TWIN, WORSE_EKF)])
+    first, best, next_best = found.ranking
+    ranking = [item.model_copy(update={"reference": item.tracker == first.tracker}) for item in found.ranking]
+    (answer,) = answer_blocks(found.model_copy(update={"ranking": ranking}))
+    assert isinstance(answer, Paragraph)
+    assert answer.text.startswith(f"By position RMSE: {best.tracker} has the smallest, ")
+    assert f"Next is {next_best.tracker} +" in answer.text
+
+
 def test_estimates_that_come_later_fail_a_gate_by_what_they_cost(keep: Keep) -> None:
     few, late = "score.min_coverage=0.5", "trackers.ekf.initial={from: two_measurements, least_time_s: 0.5}"
     found = compare_results([keep(few), keep(few, late)], limits=[Limit("position_rmse", 5.0)])

@@ -55,7 +55,7 @@ def answer_blocks(comparison: Comparison) -> Iterator[Block]:
     lost = _lost(comparison)
     for metric, items in comparison.by_metric():
         best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
-        text = _best(best, differences_from(best, items)) if best else _changes(comparison, items)
+        text = _best(comparison, best, items) if best else _changes(comparison, items)
         yield Paragraph(f"{lost}By {NAMES.get(metric, metric)}: {text}", strong=True)
         lost = ""
     if lost:
@@ -79,14 +79,21 @@ def best_tracker(comparison: Comparison, items: Sequence[PairDifference]) -> str
 
     References are no competitors.
     """
-    shown = next((item for item in items if item.verdict in ("better", "worse")), None)
-    if shown is None and items[0].metric != comparison.ranked_by:
+    sign = _better_sign(comparison, items)
+    if sign is None:
         return None
-    sign = 1.0 if shown is None or (shown.difference < 0) == (shown.verdict == "better") else -1.0
     values = {item.entrant.tracker: item.value for item in items}
     values |= {item.against.tracker: item.reference for item in items}
     names = [item.tracker for item in competitors(comparison) if item.tracker in values] or [*values]
     return min(names, key=lambda name: sign * values[name])
+
+
+def _better_sign(comparison: Comparison, items: Sequence[PairDifference]) -> float | None:
+    """1 of a metric of which the smaller is better, -1 of one of which the larger is; None where nothing tells it."""
+    shown = next((item for item in items if item.verdict in ("better", "worse")), None)
+    if shown is None:
+        return 1.0 if items[0].metric == comparison.ranked_by else None
+    return 1.0 if (shown.difference < 0) == (shown.verdict == "better") else -1.0
 
 
 def differences_from(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
@@ -109,12 +116,14 @@ def _turned(item: PairDifference) -> PairDifference:
     )
 
 
-def _best(best: str, behind: Sequence[PairDifference]) -> str:
-    """Who is best, who follows by how much, and who is shown to be worse."""
+def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) -> str:
+    """Who is best, which competitor follows by how much, and which are shown to be worse."""
+    every, names = differences_from(best, items), [item.tracker for item in competitors(comparison)]
+    behind = [item for item in every if item.entrant.tracker in names] or every
     following, *others = behind
     words = {"worse": "shown to be worse", EQUIVALENT: "equivalent"}
     word = words.get(following.verdict, "which of the two is better is undecided")
-    end = "largest" if following.difference < 0 else "smallest"
+    end = "smallest" if _better_sign(comparison, items) == 1.0 else "largest"
     sentences = [
         f"{best} has the {end}, {short(following.reference, difference_decimals(behind))}{unit_after(following.unit)}.",
         f"Next is {_changed(following.entrant.tracker, behind, following)}: {word}.",
