@@ -7,7 +7,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -242,6 +242,21 @@ def _error(document: YamlDocument, path: KeyPath, message: str) -> InputError:
 
 #: Columns of a line.
 WIDTH = 120
+
+
+def with_moved_paths(node: Any, move: Callable[[str], str], is_path: bool = False) -> Any:
+    """A part of a scenario in which every ``path``, one or a list, is another; what else stands there stays.
+
+    Args:
+        node: the part.
+        move: the new path for an old one.
+        is_path: whether it is itself the value of a ``path``.
+    """
+    if isinstance(node, dict):
+        return {key: with_moved_paths(value, move, key == "path") for key, value in node.items()}
+    if is_path and isinstance(node, list):
+        return [with_moved_paths(item, move, True) for item in node]
+    return move(node) if is_path and isinstance(node, str) else node
 
 
 def written_with_changes(loaded: Scenario, folder: Path) -> str:

@@ -12,7 +12,15 @@ from trackbench.metrics.intervals import Interval
 from trackbench.report.junit import Case, Suite
 from trackbench.subjects.envelope.axes import Point
 from trackbench.subjects.envelope.cells import changed
-from trackbench.subjects.envelope.claim import Claim, ClaimedLimit, Envelope, State, TrackerState, place_of_cell
+from trackbench.subjects.envelope.claim import (
+    Claim,
+    ClaimCell,
+    ClaimedLimit,
+    Envelope,
+    State,
+    TrackerState,
+    place_of_cell,
+)
 from trackbench.subjects.envelope.margins import holding, margins, place_of_line
 
 #: ``lost``: from holds to fails, and shown to be worse. ``open``: one of the two maps does not decide it.
@@ -144,20 +152,21 @@ def _require_alike(a: Claim, b: Claim) -> None:
 
 def _change(before: Envelope, after: Envelope, places: tuple[int, int], name: str, level: float) -> CellChange:
     """Of one tracker in one cell, whose numbers in the two maps are ``places``."""
-    claims = (before.claim, after.claim)
-    cells = [claim.cells[place] for claim, place in zip(claims, places, strict=True)]
-    states = [cell.trackers[name] for cell in cells]
-    was, now = (state.state for state in states)
-    paired = _same_runs(before, after, places, name)
+    old_cell, cell = before.claim.cells[places[0]], after.claim.cells[places[1]]
+    states = old, new = old_cell.trackers[name], cell.trackers[name]
+    was, now = old.state, new.state
+    kinds = [(claim.seed, claim.claim) for claim in (before.claim, after.claim)]
+    paired = kinds[0] == kinds[1] and _same_runs(old_cell, cell, name)
     outcome: Outcome = "same" if was == now else "open"
     if (was, now) == ("fails", "holds"):
         outcome = "gained"
-    text = "; ".join(_values(claims[1].limits_of(name), states)) or states[1].cause
+    limits = after.claim.limits_of(name)
+    text = "; ".join(_values(limits, states)) or new.cause
     if (was, now) == ("holds", "fails"):
-        shown = _is_worse(before, after, places, name, level, paired) or _is_missing(*states)
-        outcome = "lost" if shown else "not shown"
-        text = states[1].cause or text
-    return CellChange(cells[1].at, place_of_cell(claims[1].axes, cells[1].at), name, was, now, outcome, paired, text)
+        worse = (_is_worse(before, after, places, limit, level / len(limits), paired) for limit in limits)
+        outcome = "lost" if any(worse) or _is_missing(old, new) else "not shown"
+        text = new.cause or text
+    return CellChange(cell.at, place_of_cell(after.claim.axes, cell.at), name, was, now, outcome, paired, text)
 
 
 def _values(limits: Sequence[ClaimedLimit], states: Sequence[TrackerState]) -> Iterator[str]:
@@ -166,14 +175,11 @@ def _values(limits: Sequence[ClaimedLimit], states: Sequence[TrackerState]) -> I
             yield f"{limit.metric} {old.value:.4g} -> {new.value:.4g}{limit.after_number}"
 
 
-def _same_runs(before: Envelope, after: Envelope, places: tuple[int, int], name: str) -> bool:
-    """Whether a tracker had the same measurements in the same runs."""
-    claims = (before.claim, after.claim)
-    a, b = (claim.cells[place] for claim, place in zip(claims, places, strict=True))
-    mine, its = a.trackers[name], b.trackers[name]
+def _same_runs(before: ClaimCell, after: ClaimCell, name: str) -> bool:
+    """Whether a tracker had the same measurements in as many runs."""
+    mine, its = before.trackers[name], after.trackers[name]
     alike = (mine.scenes, mine.runs, mine.looks) == (its.scenes, its.runs, its.looks)
-    kind = (claims[0].seed, claims[0].claim) == (claims[1].seed, claims[1].claim)
-    return alike and kind and a.measurements[: mine.looks] == b.measurements[: its.looks]
+    return alike and before.measurements[: mine.looks] == after.measurements[: its.looks]
 
 
 def _is_missing(before: TrackerState, after: TrackerState) -> bool:
@@ -187,34 +193,25 @@ def _is_missing(before: TrackerState, after: TrackerState) -> bool:
 
 
 def _is_worse(
-    before: Envelope, after: Envelope, places: tuple[int, int], name: str, level: float, paired: bool
+    before: Envelope, after: Envelope, places: tuple[int, int], limit: ClaimedLimit, level: float, paired: bool
 ) -> bool:
     """Whether a requirement that is not met any more is shown to be met worse than before."""
-    own = after.claim.limits_of(name)
-    for number, limit in enumerate(own):
-        was, now = (
-            claim.cells[place].trackers[name].values
-            for claim, place in zip((before.claim, after.claim), places, strict=True)
-        )
-        if not was or not now:
-            continue
-        intervals = [_interval(made, place, limit) for made, place in zip((before, after), places, strict=True)]
-        if any(item is None for item in intervals):
-            continue
-        change = interval_difference(intervals[1], intervals[0], same_runs=paired)  # type: ignore[arg-type]
-        if changed(was[number].state, now[number].state, change, limit.direction, level / len(own)):
-            return True
-    return False
+    old, new = _value_with_parts(before, places[0], limit), _value_with_parts(after, places[1], limit)
+    if old is None or new is None:
+        return False
+    change = interval_difference(new[1], old[1], same_runs=paired)
+    return changed(old[0], new[0], change, limit.direction, level)
 
 
-def _interval(made: Envelope, cell: int, limit: ClaimedLimit) -> Interval | None:
-    """The value of a requirement with what each of its runs, or scenes, adds."""
+def _value_with_parts(made: Envelope, cell: int, limit: ClaimedLimit) -> tuple[State, Interval] | None:
+    """The state of a requirement, and its value with what each of its runs, or scenes, adds."""
     claim = made.claim
-    value = claim.cells[cell].trackers[limit.tracker].values[claim.limits_of(limit.tracker).index(limit)].value
+    values = claim.cells[cell].trackers[limit.tracker].values
+    own = values[claim.limits_of(limit.tracker).index(limit)] if values else None
     parts = made.values(cell, claim.limits.index(limit))
-    if value is None or not len(parts):
+    if own is None or own.value is None or not len(parts):
         return None
-    return Interval(value, parts - value, scenes=claim.claim == "traffic like these")
+    return own.state, Interval(own.value, parts - own.value, scenes=claim.claim == "traffic like these")
 
 
 def _left_out(a: Claim, b: Claim) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from trackbench.document import (
     Section,
     Table,
     Tone,
+    TrackerStyle,
 )
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import ALL_THE_SAME
@@ -205,7 +206,7 @@ def envelope_document(made: Envelope) -> Document:
     """The whole page."""
     claim = made.claim
     styles = tuple(tracker_styles(claim.places or claim.trackers).values())
-    maps, lines = [*_maps(claim)], tuple(_lines(claim))
+    maps, lines = [*_maps(claim, styles)], tuple(_lines(claim, styles))
     # Of one tracker all maps; of several those of the first pair of axes.
     shown = len(maps) if len(styles) == 1 else 1
     first = tuple(figure for figures in maps[:shown] for figure in figures) or lines
@@ -278,20 +279,19 @@ def log_sentences(claim: Claim, log: AuditedLog) -> Iterator[str]:
     yield "only the axes were compared: whatever else the log and its sensors have otherwise is not in this"
 
 
-def _maps(claim: Claim) -> Iterator[tuple[Figure, ...]]:
+def _maps(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[tuple[Figure, ...]]:
     """The figures of each pair of axes: all borders where there are several trackers, and the cells of each."""
     from trackbench.subjects.envelope.map_figures import borders_figure, map_figure, pairs_of
 
-    styles = tracker_styles(claim.places or claim.trackers)
     for pair in pairs_of(claim)[:_MOST_PAIRS]:
-        joint = (borders_figure(claim, pair, [*styles.values()]),) if len(styles) > 1 else ()
-        yield (*joint, *(map_figure(claim, pair, style) for style in styles.values()))
+        joint = (borders_figure(claim, pair, styles),) if len(styles) > 1 else ()
+        yield (*joint, *(map_figure(claim, pair, style) for style in styles))
 
 
-def _lines(claim: Claim) -> Iterator[Figure]:
+def _lines(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[Figure]:
     from trackbench.subjects.envelope.line_figures import line_figures
 
-    yield from line_figures(claim, [*tracker_styles(claim.places or claim.trackers).values()])
+    return line_figures(claim, styles)
 
 
 def _margins(claim: Claim) -> Iterator[Block]:

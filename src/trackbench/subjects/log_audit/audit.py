@@ -17,7 +17,7 @@ from trackbench.base.files import path_from
 from trackbench.base.types import Progress, no_progress
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
-from trackbench.scenario.overrides import set_value
+from trackbench.scenario.overrides import set_value, with_moved_paths
 from trackbench.scenario.source import Origin
 from trackbench.scenario.truth import own_source
 from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, quantity_text, sensor_findings
@@ -51,11 +51,7 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
         for key, value in finding.changes.items():
             set_value(tree, key.split("."), value, Origin("the audit"))
     if folder is not None:
-        truth = tree["truth"]
-        places = [truth, *(truth.get("readings") or {}).values(), (truth.get("columns") or {}).get("observer")]
-        for place in places:
-            if isinstance(place, dict) and isinstance(place.get("path"), str):
-                place["path"] = path_from(place["path"], loaded.folder, folder)
+        tree["truth"] = with_moved_paths(tree["truth"], lambda path: path_from(path, loaded.folder, folder))
     lines = [f"# {finding.title}." + ("" if finding.changes else " Not put in.") for finding in findings]
     head = [f"# {loaded.path.name} with the findings of `trackbench audit` put in:", *(lines or ["# none."])]
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)

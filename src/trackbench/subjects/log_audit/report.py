@@ -179,9 +179,7 @@ def unlabelled_table(audit: LogAudit) -> Table:
         Column("others a scan", "near no box: false alarms, and objects without one", details=_INTERVAL),
         Column("stated"),
     )
-    return Table.of_columns(
-        "unlabelled", [(column, [row[place] for row in rows]) for place, column in enumerate(columns)]
-    )
+    return Table("unlabelled", columns, tuple(map(tuple, rows)))
 
 
 def _number(interval: BlockInterval) -> Cell:

@@ -22,7 +22,7 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_modules
-from trackbench.scenario.overrides import expand_sweeps
+from trackbench.scenario.overrides import WIDTH, expand_sweeps, with_moved_paths
 from trackbench.scenario.source import parse_yaml
 from trackbench.subjects.tuning.entry import Values, plain
 from trackbench.subjects.tuning.report import remarks, tuning_document, tuning_headline
@@ -181,8 +181,6 @@ def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: P
 
 
 START, TUNED = "_start", "_tuned"
-#: Columns of a line.
-WIDTH = 120
 
 
 def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: Path) -> str:
@@ -205,7 +203,7 @@ def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: P
     truth = loaded.document.value["truth"]
     wanted = {
         **loaded.document.value,
-        "truth": _replaced(truth, seen) if truth.get("source") == "recording" else truth,
+        "truth": with_moved_paths(truth, seen) if truth.get("source") == "recording" else truth,
         "trackers": _with_entries(loaded, entries, names),
     }
     if not loaded.overrides:
@@ -247,20 +245,6 @@ def _with_entries(loaded: Scenario, entries: Mapping[str, Any], names: Mapping[s
         else:
             trackers |= {name: entries[name], names[name]: copy.deepcopy(entry)}
     return trackers
-
-
-def _replaced(node: Any, seen: Callable[[str], str]) -> Any:
-    """The truth with other paths, where it is a recording: of its own file, the observer's and each sensor's."""
-    if not isinstance(node, dict):
-        return node
-    return {key: _seen(value, seen) if key == "path" else _replaced(value, seen) for key, value in node.items()}
-
-
-def _seen(path: Any, seen: Callable[[str], str]) -> Any:
-    """One path, or each of a list."""
-    if isinstance(path, list):
-        return [_seen(each, seen) for each in path]
-    return seen(path) if isinstance(path, str) else path
 
 
 def _changed(
