@@ -30,8 +30,8 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 Make = Callable[[], Any]
 #: A check of trackers of one object.
 Part = Callable[[TrackerUnderTest], PartResult]
-#: Some of the probes, for statements that need no more.
-FEW = Probes(general=GENERAL[:3], passing=())
+#: Some of the probes, for statements that need no more: a probe that is there twice is tried once.
+FEW = Probes(general=GENERAL[:3], radial=GENERAL[0], passing=())
 
 
 def under_test(

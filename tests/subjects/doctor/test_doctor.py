@@ -204,7 +204,7 @@ def test_consequences_come_after_their_root_cause() -> None:
         ]
     )
     assert found[0].fault == "axis_mirrored"
-    assert all(one.consequence_of == "axis_mirrored" for one in found[1:])
+    assert all(finding.consequence_of == "axis_mirrored" for finding in found[1:])
 
 
 def test_an_uncertain_finding_is_no_root_cause() -> None:
@@ -224,7 +224,10 @@ def test_gains_imply_the_noise_of_a_linear_filter() -> None:
 
     tracker = under_test(Halved)
     found = gain(tracker).findings
-    assert {(one.fault, one.sensor) for one in found} == {("r_too_small", "lidar"), ("r_too_small", "radar")}
+    assert {(finding.fault, finding.sensor) for finding in found} == {
+        ("r_too_small", "lidar"),
+        ("r_too_small", "radar"),
+    }
     for one in found:
         assert one.factor == pytest.approx(0.4, rel=1e-3)
 

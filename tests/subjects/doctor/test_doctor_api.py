@@ -61,7 +61,10 @@ def test_a_fault_is_named_shown_and_saved(tmp_path: Path, capsys: pytest.Capture
     )
     assert isinstance(found, tb.Examination)
     assert not found.healthy
-    assert {(one.fault, one.sensor) for one in found.findings} == {("r_too_large", "lidar"), ("r_too_large", "radar")}
+    assert {(finding.fault, finding.sensor) for finding in found.findings} == {
+        ("r_too_large", "lidar"),
+        ("r_too_large", "radar"),
+    }
     assert "the measurement noise is too large" in str(found)
     assert found._repr_html_().startswith("<iframe srcdoc=")
     assert [run.drive for run in found.evidence] == ["azimuth_crossing"]

@@ -37,7 +37,9 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 REPOSITORY = ROOT
 EKF = CORRECT["PlainEkf first_measurement"]
-JACOBIAN = next(one for one in MUTANTS if one.fault == "jacobian_wrong" and one.subject == "plain_ekf")
+JACOBIAN = next(
+    injected for injected in MUTANTS if injected.fault == "jacobian_wrong" and injected.subject == "plain_ekf"
+)
 STANDING, MOVING = Carrier(-34.0, 34.0, -0.8), Carrier(180.0, -4.0, 0.3, 20.0, 6.0, 0.2)
 RADAR = {
     "radar": Radar(rate_hz=10, mount=Mount(x_m=2.5), range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1)
@@ -118,7 +120,7 @@ def test_the_fault_behind_it_is_found_first() -> None:
 
 @pytest.mark.slow
 def test_a_tracker_that_needs_a_detection_in_every_scan() -> None:
-    assert [one.fault for one in examined("misses").findings] == ["exception_raised"]
+    assert [finding.fault for finding in examined("misses").findings] == ["exception_raised"]
     found = examined("no misses")
     assert found.findings == []
     assert found.healthy
@@ -156,7 +158,7 @@ def test_a_pose_that_is_left_out_is_no_ego_motion() -> None:
     tracker = TrackerUnderTest(ignoring(EKF), sensors, [], probes, 0, {}, Assumptions(still="it stands"))
     found = expectation(tracker)
     assert "ego_motion" not in [check.name for check in found.checks]
-    assert "ego_motion_ignored" not in [one.fault for one in found.findings]
+    assert "ego_motion_ignored" not in [finding.fault for finding in found.findings]
 
 
 @pytest.mark.parametrize("probe", [GENERAL[0], PASSING[0], Probes().moving[1]], ids=lambda probe: probe.name)
@@ -179,8 +181,8 @@ def test_drives_keep_their_geometry_and_their_scans() -> None:
     site = site_of(RADAR["radar"].mount, STANDING)
     sensors = {"radar": simplified(RADAR["radar"])}
     plain = {"radar": sensors["radar"].model_copy(update={"mount": Mount()})}
-    own = {one.name: one for one in simulate_drives(plain, 3, Setting(own_rates=True))}
-    other = {one.name: one for one in simulate_drives(sensors, 3, Setting(site, standing=True, own_rates=True))}
+    own = {drive.name: drive for drive in simulate_drives(plain, 3, Setting(own_rates=True))}
+    other = {drive.name: drive for drive in simulate_drives(sensors, 3, Setting(site, standing=True, own_rates=True))}
     assert set(own) - set(other) == {"moving_observer"}
     one, two = own["azimuth_crossing"], other["azimuth_crossing"]
     for first, second in zip(one.scans, two.scans, strict=True):
@@ -194,7 +196,7 @@ def test_drives_keep_their_geometry_and_their_scans() -> None:
 
 def test_drives_without_misses_have_none() -> None:
     radar = {"radar": simplified(RADAR["radar"])}
-    drives = {one.name: one for one in simulate_drives(radar, 0, Setting(no_misses=True, own_rates=True))}
+    drives = {drive.name: drive for drive in simulate_drives(radar, 0, Setting(no_misses=True, own_rates=True))}
     assert all(scan.valid.all() for drive in drives.values() for scan in drive.scans)
     assert np.diff(drives["long_gap"].time).max() == pytest.approx(4.1)
 
@@ -251,8 +253,8 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
     applied = assumed.applied(
         found, assumed.left_out(check_named("growth_by_noise"), ["radar"]), check_named("growth_by_noise")
     )
-    assert [one.fault for one in applied.findings] == left
-    assert [one.name for one in applied.checks if one.passed is False] == [
+    assert [finding.fault for finding in applied.findings] == left
+    assert [check.name for check in applied.checks if check.passed is False] == [
         name for name in ("process_noise", "noise_per_step") if name != skip
     ]
 

@@ -88,7 +88,7 @@ def test_no_course_jumps_in_any_sound_tracker(name: str) -> None:
 @pytest.mark.parametrize("mutant", COURSES, ids=lambda mutant: mutant.name)
 def test_the_check_of_the_course_names_it(mutant: Any) -> None:
     found = wrapping(mutant_under_test(mutant.name)).findings
-    assert [one.fault for one in found] == ["course_not_wrapped"]
+    assert [finding.fault for finding in found] == ["course_not_wrapped"]
 
 
 class Definite(MeanWrappedFirst, PlainUkf):
@@ -145,7 +145,7 @@ class RangeZero(UnguardedRange, PlainEkf):
 
 
 def test_a_range_of_zero_is_said() -> None:
-    (finding,) = [one for one in validity(under_test(RangeZero)).findings if one.fault == "nonfinite"]
+    (finding,) = [finding for finding in validity(under_test(RangeZero)).findings if finding.fault == "nonfinite"]
     assert finding.shown_by == "at_sensor"
     assert "where the range is 0" in finding.evidence
 

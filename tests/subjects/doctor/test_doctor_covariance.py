@@ -45,8 +45,10 @@ def test_a_covariance_that_is_not_the_own_one_is_named(name: str) -> None:
 def test_mean_and_covariance_with_different_gains_are_no_wrong_jacobian(name: str, words: str) -> None:
     tracker = mutant_under_test(name)
     found = one_gain(tracker).findings
-    assert [(one.fault, one.sensor) for one in found] == [(name.split("/")[0], sensor) for sensor in SENSORS]
-    assert all(words in one.evidence for one in found)
+    assert [(finding.fault, finding.sensor) for finding in found] == [
+        (name.split("/")[0], sensor) for sensor in SENSORS
+    ]
+    assert all(words in finding.evidence for finding in found)
     assert gain(tracker).findings == []
 
 
@@ -118,7 +120,7 @@ def test_a_consistent_update_has_no_finding(make: Make) -> None:
 def test_a_wrong_jacobian_is_one(name: str) -> None:
     tracker = mutant_under_test(f"jacobian_wrong/plain_ekf/{name}")
     assert stated_covariance(tracker).findings == one_gain(tracker).findings == []
-    assert next(one.fault for one in gain(tracker).findings) == "jacobian_wrong"
+    assert next(finding.fault for finding in gain(tracker).findings) == "jacobian_wrong"
 
 
 class Continuous(PlainEkf):
@@ -176,8 +178,8 @@ def test_other_process_noise_is_not_judged() -> None:
 
 def test_an_entry_that_is_changed_where_the_estimate_is_returned_is_none_of_the_prediction() -> None:
     tracker = under_test(mutant("covariance_asymmetric/plain_ekf/one_entry").make)
-    asymmetric = [one for one in validity(tracker).findings if one.fault.endswith("covariance_asymmetric")]
-    assert [one.fault for one in asymmetric] == ["covariance_asymmetric"]
+    asymmetric = [finding for finding in validity(tracker).findings if finding.fault.endswith("covariance_asymmetric")]
+    assert [finding.fault for finding in asymmetric] == ["covariance_asymmetric"]
     assert "where the estimate is returned" in asymmetric[0].evidence
     assert "with the ratio 0.9 in every estimate" in asymmetric[0].evidence
 
@@ -208,7 +210,7 @@ class Template:
 def test_checks_of_a_covariance_that_is_not_the_own_one_are_not_made() -> None:
     found = Doctor(SENSORS).examine("begun", Template)
     assert found.findings[0].fault == "covariance_constant"
-    assert {one.fault for one in found.findings if one.consequence_of is None} == {"covariance_constant"}
+    assert {finding.fault for finding in found.findings if finding.consequence_of is None} == {"covariance_constant"}
     results = {check.name: check for check in found.checks}
     for name in ("start_confidence", "spreading", "process_noise", "gain.radar", "one_gain.lidar"):
         assert results[name].passed is None

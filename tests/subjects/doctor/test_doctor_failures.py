@@ -211,7 +211,7 @@ def test_the_step_that_makes_a_covariance_indefinite() -> None:
 )
 def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, second: Finding) -> None:
     for found in (rank_findings([first, second]), rank_findings([second, first])):
-        assert [one.consequence_of for one in found] == [None, None]
+        assert [finding.consequence_of for finding in found] == [None, None]
 
 
 @pytest.mark.parametrize(
@@ -240,14 +240,14 @@ def test_a_consequence_is_one_of_the_same_sensor(cause: Finding, effect: Finding
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.name)
 def test_both_faults_of_a_pair_are_main_findings(pair: Any) -> None:
     found = Doctor(SENSORS, seed=1).examine(pair.name, pair.make)
-    main = {one.fault for one in found.findings if one.consequence_of is None}
+    main = {finding.fault for finding in found.findings if finding.consequence_of is None}
     assert {part.fault for part in pair.parts} <= main
 
 
 @pytest.mark.slow
 def test_the_examination_goes_on_after_exceptions() -> None:
     found = Doctor(SENSORS, seed=1).examine("radar raises", RadarRaises)
-    assert [one.fault for one in found.findings] == ["exception_raised"]
+    assert [finding.fault for finding in found.findings] == ["exception_raised"]
     passed = {check.name: check.passed for check in found.checks}
     assert passed["expectation.lidar"]
     assert passed["gain.lidar"]

@@ -191,7 +191,7 @@ def test_a_check_is_listed_made_reported_and_skipped() -> None:
     assert "Is it left-handed?" in listed.output
     found = Doctor(SENSORS, skip=DRIVES).examine("mine", PlainEkf)
     assert (found.checks[0].name, found.checks[0].passed) == ("hand", False)
-    assert [one.fault for one in found.findings] == ["right_handed"]
+    assert [finding.fault for finding in found.findings] == ["right_handed"]
     assert found.json()["findings"][0]["advice"] == "At the wrist. Turn it round."
     assert "1. the hand is the wrong one" in examination_text(found)
     assert "1. the hand is the wrong one" in str(examination_document(found))
@@ -203,7 +203,7 @@ def test_a_check_is_listed_made_reported_and_skipped() -> None:
 @pytest.mark.usefixtures("added")
 def test_its_fault_has_consequences() -> None:
     found = rank_findings([Finding("gain_inconsistent", 0.95, ""), Finding("right_handed", 0.99, "")])
-    assert [(one.fault, one.consequence_of) for one in found] == [
+    assert [(finding.fault, finding.consequence_of) for finding in found] == [
         ("right_handed", None),
         ("gain_inconsistent", "right_handed"),
     ]
@@ -213,7 +213,7 @@ def test_its_fault_has_consequences() -> None:
 def test_a_check_of_several_objects_is_made_and_reported() -> None:
     found = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("mine", SOUND["nearest global"])
     assert (found.checks[0].name, found.checks[0].question) == ("hands", "Are they left-handed?")
-    assert [one.fault for one in found.findings] == ["hands_wrong"]
+    assert [finding.fault for finding in found.findings] == ["hands_wrong"]
     assert "1. the hands are wrong" in examination_text(found)
 
 

@@ -128,4 +128,6 @@ def test_what_a_wrong_filter_does_to_its_tracks_is_its_consequence(
     of_filter: list[str], of_tracks: list[str], expected: list[str]
 ) -> None:
     found = joined_findings(list(map(finding, of_filter)), list(map(finding, of_tracks)))
-    assert [one.fault + (f"<{one.consequence_of}" if one.consequence_of else "") for one in found] == expected
+    assert [
+        finding.fault + (f"<{finding.consequence_of}" if finding.consequence_of else "") for finding in found
+    ] == expected

@@ -12,7 +12,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
 from tests.report.test_report import Page
 from tests.support.doctor import Part, mutant, mutant_under_test
 from tests.support.places import DOCS
@@ -107,6 +106,8 @@ def test_the_report_shows_the_jump(faulty: Faulty) -> None:
 
 @pytest.mark.slow
 def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
+    from rerun.chunk import RrdReader
+
     reader = RrdReader(faulty.out / "recording.rrd")
     (store,) = reader.recordings()
     chunks = [chunk.to_record_batch() for chunk in reader.stream(store=store)]

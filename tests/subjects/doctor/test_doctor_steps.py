@@ -54,7 +54,7 @@ def of_ekf(name: str) -> str:
 @pytest.mark.parametrize(("part", "name"), FAULTY, ids=lambda value: getattr(value, "__name__", value))
 def test_a_fault_of_a_step_is_named(part: Part, name: str) -> None:
     injected, found = mutant(of_ekf(name)), part(mutant_under_test(of_ekf(name))).findings
-    assert {one.fault for one in found} == {injected.fault}
+    assert {finding.fault for finding in found} == {injected.fault}
     if injected.fault in ("covariance_not_reduced", "scale_error"):
         assert {one.sensor for one in found} <= {injected.sensor} if injected.sensor else set(SENSORS)
 
@@ -91,7 +91,7 @@ def test_other_motion_models_and_filters_have_none(name: str) -> None:
 @pytest.mark.parametrize("variant", ["spread", "mean"])
 def test_a_course_that_is_not_wrapped_is_named(variant: str) -> None:
     found = wrapping(mutant_under_test(f"course_not_wrapped/plain_ukf/{variant}")).findings
-    assert {one.fault for one in found} == {"course_not_wrapped"}
+    assert {finding.fault for finding in found} == {"course_not_wrapped"}
 
 
 @pytest.mark.parametrize("variant", ["rate_velocity_swapped", "azimuth_in_degrees"])
@@ -202,7 +202,7 @@ def test_who_knows_when_a_measurement_was_taken_has_nothing(name: str, method: s
 )
 def test_who_takes_it_for_new_is_named(make: Callable[[], Any]) -> None:
     found = examined(make, radar=0.2, lidar=0.1)
-    assert [(one.fault, one.sensor) for one in found.findings] == [
+    assert [(finding.fault, finding.sensor) for finding in found.findings] == [
         ("late_processed_as_new", "radar"),
         ("late_processed_as_new", "lidar"),
     ]

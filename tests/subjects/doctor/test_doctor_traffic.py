@@ -128,8 +128,8 @@ def test_a_fault_of_one_sensor_names_it() -> None:
 
 
 def test_the_subjects_are_as_many_as_the_page_says_and_their_names_differ() -> None:
-    faulty = [one for one in rates.SUBJECTS if one.fault]
-    assert {one.fault for one in faulty} == FAULTS
+    faulty = [finding for finding in rates.SUBJECTS if finding.fault]
+    assert {finding.fault for finding in faulty} == FAULTS
     assert len({(one.name, one.sensors) for one in rates.SUBJECTS}) == len(rates.SUBJECTS)
     assert len(faulty) >= 60
     assert len(rates.SUBJECTS) - len(faulty) >= 25
@@ -265,7 +265,7 @@ def test_who_takes_the_first_detection_does_not_take_the_farthest() -> None:
 def test_the_farthest_detection_is_named_before_what_it_brings_about() -> None:
     first, *others = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(LargestSum)).findings
     assert first.fault == "assignment_inverted"
-    assert {one.consequence_of for one in others} <= {"assignment_inverted"}
+    assert {finding.consequence_of for finding in others} <= {"assignment_inverted"}
 
 
 class BeginsAtTheLast(NewOnesWait):
@@ -297,7 +297,7 @@ def test_a_track_that_begins_with_its_last_detection_need_not_be_predicted_befor
 @pytest.mark.parametrize("name", ["nearest global kf", "greedy score", "builtin jpda", "builtin pmb"])
 def test_sound_trackers_pass(name: str) -> None:
     results = [check(SOUND[name], SITES["lidar"]) for check in CHECKS]
-    assert [(one.name, one.passed) for result in results for one in result.checks if not one.passed] == []
+    assert [(check.name, check.passed) for result in results for check in result.checks if not check.passed] == []
 
 
 def test_without_a_gate_each_track_takes_the_nearer_of_two_detections() -> None:

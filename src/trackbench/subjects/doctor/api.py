@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -81,6 +81,14 @@ def _examined_there(
     return examination if isinstance(examination, Examination) else None
 
 
+@contextmanager
+def _set_aside() -> Iterator[None]:
+    """What the tracker prints goes to stderr, and its warnings are dropped: the checks look for the same faults."""
+    with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
+        yield
+
+
 def doctor(
     tracker: str | Callable[..., Any],
     *,
@@ -144,9 +152,7 @@ def doctor(
     path = next((Path(file) for file in (log, scenario) if file is not None), None)
     if log is not None and (scenario is not None or static_sensors):
         raise InputError("a log has its own sensors and observer", key="log")
-    # What the tracker prints goes to stderr, and its warnings are dropped: the checks look for the same faults.
-    with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)
+    with _set_aside():
         try:
             examined = subject(tracker, values, path, isolation, identities)
         except TrackFault as fault:
@@ -194,10 +200,11 @@ def remark(loaded: Scenario, tracker: str) -> str | None:
         loaded: the scenario, whose sensors and observer are used.
         tracker: its name.
     """
-    with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)
+    with _set_aside():
         try:
-            examination = _examined(loaded, tracker)
+            of = subject_in(loaded, tracker)
+            own = TrafficDoctor(of.sensors) if of.multi_object else Doctor(of.sensors, observer=of.observer)
+            examination = own.examine(of.name, of.make)
         except (InputError, CannotRun, TrackFault):
             return None
     if examination.healthy:
@@ -206,10 +213,3 @@ def remark(loaded: Scenario, tracker: str) -> str | None:
     if not causes:
         return examination_verdict(examination)
     return f"{examination_verdict(examination)}: {causes[0].fault}, {causes[0].evidence.partition(';')[0]}"
-
-
-def _examined(loaded: Scenario, tracker: str) -> Examination:
-    examined = subject_in(loaded, tracker)
-    if examined.multi_object:
-        return TrafficDoctor(examined.sensors).examine(examined.name, examined.make)
-    return Doctor(examined.sensors, observer=examined.observer).examine(examined.name, examined.make)

@@ -295,11 +295,11 @@ def rank_findings(findings: Iterable[Finding], package: str = CHECKS) -> list[Fi
     of_sensors = {fault for fault, sensor in unique if sensor is not None}
     ordered = sorted(
         (finding for (fault, sensor), finding in unique.items() if sensor is not None or fault not in of_sensors),
-        key=lambda one: (
-            one.confidence < SURE,
-            one.confidence < PROVEN,
-            "driven" in faults[one.fault].kinds,
-            faults[one.fault].role.rank,
+        key=lambda finding: (
+            finding.confidence < SURE,
+            finding.confidence < PROVEN,
+            "driven" in faults[finding.fault].kinds,
+            faults[finding.fault].role.rank,
         ),
     )
     ranked: list[Finding] = []
@@ -307,7 +307,7 @@ def rank_findings(findings: Iterable[Finding], package: str = CHECKS) -> list[Fi
         roots = (root for root in ranked if root.consequence_of is None)
         cause = next((root.fault for root in roots if _causes(faults, root, finding)), None)
         ranked.append(replace(finding, consequence_of=cause))
-    return sorted(ranked, key=lambda one: (one.consequence_of is not None, -one.confidence))
+    return sorted(ranked, key=lambda finding: (finding.consequence_of is not None, -finding.confidence))
 
 
 def _causes(faults: Mapping[str, KnownFault], root: Finding, finding: Finding) -> bool:

@@ -160,7 +160,7 @@ def _follow_one(log: FollowedLog, make: Callable[[], Tracker], owner: int, scans
             if scan.time > latest:
                 step = scan.time - latest
                 log.moved.append(_moved(last, predicted, step))
-                variances = [float(np.trace(one.covariance[2:, 2:])) / 2 for one in (last, predicted)]
+                variances = [float(np.trace(estimate.covariance[2:, 2:])) / 2 for estimate in (last, predicted)]
                 log.growth.append((variances[1] - variances[0]) / step)
             if scan.time >= settled:
                 _add(

@@ -73,8 +73,8 @@ class OutputChecks:
         """Check the estimates of a track, each after the ordinary scan of the same place; None counts as none."""
         known = [(k, one) for k, one in enumerate(estimates) if one is not None]
         if known:
-            mean = np.stack([one.mean for _, one in known], axis=-1)
-            covariance = np.stack([one.covariance for _, one in known], axis=-1)
+            mean = np.stack([estimate.mean for _, estimate in known], axis=-1)
+            covariance = np.stack([estimate.covariance for _, estimate in known], axis=-1)
             self.add_batch(mean, covariance, [scans[k] for k, _ in known], where, lambda i: scans[: known[i][0] + 1])
 
     def add_batch(
@@ -284,9 +284,7 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Bla
             return None if after is None else FaultyStep("start", scan, None, after)
         predicted = after
         if scan.valid:
-            session = TrackerSession(make)
-            session.follow(scans[:k])
-            predicted = _covariance(session.peek, empty_scan(scan))[0]
+            predicted = _covariance(TrackerSession.after(make, scans[:k]).peek, empty_scan(scan))[0]
         if predicted is not None and in_prediction(before, predicted, after):
             return FaultyStep("prediction", scan, before, predicted)
         return None if after is None else FaultyStep("update", scan, predicted, after)

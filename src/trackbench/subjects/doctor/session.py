@@ -91,6 +91,17 @@ class TrackerSession:
         self._batched = self._own.batched
         self._started = [False] * (columns if self._batched else 1)
 
+    @classmethod
+    def after(cls, make: Callable[[], Tracker], scans: Sequence[Scan]) -> TrackerSession:
+        """A session that has been given some scans.
+
+        Raises:
+            StepFailed: as of ``walk``.
+        """
+        session = cls(make)
+        session.follow(scans)
+        return session
+
     @property
     def columns(self) -> int:
         """How many targets it follows: one where the tracker takes no batch."""

@@ -327,9 +327,9 @@ def early_trials(tracker: TrackerUnderTest, sensor: str) -> list[Trial]:
     trials = []
     for probe in tracker.probes.general:
         for sensor_set in tracker.sensor_sets():
-            session, scans = TrackerSession(tracker.make), tracker.approach(probe, sensor_set)
+            scans = tracker.approach(probe, sensor_set)
             with tracker.recording_failures(probe.name):
-                session.follow(scans[:FIRST_SCANS])
+                session = TrackerSession.after(tracker.make, scans[:FIRST_SCANS])
                 at = tracker.scan(probe, sensor, scans[FIRST_SCANS].time)
                 prediction = session.predict(at)
                 if prediction is not None:
@@ -347,14 +347,12 @@ def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:
         last = tracker.scan(probe, sensor, 0.0)
         error = np.zeros(len(last.measurement))
         error[i] = OFFSET * np.sqrt(last.noise_covariance[i, i])
-        session = TrackerSession(tracker.make)
+        scans = [
+            scan._replace(measurement=scan.measurement + error) if scan.sensor == sensor else scan
+            for scan in tracker.approach(probe, sensor_set, LEARNING)
+        ]
         with tracker.recording_failures(probe.name):
-            session.follow(
-                [
-                    scan._replace(measurement=scan.measurement + error) if scan.sensor == sensor else scan
-                    for scan in tracker.approach(probe, sensor_set, LEARNING)
-                ]
-            )
+            session = TrackerSession.after(tracker.make, scans)
             trial = after_gap(tracker, probe, sensor, session, 0.0)
             offset = None if trial is None or not trial.usable else trial.offset()
             if offset is not None and offset[i] > error[i] / 2:

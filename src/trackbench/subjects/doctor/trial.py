@@ -227,7 +227,8 @@ def averaged(session: TrackerSession, scan: Scan, repeats: int) -> Estimate | No
         return first
     answers = [first, *(one for _ in range(repeats - 1) if (one := session.peek(scan)) is not None)]
     return Estimate(
-        np.mean([one.mean for one in answers], axis=0), np.mean([one.covariance for one in answers], axis=0)
+        np.mean([estimate.mean for estimate in answers], axis=0),
+        np.mean([estimate.covariance for estimate in answers], axis=0),
     )
 
 

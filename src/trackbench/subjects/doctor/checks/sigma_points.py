@@ -120,8 +120,8 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
             gains += list(_first_gains(tracker, probe, name))
     if not found:
         return PartResult().add("no_time", None, "there was no moving estimate to predict")
-    mean = float(np.median([one.mean for one in found]))
-    factor = float(np.median([one.covariance for one in found]))
+    mean = float(np.median([unmoved.mean for unmoved in found]))
+    factor = float(np.median([unmoved.covariance for unmoved in found]))
     text = (
         f"over {NO_TIME:g} s the position is multiplied by {mean:.4g} and the covariance by {factor:.3g} (medians of "
         f"{len(found)} predictions)"
@@ -169,7 +169,7 @@ def _compared(before: Estimate, after: Estimate, probe: Probe) -> Unmoved:
     mean = float(moved @ position / (position @ position))
     rest = float(np.linalg.norm(moved - mean * position) / np.linalg.norm(position))
     sigma = np.sqrt(np.diag(before.covariance))
-    was, now = (linalg.symmetrise(one.covariance) / np.outer(sigma, sigma) for one in (before, after))
+    was, now = (linalg.symmetrise(estimate.covariance) / np.outer(sigma, sigma) for estimate in (before, after))
     values = np.linalg.eigvalsh(now - was)
     factor = float(np.sum(now * was) / np.sum(was * was))
     apart = float(np.linalg.norm(now - factor * was) / np.linalg.norm(now))
@@ -177,7 +177,7 @@ def _compared(before: Estimate, after: Estimate, probe: Probe) -> Unmoved:
 
 
 def _weights(found: Sequence[Unmoved], text: str) -> Finding | None:
-    factors = np.array([one.mean for one in found])
+    factors = np.array([unmoved.mean for unmoved in found])
     if abs(np.median(factors) - 1.0) < MEAN or max(one.mean_apart for one in found) > MEAN:
         return None
     if np.ptp(factors) > MEAN * np.median(factors):
@@ -210,7 +210,7 @@ def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | Non
 
 
 def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> Finding | None:
-    factors = np.array([one.covariance for one in found])
+    factors = np.array([unmoved.covariance for unmoved in found])
     factor = float(np.median(factors))
     error = float(np.std(factors) / np.sqrt(len(factors)))
     if not (factor < 1 - COVARIANCE - 3 * error or factor > FADING + 3 * error) or tracker.once(linearises):
@@ -218,7 +218,7 @@ def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> F
     if not all(one.still for one in found) or np.median([one.covariance_apart for one in found]) > 2 * COVARIANCE:
         return None
     words = f"{text}: the points lie {np.sqrt(factor):.3g} times as far from their mean as their weights are made for"
-    typical = min(found, key=lambda one: abs(one.covariance - factor))
+    typical = min(found, key=lambda unmoved: abs(unmoved.covariance - factor))
     exhibit = points_shown(typical.before, typical.after)
     return Finding("sigma_spread_wrong", 0.95, words, factor=factor, shown_by=typical.probe.name, exhibit=exhibit)
 

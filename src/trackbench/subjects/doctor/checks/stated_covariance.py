@@ -113,7 +113,9 @@ def _constant(tracker: TrackerUnderTest) -> Finding | None:
         return None
     first = stated[0].covariance
     spread = np.sqrt(np.abs(np.diag(first)))
-    if not all(np.all(np.abs(one.covariance - first) <= UNCHANGED * np.outer(spread, spread)) for one in stated):
+    if not all(
+        np.all(np.abs(estimate.covariance - first) <= UNCHANGED * np.outer(spread, spread)) for estimate in stated
+    ):
         return None
     sigmas = ", ".join(f"{value:.3g}" for value in spread)
     text = (

@@ -266,7 +266,7 @@ def _azimuth(make: Make, scans: Sequence[Scan], turned: Sequence[Scan], angle: f
     )
     scan, angular = scans[k], SENSOR_MODELS[scans[k].kind].angular
     try:
-        predicted = _fed(make, scans[:k]).predict(scan)
+        predicted = TrackerSession.after(make, scans[:k]).predict(scan)
     except StepFailed:
         return None
     if predicted is None or not finite(predicted) or not scan.valid or not angular:
@@ -299,17 +299,10 @@ def _same(one: Estimate | None, other: Estimate | None) -> bool:
     return apart(one, other) < APART
 
 
-def _fed(make: Make, scans: Sequence[Scan]) -> TrackerSession:
-    """A session that has been given some scans."""
-    session = TrackerSession(make)
-    session.follow(scans)
-    return session
-
-
 def _after(make: Make, earlier: Sequence[Scan], scan: Scan) -> Estimate | None:
     """The estimate after a scan, and None where a step fails."""
     try:
-        return _fed(make, earlier).step(scan)
+        return TrackerSession.after(make, earlier).step(scan)
     except StepFailed:
         return None
 

@@ -184,7 +184,7 @@ def _predicted_definite(tracker: TrackerUnderTest, result: PartResult) -> None:
         over = tracker.predicted(probe, LONG)
         # An entry added on one side alone has a name of its own.
         if over is not None and asymmetry(scaled_covariances(over[1].covariance)) < ROUNDING:
-            before, after = (float(least_eigenvalue(scaled_covariances(one.covariance))) for one in over)
+            before, after = (float(least_eigenvalue(scaled_covariances(estimate.covariance))) for estimate in over)
             if before > 0.0:
                 least[probe] = (before, after)
     if not least:
@@ -272,7 +272,7 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
         for _ in range(3):
             session = TrackerSession(tracker.make)
             estimates = session.follow(scans)
-            runs.append(np.array([np.full(4, np.nan) if one is None else one.mean for one in estimates]))
+            runs.append(np.array([np.full(4, np.nan) if estimate is None else estimate.mean for estimate in estimates]))
             sigmas.append(np.array([np.full(4, np.nan) if one is None else _sigma(one) for one in estimates]))
     except StepFailed as failure:
         tracker.failures.append((probe.name, failure))

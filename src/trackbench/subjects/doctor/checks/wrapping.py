@@ -286,9 +286,9 @@ def _turns_differ(tracker: TrackerUnderTest, probe: Probe, turned: Trial, size: 
 def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
     """The same target, seen by sensors that are mounted at another yaw: away from pi."""
     angle = TURNS[1]
-    session = TrackerSession(tracker.make)
+    turned = [turned_mounting(scan, angle) for scan in tracker.approach(probe, sensor_set)]
     try:
-        session.follow([turned_mounting(scan, angle) for scan in tracker.approach(probe, sensor_set)])
+        session = TrackerSession.after(tracker.make, turned)
         scan = turned_mounting(tracker.scan(probe, name, 0.0), angle)
         prediction = session.predict(scan)
     except StepFailed:

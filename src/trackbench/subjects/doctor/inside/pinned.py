@@ -134,12 +134,12 @@ def with_mixing_as_cause(findings: Sequence[Finding]) -> list[Finding]:
     if not any(finding.fault == "imm_mixing_wrong" for finding in findings):
         return list(findings)
     caused = [
-        replace(one, consequence_of=one.consequence_of or "imm_mixing_wrong")
-        if one.evidence.startswith(OF_MODEL)
-        else one
-        for one in findings
+        replace(finding, consequence_of=finding.consequence_of or "imm_mixing_wrong")
+        if finding.evidence.startswith(OF_MODEL)
+        else finding
+        for finding in findings
     ]
-    return sorted(caused, key=lambda one: one.consequence_of is not None)
+    return sorted(caused, key=lambda finding: finding.consequence_of is not None)
 
 
 def _put(place: HeldAt, matrix: Array) -> None:
