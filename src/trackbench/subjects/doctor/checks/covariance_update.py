@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Covariances, StatedBelief, predicted, reduction_shown, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.session import TrackerSession, finite, position_sigma
+from trackbench.subjects.doctor.session import finite, position_sigma
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
@@ -291,20 +291,14 @@ def _kept_change(tracker: TrackerUnderTest, probe: Probe, name: str) -> KeptChan
         return None
     measured = trial.scan._replace(measurement=trial.predicted_measurement + OFFSET * trial.sigma)
     with tracker.recording_failures(probe.name):
-        updated, later = _two_steps(session, measured)
-        missed, without = _two_steps(session, empty_scan(measured))
+        updated, later = session.step_and_predict(measured, MOMENT)
+        missed, without = session.step_and_predict(empty_scan(measured), MOMENT)
         if updated and later and missed and without and all(map(finite, (updated, later, missed, without))):
             sigma = np.sqrt(np.maximum(np.diag(updated.covariance), np.finfo(float).tiny))
             mean = _share(updated.mean - missed.mean, later.mean - without.mean, sigma)
             covariances = updated.covariance - missed.covariance, later.covariance - without.covariance
             return KeptChange(trial, updated, later, mean, _share(*covariances, trial.variance_scale))
     return None
-
-
-def _two_steps(session: TrackerSession, scan: Scan) -> tuple[Estimate | None, Estimate | None]:
-    """The estimate at a scan and that at a missed one a moment later, of a copy."""
-    twin = session.copy()
-    return twin.step(scan), twin.step(empty_scan(scan._replace(time=scan.time + MOMENT)))
 
 
 def _share(change: Array, left: Array, scale: Array) -> float:

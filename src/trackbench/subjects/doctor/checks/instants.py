@@ -252,11 +252,8 @@ def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _M
     before, after, new = session.copy(), session.copy(), session.copy()
     after.step(old)
     new.step(old._replace(time=latest))
-    plain, late, as_new = (_at_zero(one, probe, name, tracker) for one in (before, after, new))
+    asking = tracker.missed(probe, name, 0.0)._replace(asked=True)
+    plain, late, as_new = (of.step(asking) for of in (before, after, new))
     if plain is None or late is None or as_new is None:
         return None
     return _Moves(probe, late.mean[:2] - plain.mean[:2], as_new.mean[:2] - plain.mean[:2], (plain, late))
-
-
-def _at_zero(session: TrackerSession, probe: Probe, name: str, tracker: TrackerUnderTest) -> Estimate | None:
-    return session.step(tracker.missed(probe, name, 0.0)._replace(asked=True))

@@ -226,6 +226,10 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Find
     """The largest error of each Jacobian, as a finding."""
     fresh = tracker.make()
     model, jacobian = getattr(fresh, name), getattr(fresh, f"{name}_jacobian")
+
+    def called(x: Array, given: Any) -> Array:
+        return np.asarray(model(x, given), dtype=float)
+
     for probe in tracker.probes.regular:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         for sensor in tracker.sensors if name == "measurement" else list(tracker.sensors)[:1]:
@@ -236,7 +240,7 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Find
             given: Any = scan if name == "measurement" else 0.1
             try:
                 provided = np.asarray(jacobian(estimate.state, given), dtype=float)
-                found = _differences(partial(_called, model, given), estimate.state)
+                found = _differences(partial(called, given=given), estimate.state)
             except Exception as error:
                 raise StepFailed(error, scan) from error
             scale = np.maximum(np.abs(found).max(axis=1, keepdims=True), 1e-9)
@@ -265,10 +269,6 @@ def _unit(provided: Array, found: Array) -> str:
         units = {conversion(float(ratio)) for ratio in (provided / found)[off]}
     unit = units.pop() if len(units) == 1 else None
     return "" if unit is None else f", off by a unit: {unit.words}"
-
-
-def _called(model: Callable[..., Any], given: Any, x: Array) -> Array:
-    return np.asarray(model(x, given), dtype=float)
 
 
 def _differences(model: Callable[[Array], Array], x: Array) -> Array:

@@ -136,15 +136,16 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
         return None
     steps, aside = np.diag(GAIN_STEP * trial.sigma), ASIDE * trial.sigma
     around = [*(trial.predicted_measurement + step for step in (*steps, *-steps, aside, -aside))]
-    measurements = [None, trial.predicted_measurement, *around]
+    scans = [empty_scan(trial.scan)]
+    scans += [trial.scan._replace(measurement=measurement) for measurement in (trial.predicted_measurement, *around)]
     answers: list[tuple[Estimate, Estimate]] = []
     with tracker.recording_failures(probe.name):
-        for measurement in measurements:
-            now, later = _two_steps(trial, measurement)
+        for scan in scans:
+            now, later = trial.session.step_and_predict(scan, STEP)
             if now is None or later is None or not (finite(now) and finite(later)):
                 return None
             answers.append((now, later))
-    if len(answers) < len(measurements):
+    if len(answers) < len(scans):
         return None
     if any(least_eigenvalue(scaled_covariances(later.covariance)) < 0.0 for _, later in answers):
         return None
@@ -176,13 +177,6 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
     share = float(np.linalg.norm(learned / scale) / np.linalg.norm(left))
     off = (missed[1].mean - straight(STEP) @ missed[0].mean) / sigma[1]
     return Moved(trial, left * scale, expected * scale, error, share, bool(np.abs(off).max() < SAME))
-
-
-def _two_steps(trial: Trial, measurement: Array | None) -> tuple[Estimate | None, Estimate | None]:
-    """The estimate at a measurement, or at a missed scan, and the prediction from it."""
-    twin = trial.session.copy()
-    scan = empty_scan(trial.scan) if measurement is None else trial.scan._replace(measurement=measurement)
-    return twin.step(scan), twin.step(empty_scan(trial.scan._replace(time=trial.scan.time + STEP)))
 
 
 def _forgets(tracker: TrackerUnderTest) -> Finding | None:
