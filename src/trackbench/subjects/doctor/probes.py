@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -180,17 +181,24 @@ class Probe(NamedTuple):
 
     def scan(self, name: str, sensor: Sensor, time: float) -> Scan:
         """A sensor's measurement of the target without noise."""
-        of = self.observer
-        one = np.ones(1)
-        observer = Observer(
-            (of.x + of.vx * time) * one, (of.y + of.vy * time) * one, of.yaw * one, of.vx * one, of.vy * one, 0.0 * one
-        )
-        motion = sensor_motion(observer, sensor.mount)
-        pose, velocity = motion.pose[:, 0], motion.velocity[:, 0]
-        measurement = SENSOR_MODELS[sensor.type].measure(self.truth(time), pose, velocity)
+        # A tracker may write into what it is given.
+        measurement, pose, velocity = (part.copy() for part in _measured(self, sensor.type, sensor.mount, time))
         return Scan(
             time, name, sensor.type, measurement, np.array(True), sensor.noise_covariance(), pose, velocity, time
         )
+
+
+@lru_cache(maxsize=10_000)
+def _measured(probe: Probe, kind: str, mount: Mount, time: float) -> tuple[Array, Array, Array]:
+    """The measurement of a probe's target by a kind of sensor, and the pose and the velocity of that sensor."""
+    of = probe.observer
+    one = np.ones(1)
+    observer = Observer(
+        (of.x + of.vx * time) * one, (of.y + of.vy * time) * one, of.yaw * one, of.vx * one, of.vy * one, 0.0 * one
+    )
+    motion = sensor_motion(observer, mount)
+    pose, velocity = motion.pose[:, 0], motion.velocity[:, 0]
+    return SENSOR_MODELS[kind].measure(probe.truth(time), pose, velocity), pose, velocity
 
 
 def _plain(state: Iterable[float]) -> tuple[float, float, float, float]:
