@@ -142,6 +142,12 @@ class Points(Exhibit):
     """Of each of the tracker's points, and of each right one."""
 
 
+def largest_entry(matrix: Array) -> tuple[int, int]:
+    """The row and the column of the largest entry."""
+    row, column = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
+    return int(row), int(column)
+
+
 def state_matrices(title: str, panels: tuple[Panel, ...], marked: tuple[tuple[int, int], ...]) -> Matrices:
     """Matrices ``(4, 4)`` of the state."""
     return Matrices(title, STATE, STATE, panels, marked)

@@ -13,7 +13,7 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, state_matrices
+from trackbench.subjects.doctor.exhibits import Matrices, Panel, largest_entry, state_matrices
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.trackers.answers import Tracker
 
@@ -263,13 +263,11 @@ def _before_and_after(of: FaultyStep) -> tuple[Panel, ...]:
 
 def _mirrored(of: FaultyStep) -> tuple[int, int]:
     relative = scaled_covariances(of.after)
-    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative - relative.T)))), (4, 4))
-    return int(i), int(j)
+    return largest_entry(np.triu(np.abs(relative - relative.T)))
 
 
 def _correlated(of: FaultyStep) -> tuple[int, int]:
-    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(scaled_covariances(of.after)), 1))), (4, 4))
-    return int(i), int(j)
+    return largest_entry(np.triu(np.abs(scaled_covariances(of.after)), 1))
 
 
 def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> FaultyStep | None:

@@ -23,7 +23,7 @@ import numpy as np
 from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
+from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of, largest_entry
 from trackbench.subjects.doctor.findings import PROVEN, Finding, PartResult, Question, doctor_check
 from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, OwnFilter, covariances_apart, own_filter
 from trackbench.subjects.doctor.inside.values import Assigned
@@ -168,7 +168,7 @@ def _gain_apart(gain: Array, other: Array, covariance: Array, noise: Array) -> f
 def _wrong_entry(assigned: Sequence[Assigned], at: Assigned, right: Array, sensor: str | None, by: str) -> Finding:
     """The entry that is off most, and the line that has made it."""
     off = np.abs(at.value - right) / (np.abs(at.value) + np.abs(right) + 1e-6 * np.abs(right).max())
-    i, j = np.unravel_index(int(np.argmax(off)), right.shape)
+    i, j = largest_entry(off)
     of_name = [entry for entry in assigned if (entry.file, entry.name) == (at.file, at.name)]
     values = [entry for entry in of_name if entry.value.shape == right.shape]
     made = next(entry for entry in values if entry.value[i, j] == at.value[i, j])
@@ -245,7 +245,7 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Find
                 raise StepFailed(error, scan) from error
             scale = np.maximum(np.abs(found).max(axis=1, keepdims=True), 1e-9)
             apart = np.abs(provided - found) / scale
-            i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
+            i, j = largest_entry(apart)
             text = f"d {name}[{i}] / d x[{j}] = {provided[i, j]:.4g}, where {found[i, j]:.4g} is right "
             text += f"({probe.description})" + _unit(provided[i], found[i])
             exhibit = Matrices(
@@ -255,7 +255,7 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Find
                 else tuple(f"{name}[{k}]" for k in range(len(provided))),
                 tuple(f"x[{k}]" for k in range(provided.shape[1])),
                 (Panel("provided", provided), Panel("finite differences", found, "right")),
-                ((int(i), int(j)),),
+                ((i, j),),
             )
             fault, of = "jacobian_wrong", sensor if name == "measurement" else None
             yield float(apart[i, j]), Finding(fault, 0.98, text, sensor=of, shown_by=probe.name, exhibit=exhibit)

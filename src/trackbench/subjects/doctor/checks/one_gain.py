@@ -15,7 +15,7 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.exhibits import Panel, gain_shown, state_matrices
+from trackbench.subjects.doctor.exhibits import Panel, gain_shown, largest_entry, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import has_samples
@@ -284,8 +284,7 @@ def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | Non
         Panel("right, after it", worst.right_covariance, "right"),
     )
     apart = np.abs(panels[1].values - panels[2].values) / trial.variance_scale
-    i, j = np.unravel_index(int(np.argmax(apart)), (4, 4))
-    exhibit = state_matrices(f"Covariance and {sensor}: {trial.description}", panels, ((int(i), int(j)),))
+    exhibit = state_matrices(f"Covariance and {sensor}: {trial.description}", panels, (largest_entry(apart),))
     return Finding("covariance_update_wrong", 0.95, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions, predicted, stated_belief
+from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions, largest_entry, predicted, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe, probe_rate
@@ -291,13 +291,12 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
         f"velocity causes: {where} (d px / d vx = dt) is wrong"
     )
     right = SPREAD_OVER * np.eye(2)
-    i, j = np.unravel_index(int(np.argmax(np.abs(block - right))), (2, 2))
     exhibit = Matrices(
         f"Jacobian of the prediction over {SPREAD_OVER:g} s: {probe.description}",
         ("px, m", "py, m"),
         ("vx, m/s", "vy, m/s"),
         (Panel("implied by the covariances", block), Panel("right", right, "right")),
-        ((int(i), int(j)),),
+        (largest_entry(np.abs(block - right)),),
     )
     fault = "predicted_covariance_wrong" if points else "jacobian_wrong"
     finding = Finding(fault, 0.9, evidence, shown_by=probe.name, exhibit=exhibit)

@@ -18,7 +18,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Course, OverTime, Panel, state_matrices, straight
+from trackbench.subjects.doctor.exhibits import Course, OverTime, Panel, largest_entry, state_matrices, straight
 from trackbench.subjects.doctor.expected_gain import OUTSIDE
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
@@ -115,10 +115,10 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
         return PartResult().add("transition", True, text)
     worst = max(pairs, key=lambda pair: pair.error)
     apart = np.abs(worst.stated - worst.expected)
-    i, j = np.unravel_index(int(np.argmax(apart / np.sqrt(np.outer(*[np.diag(np.abs(worst.expected))] * 2)))), (4, 4))
+    spread = np.diag(np.abs(worst.expected))
     panels = (Panel("tracker", worst.stated), Panel("as the mean moves", worst.expected, "right"))
     title = f"Part of the covariance that a measurement takes away, {STEP:g} s later: {worst.trial.description}"
-    exhibit = state_matrices(title, panels, ((int(i), int(j)),))
+    exhibit = state_matrices(title, panels, (largest_entry(apart / np.sqrt(np.outer(spread, spread))),))
     if tracker.once(linearises) is False:
         fault, words = "predicted_covariance_wrong", "the spread of the moved sigma points"
     elif all(pair.straight for pair in pairs):
