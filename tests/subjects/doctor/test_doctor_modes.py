@@ -66,8 +66,7 @@ class Textbook:
     def mix(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array, Array]:
         joint = np.asarray(self.PI) * mu[:, None]
         c = joint.sum(axis=0)
-        both = [mixture(x, P, w) for w in (joint / c).T]
-        return np.stack([mean for mean, _ in both]), np.stack([covariance for _, covariance in both]), c
+        return *mixtures(x, P, joint / c), c
 
     def density(self, y: Array, S: Array) -> float:
         return float(np.exp(-0.5 * y @ np.linalg.solve(S, y)) / np.sqrt(np.linalg.det(S)))
@@ -82,6 +81,12 @@ class Textbook:
 def mixture(x: Array, P: Array, weights: Array) -> tuple[Array, Array]:
     mean = weights @ x
     return mean, sum(w * (own + np.outer(one - mean, one - mean)) for w, one, own in zip(weights, x, P, strict=True))
+
+
+def mixtures(x: Array, P: Array, weights: Array) -> tuple[Array, Array]:
+    """A mixture for each column of the weights."""
+    both = [mixture(x, P, w) for w in weights.T]
+    return np.stack([mean for mean, _ in both]), np.stack([covariance for _, covariance in both])
 
 
 class ThreeInLists(Textbook):
@@ -101,8 +106,7 @@ class OfTime(Textbook):
     def mix(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array, Array]:
         switch = np.eye(2) + self.part * (np.asarray(self.PI) - np.eye(2))
         joint = switch * mu[:, None]
-        both = [mixture(x, P, w) for w in (joint / joint.sum(axis=0)).T]
-        return np.stack([m for m, _ in both]), np.stack([p for _, p in both]), joint.sum(axis=0)
+        return *mixtures(x, P, joint / joint.sum(axis=0)), joint.sum(axis=0)
 
 
 class Named:
@@ -164,8 +168,7 @@ class SecondOrder(Textbook):
     def mix(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array, Array]:
         joint = np.asarray(self.PI) * mu[:, None]
         # A constant velocity is linear: merged before the prediction or after it is the same.
-        pairs = [mixture(x, P, w) for w in (joint / joint.sum(axis=0)).T]
-        return np.stack([m for m, _ in pairs]), np.stack([p for _, p in pairs]), joint.sum(axis=0)
+        return *mixtures(x, P, joint / joint.sum(axis=0)), joint.sum(axis=0)
 
 
 class OfAnotherNoise(Textbook):
@@ -206,8 +209,7 @@ class Transposed(Textbook):
     def mix(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array, Array]:
         joint = np.asarray(self.PI).T * mu[:, None]
         c = joint.sum(axis=0)
-        both = [mixture(x, P, w) for w in (joint / c).T]
-        return np.stack([mean for mean, _ in both]), np.stack([one for _, one in both]), c / c.sum()
+        return *mixtures(x, P, joint / c), c / c.sum()
 
 
 class NotMixed(Textbook):
@@ -244,10 +246,9 @@ class TwoOfThree(ThreeInLists):
 
     def mix(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array, Array]:
         joint = np.asarray(self.PI) * mu[:, None]
-        weights = (joint / joint.sum(axis=0)).T
-        weights[2] = 0.0
-        both = [mixture(x, P, w) for w in weights]
-        return np.stack([m for m, _ in both]), np.stack([p for _, p in both]), joint.sum(axis=0)
+        weights = joint / joint.sum(axis=0)
+        weights[:, 2] = 0.0
+        return *mixtures(x, P, weights), joint.sum(axis=0)
 
     def density(self, y: Array, S: Array) -> float:
         return super().density(y, S) + 1e-300
