@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.published import TRACKERS, check_options
+from trackbench.trackers.published import TRACKERS, check_tracker_options
 from trackbench.truth import TRUTH_SOURCES
 
 PACKAGE = ROOT / "tests" / "plugin_package"
@@ -129,16 +129,16 @@ def test_options_of_a_plain_pydantic_model_are_explained_as_built_in_ones_are(
 ) -> None:
     module = write_module(tmp_path, GATED)
     with pytest.raises(InputError) as caught:
-        check_options(f"{module}:Gated", options, tmp_path)
+        check_tracker_options(f"{module}:Gated", options, tmp_path)
     assert str(caught.value) == message
 
 
 def test_a_check_starts_no_tracker(tmp_path: Path, write_module: Write) -> None:
     code = "class Loud:\n    def __init__(self, gain, **rest):\n        raise SystemExit\n"
     module = write_module(tmp_path, code + "    def step(self, state, scan):\n        raise SystemExit\n")
-    check_options(f"{module}:Loud", {"gain": 1, "other": 2}, tmp_path)
+    check_tracker_options(f"{module}:Loud", {"gain": 1, "other": 2}, tmp_path)
     with pytest.raises(InputError, match="missing a required argument: 'gain'"):
-        check_options(f"{module}:Loud", {}, tmp_path)
+        check_tracker_options(f"{module}:Loud", {}, tmp_path)
 
 
 MODEL = """

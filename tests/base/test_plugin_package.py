@@ -286,7 +286,7 @@ def test_the_singer_model_keeps_its_variance_and_ends_as_constant_acceleration(
     monkeypatch.syspath_prepend(site)
     from example_motion import Singer
 
-    from trackbench.models.motion import process_noise
+    from trackbench.models.motion import process_noise_covariance
 
     slow = Singer(acceleration_sigma_mps2=2, time_constant_s=1e6)
     f = slow.jacobian(np.zeros(6), 0.1)
@@ -296,5 +296,5 @@ def test_the_singer_model_keeps_its_variance_and_ends_as_constant_acceleration(
     p[4, 4] = p[5, 5] = 4.0
     for dt in (0.1, 2.0):
         f = short.jacobian(np.zeros(6), dt)
-        after = f @ p @ f.T + process_noise(short, np.zeros(6), dt)
+        after = f @ p @ f.T + process_noise_covariance(short, np.zeros(6), dt)
         np.testing.assert_allclose(np.diag(after)[4:], 4.0)

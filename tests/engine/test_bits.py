@@ -15,7 +15,7 @@ from tests.support.places import SCENARIOS
 
 from trackbench.base.execution import executor
 from trackbench.base.types import Array
-from trackbench.engine.beliefs import REUSED, taken_apart
+from trackbench.engine.beliefs import REUSED, belief_values
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.machine import Processor
@@ -43,7 +43,7 @@ def said(given: Drive, name: str, start: str, kernels: Kernels) -> list[Array]:
     for scan in given.scans:
         state, estimate = of.step(state, scan)
         marks = np.zeros(scan.valid.shape, dtype=bool) if estimate.repaired is None else estimate.repaired
-        believed = taken_apart(state.belief, without=REUSED)
+        believed = belief_values(state.belief, without=REUSED)
         found += [estimate.mean, estimate.covariance, marks, *believed.values()]
     return found
 

@@ -17,7 +17,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.engine import choice
 from trackbench.engine.choice import chosen
-from trackbench.engine.equations import EngineUsed, joined
+from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.results import Result
 from trackbench.runner import run, work
 from trackbench.runner.block import run_block
@@ -197,9 +197,9 @@ def test_a_tracker_of_ones_own_has_no_engine(
 
 def test_parts_that_were_computed_in_different_ways() -> None:
     fused, numpy = EngineUsed("fused"), EngineUsed("numpy", "why")
-    assert joined([]) is None
-    assert joined([fused, fused]) == fused
-    assert joined([fused, numpy, numpy]) == EngineUsed("fused and numpy", "why")
+    assert joined_engines([]) is None
+    assert joined_engines([fused, fused]) == fused
+    assert joined_engines([fused, numpy, numpy]) == EngineUsed("fused and numpy", "why")
 
 
 def test_results_of_earlier_versions_were_computed_by_numpy(tiny_result: Result) -> None:

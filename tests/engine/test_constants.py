@@ -26,14 +26,14 @@ from trackbench.filters import (
     ExtendedKalmanFilter,
     InteractingMultipleModel,
     SigmaPointFilter,
-    scaled,
+    scaled_points,
 )
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar
 
 MEMBERS, STEPS = 12, 40
 STRAIGHT, AGILE = (ConstantVelocity(acceleration_sigma_mps2=sigma) for sigma in (1.0, 4.0))
-POINTS = scaled(1.0, 2.0, -1.0)
+POINTS = scaled_points(1.0, 2.0, -1.0)
 FILTERS: dict[str, Callable[[ConstantVelocity], Any]] = {
     "ekf": ExtendedKalmanFilter,
     "ukf": lambda motion: SigmaPointFilter(motion, POINTS),

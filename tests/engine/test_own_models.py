@@ -19,8 +19,8 @@ from tests.support.scenes import member
 from trackbench.base.types import Estimate, Scan
 from trackbench.engine.choice import Engine
 from trackbench.engine.equations import EngineUsed
-from trackbench.engine.filters import fused
-from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled
+from trackbench.engine.filters import fused_filter
+from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled_points
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.initial import InitialConfig
@@ -38,7 +38,7 @@ def tracked(
     start: InitialConfig = FIRST,
 ) -> tuple[list[Estimate], EngineUsed]:
     """What a filter with the model says of all scans, and what computed it."""
-    filter = SigmaPointFilter(model, scaled(1.0, 2.0, 0.0)) if kind is SigmaPointFilter else kind(model)
+    filter = SigmaPointFilter(model, scaled_points(1.0, 2.0, 0.0)) if kind is SigmaPointFilter else kind(model)
     tracker = FilterTracker(filter, start, engine=engine)
     state, said = None, []
     for scan in scans:
@@ -127,7 +127,7 @@ def test_a_model_of_single_objects_is_computed_by_numpy() -> None:
 
 def test_a_trace_leaves_the_model_as_it_is() -> None:
     model = own_models.CountsCalls()
-    fused(ExtendedKalmanFilter(model)).predict(Belief(np.ones((4, 3)), np.stack([np.eye(4)] * 3, axis=-1)), 0.1)
+    fused_filter(ExtendedKalmanFilter(model)).predict(Belief(np.ones((4, 3)), np.stack([np.eye(4)] * 3, axis=-1)), 0.1)
     assert model._calls == 1
 
 

@@ -9,7 +9,7 @@ from tests.engine.compared import equations_of
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.layout import ADDED, SUMMED, Input
-from trackbench.engine.sequences import ArrayPlace, CallSequence, place, summed
+from trackbench.engine.sequences import ArrayPlace, CallSequence, place, total_of_vectors
 
 GROUPS, CALLS = 3, 5
 
@@ -69,7 +69,7 @@ def test_a_sequence_gives_what_numpy_gives_call_by_call(kernels: Kernels, size: 
     sequence.call(kernel, at, inputs, outputs)
     assert sequence.run()
     np.testing.assert_allclose(state[:, CALLS % 2], expected, rtol=1e-13, atol=1e-14)
-    np.testing.assert_allclose(summed(total), sums, rtol=1e-13)
+    np.testing.assert_allclose(total_of_vectors(total), sums, rtol=1e-13)
     np.testing.assert_allclose(own, each, rtol=1e-13)
     np.testing.assert_array_equal(left, lefts)
 

@@ -11,13 +11,13 @@ from tests.engine.test_multi import FILTERS
 from tests.support.traffic_scans import traffic, vehicles
 
 from trackbench.base.types import FieldOfView, Scan
-from trackbench.engine.beliefs import of_prediction, taken_apart
+from trackbench.engine.beliefs import belief_values, prediction_values
 from trackbench.engine.kernels import Kernels
 from trackbench.filters import AnyBelief
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 from trackbench.trackers.multi.fused_tracks import MOST_SLOTS, FusedTrackFilter
-from trackbench.trackers.multi.gate import side_by_side
+from trackbench.trackers.multi.gate import run_detections
 from trackbench.trackers.multi.mixture import ENUMERATION, MOST_TERMS
 from trackbench.trackers.multi.table import PredictedTracks, TrackFilter
 
@@ -37,12 +37,12 @@ def both(name: str) -> tuple[TrackFilter, FusedTrackFilter]:
 def scans(kind: str) -> list[Scan]:
     """Two, each of the detections of all runs."""
     seen = traffic(vehicles(7, spacing=6.0), 2, 3, detection=0.95, clutter=3.0, sensors=(kind,), dt=0.1, seed=1)
-    return [side_by_side(scan._replace(field_of_view=VIEW), as_listed=False).scan for scan in seen.scans]
+    return [run_detections(scan._replace(field_of_view=VIEW), as_listed=False).scan for scan in seen.scans]
 
 
 def assert_close(found: AnyBelief, expected: AnyBelief) -> None:
-    told = taken_apart(found)
-    for name, wanted in taken_apart(expected).items():
+    told = belief_values(found)
+    for name, wanted in belief_values(expected).items():
         if name in told:
             scale = np.maximum(np.abs(wanted), 1.0)
             np.testing.assert_array_less(np.abs(told[name] - wanted) / scale, 1e-9, err_msg=name)
@@ -64,8 +64,8 @@ def test_starts_and_expectations(name: str, kind: str) -> None:
     assert_close(found.belief, expected.belief)
     np.testing.assert_array_equal(found.in_view, expected.in_view)
     assert 0 < expected.in_view.sum() < len(expected.in_view)
-    told = of_prediction(found.measurement)
-    for part, wanted in of_prediction(expected.measurement).items():
+    told = prediction_values(found.measurement)
+    for part, wanted in prediction_values(expected.measurement).items():
         np.testing.assert_allclose(told[part], wanted, rtol=1e-9, atol=1e-9, err_msg=part)
 
 
@@ -77,8 +77,8 @@ def test_updates_leave_the_other_tracks_as_they_were(name: str) -> None:
     detection[::3] = -1
     found = fused.taken_in(by_kernel, scan, detection)
     assert_close(found, reference.taken_in(at, scan, detection))
-    for part, before in taken_apart(by_kernel.belief).items():
-        np.testing.assert_array_equal(taken_apart(found)[part][..., ::3], before[..., ::3])
+    for part, before in belief_values(by_kernel.belief).items():
+        np.testing.assert_array_equal(belief_values(found)[part][..., ::3], before[..., ::3])
     nothing = np.full(tracks, -1)
     assert_close(fused.taken_in(by_kernel, scan, nothing), reference.taken_in(at, scan, nothing))
 

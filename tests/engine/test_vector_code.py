@@ -132,14 +132,14 @@ def test_values_of_a_group_and_of_each_member_have_the_same_bits(
 def test_nothing_is_computed_twice(kernels: Kernels) -> None:
     from trackbench.engine.layout import Input
     from trackbench.engine.trace import trace
-    from trackbench.engine.vector_code import function
+    from trackbench.engine.vector_code import kernel_text
 
     def twice(values: Values) -> Values:
         x = values["x"]
         return {"a": np.sqrt(x + 1.0) * 2.0, "b": np.sqrt(1.0 + x) - 3.0, "c": np.sqrt(x + 1.0) * 2.0}
 
     traced = trace(Equations("twice", twice, {"x": 0}), [Input("x", (), 1, "d")])
-    text = function("f", traced.layout, traced.outputs, traced.guard)
+    text = kernel_text("f", traced.layout, traced.outputs, traced.guard)
     assert text.count("call <8 x double> @llvm.sqrt") == 1
     assert text.count("store <8 x double>") == 2
     assert traced.layout.same == {"c": "a"}
@@ -148,13 +148,13 @@ def test_nothing_is_computed_twice(kernels: Kernels) -> None:
 def test_what_is_the_same_for_all_is_computed_once(kernels: Kernels) -> None:
     from trackbench.engine.layout import Input
     from trackbench.engine.trace import trace
-    from trackbench.engine.vector_code import function
+    from trackbench.engine.vector_code import kernel_text
 
     traced = trace(
         Equations("once", lambda v: {"y": np.exp(v["t"]) * v["x"]}, {"x": 0, "t": 0}),
         [Input("x", (), 1, "d"), Input("t", (), 0, "d")],
     )
-    before, _, loop = function("f", traced.layout, traced.outputs, traced.guard).partition("loop:")
+    before, _, loop = kernel_text("f", traced.layout, traced.outputs, traced.guard).partition("loop:")
     assert "fmul double" in before
     assert loop.count("fmul <8 x double>") == 1
 
@@ -162,13 +162,13 @@ def test_what_is_the_same_for_all_is_computed_once(kernels: Kernels) -> None:
 def test_what_is_the_same_for_a_group_is_computed_once_for_it(kernels: Kernels) -> None:
     from trackbench.engine.layout import Input
     from trackbench.engine.trace import trace
-    from trackbench.engine.vector_code import function
+    from trackbench.engine.vector_code import kernel_text
 
     traced = trace(
         Equations("once", lambda v: {"y": (v["t"] + v["s"] * v["s"]) * v["x"]}, {"x": 0, "t": 0, "s": 0}),
         [Input("x", (), 2, "d"), Input("t", (), 2, "d", shared=True), Input("s", (), 0, "d")],
     )
-    text = function("f", traced.layout, traced.outputs, traced.guard)
+    text = kernel_text("f", traced.layout, traced.outputs, traced.guard)
     before, _, rest = text.partition("loop:")
     loop, _, _ = rest.partition("done:")
     assert before.count("call double @llvm.fma.f64") == 1

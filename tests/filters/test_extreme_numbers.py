@@ -24,7 +24,7 @@ from trackbench.base.errors import TrackbenchError
 from trackbench.base.types import Array, Scan
 from trackbench.engine.choice import Engine
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter, SigmaPointFilter
-from trackbench.filters.kalman import CUBATURE, IteratedExtendedKalmanFilter, classic
+from trackbench.filters.kalman import CUBATURE, IteratedExtendedKalmanFilter, classic_points
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.run import run_scenario
@@ -138,8 +138,8 @@ LINEAR = {
     "kf": KalmanFilter,
     "ekf": ExtendedKalmanFilter,
     "iekf": lambda motion: IteratedExtendedKalmanFilter(motion, 2),
-    "ukf": lambda motion: SigmaPointFilter(motion, classic(1.0)),
-    "ukf, additive": lambda motion: SigmaPointFilter(motion, classic(1.0), augmented=False),
+    "ukf": lambda motion: SigmaPointFilter(motion, classic_points(1.0)),
+    "ukf, additive": lambda motion: SigmaPointFilter(motion, classic_points(1.0), augmented=False),
     "ckf": lambda motion: SigmaPointFilter(motion, CUBATURE),
 }
 

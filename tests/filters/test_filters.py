@@ -13,10 +13,10 @@ from trackbench.filters import (
     IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
-    classic,
-    scaled,
+    classic_points,
+    scaled_points,
 )
-from trackbench.models.motion import MOTION_MODELS, process_noise
+from trackbench.models.motion import MOTION_MODELS, process_noise_covariance
 from trackbench.models.sensors import SENSOR_MODELS
 
 MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items()}
@@ -87,7 +87,7 @@ def test_steady_state_is_that_of_the_riccati_equation(make, motion):
     for k in range(400):
         predicted = kalman.predict(belief, dt)
         belief = kalman.update(predicted, scan("lidar", k * dt, np.zeros(2))).belief
-    f, h, q = motion.jacobian(belief.mean, dt), np.eye(2, size), process_noise(motion, belief.mean, dt)
+    f, h, q = motion.jacobian(belief.mean, dt), np.eye(2, size), process_noise_covariance(motion, belief.mean, dt)
     expected = solve_discrete_are(f.T, h.T, q, LIDAR_NOISE)
     np.testing.assert_allclose(predicted.covariance, expected, atol=1e-9)
 
@@ -99,7 +99,7 @@ def test_kalman_filter_is_the_textbook_one(motion):
     h = np.eye(2, len(x))
     for seen, dt in scans(motion):
         position = SENSOR_MODELS[seen.kind].position(seen)
-        f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
+        f, q = motion.jacobian(x, dt), process_noise_covariance(motion, x, dt)
         x, p = reference.predict(x, p, lambda s, f=f: f @ s, f, q)
         innovation = position.mean - h @ x
         x, p, s = reference.update(x, p, innovation, h, position.covariance)
@@ -116,7 +116,7 @@ def test_extended_kalman_filter_is_the_textbook_one(motion):
     x, p = belief.mean, belief.covariance
     for seen, dt in scans(motion):
         h, slope = observation(motion, seen.kind)
-        f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
+        f, q = motion.jacobian(x, dt), process_noise_covariance(motion, x, dt)
         x, p = reference.predict(x, p, lambda s, dt=dt: motion.transition(s, dt), f, q)
         innovation = reference.residual(SENSOR_MODELS[seen.kind].angular)(seen.measurement, h(x))
         x, p, s = reference.update(x, p, innovation, slope(x), seen.noise_covariance)
@@ -164,7 +164,7 @@ def test_iterated_filter_with_one_iteration_is_the_extended_one(motion):
     ids=["scaled", "alpha 0.5", "negative centre", "cubature"],
 )
 def test_unscented_filter_is_the_textbook_one(motion, augmented, rule):
-    unscented = SigmaPointFilter(motion, scaled(*rule), augmented)
+    unscented = SigmaPointFilter(motion, scaled_points(*rule), augmented)
     belief = start(motion)
     x, p = belief.mean, belief.covariance
     subtract = reference.residual(motion.angular)
@@ -205,9 +205,9 @@ def test_all_filters_are_one_on_a_linear_problem(motion):
     others = {
         "ekf": ExtendedKalmanFilter(motion),
         "iekf": IteratedExtendedKalmanFilter(motion, 4),
-        "scaled ukf": SigmaPointFilter(motion, scaled(0.7, 2.0, 1.0)),
-        "classic ukf": SigmaPointFilter(motion, classic(None)),
-        "additive ukf": SigmaPointFilter(motion, scaled(1.0, 2.0, 0.0), augmented=False),
+        "scaled ukf": SigmaPointFilter(motion, scaled_points(0.7, 2.0, 1.0)),
+        "classic ukf": SigmaPointFilter(motion, classic_points(None)),
+        "additive ukf": SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0), augmented=False),
         "ckf": SigmaPointFilter(motion, CUBATURE, augmented=False),
     }
     kalman, belief = KalmanFilter(motion), start(motion)
@@ -229,15 +229,15 @@ def test_all_filters_are_one_on_a_linear_problem(motion):
 
 
 def test_the_classic_rule_takes_three_minus_the_dimension():
-    assert classic(None).weights(5) == pytest.approx((np.sqrt(3), (3 - 5) / 3, (3 - 5) / 3, 1 / 6))
+    assert classic_points(None).weights(5) == pytest.approx((np.sqrt(3), (3 - 5) / 3, (3 - 5) / 3, 1 / 6))
 
 
 def test_the_keys_of_a_scenario_choose_the_rule():
     made = tracker(filter="ukf", motion="ctrv", alpha=0.5, beta=1.5, kappa=2.0, **NOISE["ctrv"]).filter
-    assert made.rule == scaled(0.5, 1.5, 2.0)
+    assert made.rule == scaled_points(0.5, 1.5, 2.0)
     assert made.augmented
     made = tracker(filter="ukf", motion="ctrv", sigma_points="classic", augmented=False, **NOISE["ctrv"]).filter
-    assert made.rule == classic(None)
+    assert made.rule == classic_points(None)
     assert not made.augmented
     assert tracker(filter="ckf", motion="ca", **NOISE["ca"]).filter == SigmaPointFilter(MODELS["ca"], CUBATURE, False)
     assert tracker(filter="iekf", motion="cv", iterations=7, **NOISE["cv"]).filter.iterations == 7

@@ -18,7 +18,7 @@ from trackbench.filters import (
     KalmanFilter,
     MultiModelBelief,
     SigmaPointFilter,
-    scaled,
+    scaled_points,
 )
 from trackbench.filters.imm import in_state_of, transition_probabilities
 from trackbench.models.motion import (
@@ -26,7 +26,7 @@ from trackbench.models.motion import (
     ConstantVelocity,
     InitialSigmas,
     Kinematics,
-    process_noise,
+    process_noise_covariance,
 )
 from trackbench.models.sensors import SENSOR_MODELS
 
@@ -35,8 +35,8 @@ QUIET, LIVELY = ConstantVelocity(acceleration_sigma_mps2=0.3), ConstantVelocity(
 KINDS = {
     "ekf": ExtendedKalmanFilter,
     "iekf": IteratedExtendedKalmanFilter,
-    "ukf": lambda motion: SigmaPointFilter(motion, scaled(1.0, 2.0, 0.0)),
-    "additive ukf": lambda motion: SigmaPointFilter(motion, scaled(1.0, 2.0, 0.0), augmented=False),
+    "ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0)),
+    "additive ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0), augmented=False),
     "ckf": lambda motion: SigmaPointFilter(motion, CUBATURE, augmented=False),
 }
 every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -128,7 +128,7 @@ def test_it_is_the_textbook_one_for_two_levels_of_noise():
         f = QUIET.jacobian(MEAN, dt)
         x, p, likelihood = [], [], []
         for j, motion in enumerate((QUIET, LIVELY)):
-            predicted, spread = f @ x0[j], f @ p0[j] @ f.T + process_noise(motion, MEAN, dt)
+            predicted, spread = f @ x0[j], f @ p0[j] @ f.T + process_noise_covariance(motion, MEAN, dt)
             s = h @ spread @ h.T + LIDAR_NOISE
             gain = spread @ h.T @ np.linalg.inv(s)
             likelihood.append(stats.multivariate_normal.pdf(seen.measurement, h @ predicted, s))
@@ -154,7 +154,7 @@ def test_filterpy_agrees():
     for motion in (QUIET, LIVELY):
         kalman = filterpy.kalman.KalmanFilter(4, 2)
         kalman.x, kalman.P = MEAN.copy(), COVARIANCE.copy()
-        kalman.F, kalman.Q = motion.jacobian(MEAN, dt), process_noise(motion, MEAN, dt)
+        kalman.F, kalman.Q = motion.jacobian(MEAN, dt), process_noise_covariance(motion, MEAN, dt)
         kalman.H, kalman.R = np.eye(2, 4), LIDAR_NOISE
         filters.append(kalman)
     theirs = filterpy.kalman.IMMEstimator(filters, [0.6, 0.4], chain)

@@ -18,7 +18,7 @@ from trackbench.filters import (
     SigmaPointFilter,
 )
 from trackbench.filters.imm import transition_probabilities
-from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, InitialSigmas, process_noise
+from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, InitialSigmas, process_noise_covariance
 
 MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items()}
 QUIET, LIVELY = ConstantVelocity(acceleration_sigma_mps2=0.3), ConstantVelocity(acceleration_sigma_mps2=8.0)
@@ -78,7 +78,7 @@ def brute_force(stay, measurements):
     steps, _, runs = measurements.shape
     chain, first = transition_probabilities(stay, DT), np.array(stay) / sum(stay)
     f, h = QUIET.jacobian(MEAN, DT), np.eye(2, 4)
-    q = [process_noise(model, MEAN, DT) for model in (QUIET, LIVELY)]
+    q = [process_noise_covariance(model, MEAN, DT) for model in (QUIET, LIVELY)]
     sequences = np.array(list(itertools.product([0, 1], repeat=steps)))
     weights, means = [], []
     for modes in sequences:

@@ -15,8 +15,8 @@ from trackbench.filters import (
     IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
-    classic,
-    scaled,
+    classic_points,
+    scaled_points,
 )
 from trackbench.models.motion import MOTION_MODELS
 
@@ -25,9 +25,9 @@ KINDS = {
     "kf": KalmanFilter,
     "ekf": ExtendedKalmanFilter,
     "iekf": IteratedExtendedKalmanFilter,
-    "ukf": lambda motion: SigmaPointFilter(motion, scaled(0.7, 2.0, 1.0)),
-    "classic ukf": lambda motion: SigmaPointFilter(motion, classic(None)),
-    "additive ukf": lambda motion: SigmaPointFilter(motion, scaled(1.0, 2.0, 0.0), augmented=False),
+    "ukf": lambda motion: SigmaPointFilter(motion, scaled_points(0.7, 2.0, 1.0)),
+    "classic ukf": lambda motion: SigmaPointFilter(motion, classic_points(None)),
+    "additive ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0), augmented=False),
     "ckf": lambda motion: SigmaPointFilter(motion, CUBATURE, augmented=False),
 }
 every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)

@@ -19,7 +19,7 @@ from trackbench.results import Result
 from trackbench.runner import work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.schema import json_schema
-from trackbench.trackers.published import check_options
+from trackbench.trackers.published import check_tracker_options
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -313,7 +313,7 @@ class Own:
 """
     name = write_module(tmp_path, code)
     with pytest.raises(InputError, match="does not take these options: RuntimeError: no luck"):
-        check_options(f"{name}:Own", {}, tmp_path)
+        check_tracker_options(f"{name}:Own", {}, tmp_path)
 
 
 TILTING = """

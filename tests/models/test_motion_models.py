@@ -14,7 +14,7 @@ from trackbench.models.motion import (
     ConstantTurnRateVelocity,
     InitialSigmas,
     Kinematics,
-    process_noise,
+    process_noise_covariance,
     turning,
 )
 from trackbench.models.motion.base import UNKNOWN_ANGLE
@@ -148,7 +148,7 @@ def test_nothing_moves_in_no_time(model):
     size = len(x)
     np.testing.assert_allclose(model.transition(x, 0.0), x, atol=1e-14)
     np.testing.assert_allclose(each(model.jacobian(x, 0.0), x), each(np.eye(size), x), atol=1e-14)
-    np.testing.assert_array_equal(each(process_noise(model, x, 0.0), x), np.zeros((size, size, SIZE)))
+    np.testing.assert_array_equal(each(process_noise_covariance(model, x, 0.0), x), np.zeros((size, size, SIZE)))
 
 
 @stepwise_models
@@ -172,7 +172,9 @@ def test_noise_gain_is_what_constant_driving_noise_adds(model, driver, dt):
 def test_process_noise_of_constant_velocity_in_closed_form():
     dt, q = 0.4, NOISE["cv"]["acceleration_sigma_mps2"] ** 2
     axis = q * np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
-    np.testing.assert_allclose(process_noise(MODELS["cv"], np.zeros(4), dt), np.kron(axis, np.eye(2)), rtol=1e-14)
+    np.testing.assert_allclose(
+        process_noise_covariance(MODELS["cv"], np.zeros(4), dt), np.kron(axis, np.eye(2)), rtol=1e-14
+    )
 
 
 @every_model
@@ -182,7 +184,7 @@ def test_process_noise_is_the_covariance_of_simulated_steps(model):
     x = np.linspace(1.0, 2.0, len(model.components))
     noise = random.normal(size=(len(model.noise_sigma), samples)) * np.asarray(model.noise_sigma)[:, None]
     simulated = np.cov(model.noise_gain(x, dt) @ noise)
-    expected = process_noise(model, x, dt)
+    expected = process_noise_covariance(model, x, dt)
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs(simulated - expected).max() < 0.02 * scale.max()
     # The smallest entries are right too.

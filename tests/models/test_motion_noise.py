@@ -16,7 +16,7 @@ from tests.support.udacity import data_folder
 
 from trackbench.base.units import difference
 from trackbench.filters import Belief
-from trackbench.models.motion import MOTION_MODELS, ConstantAcceleration, ConstantVelocity, process_noise
+from trackbench.models.motion import MOTION_MODELS, ConstantAcceleration, ConstantVelocity, process_noise_covariance
 from trackbench.models.motion.bicycle import KinematicBicycle
 from trackbench.models.motion.ct import Turn, TurnKnown
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
@@ -67,7 +67,7 @@ def test_process_noise_is_the_integral_of_the_white_noise(model, drift, density,
     f, q = integrated(drift, density, dt)
     x = np.linspace(1.0, 2.0, len(model.components))
     np.testing.assert_allclose(per_axis(model.jacobian(x, dt)), f, rtol=1e-7, atol=1e-14)
-    np.testing.assert_allclose(per_axis(process_noise(model, x, dt)), q, rtol=1e-7)
+    np.testing.assert_allclose(per_axis(process_noise_covariance(model, x, dt)), q, rtol=1e-7)
     np.testing.assert_allclose(model.transition(x, dt), model.jacobian(x, dt) @ x, rtol=1e-14)
 
 
@@ -78,8 +78,8 @@ def test_what_noise_of_continuous_time_adds_does_not_depend_on_the_number_of_ste
     p = np.zeros((len(x), len(x)))
     for _ in range(20):
         f = made.jacobian(x, 0.05)
-        p = f @ p @ f.T + process_noise(made, x, 0.05)
-    np.testing.assert_allclose(p, process_noise(made, x, 1.0), rtol=1e-11, atol=1e-14)
+        p = f @ p @ f.T + process_noise_covariance(made, x, 0.05)
+    np.testing.assert_allclose(p, process_noise_covariance(made, x, 1.0), rtol=1e-11, atol=1e-14)
 
 
 @pytest.mark.parametrize("time_constant", ["0.001", "0.1", "0.9999", "1", "1.1", "10", "1000", "1e6", "1e9"])
@@ -101,7 +101,7 @@ def test_the_covariance_of_singer_has_the_digits_of_its_closed_form_at_any_ratio
         ],
         dtype=float,
     )
-    q = per_axis(process_noise(singer(float(time_constant), 1.0), np.zeros(6), 1.0))
+    q = per_axis(process_noise_covariance(singer(float(time_constant), 1.0), np.zeros(6), 1.0))
     np.testing.assert_allclose(np.triu(q), expected, rtol=2e-14)
 
 
@@ -109,11 +109,13 @@ def test_singer_ends_as_constant_acceleration_and_as_constant_velocity():
     x, dt = np.linspace(1.0, 2.0, 6), 0.4
     slow = singer(1e9, np.sqrt(1e9 / 2) * 1.5)
     jerk = ConstantAcceleration(noise="continuous", jerk_density_mps2p5=1.5)
-    np.testing.assert_allclose(process_noise(slow, x, dt), process_noise(jerk, x, dt), rtol=1e-8)
+    np.testing.assert_allclose(process_noise_covariance(slow, x, dt), process_noise_covariance(jerk, x, dt), rtol=1e-8)
     np.testing.assert_allclose(slow.jacobian(x, dt), jerk.jacobian(x, dt), rtol=1e-8)
     fast = singer(1e-9, 1.5 / np.sqrt(2e-9))
     white = ConstantVelocity(noise="continuous", acceleration_density_mps1p5=1.5)
-    np.testing.assert_allclose(process_noise(fast, x, dt)[:4, :4], process_noise(white, x[:4], dt), rtol=1e-7)
+    np.testing.assert_allclose(
+        process_noise_covariance(fast, x, dt)[:4, :4], process_noise_covariance(white, x[:4], dt), rtol=1e-7
+    )
     np.testing.assert_allclose(fast.jacobian(x, dt)[:4, :4], white.jacobian(x[:4], dt), rtol=1e-8)
 
 
@@ -122,7 +124,7 @@ def test_turns_end_as_constant_velocity_and_go_the_way_of_ctrv():
     straight = ConstantVelocity(acceleration_sigma_mps2=2.0)
     still = TurnKnown(acceleration_sigma_mps2=2.0, turn_rate_radps=0.0)
     np.testing.assert_array_equal(still.jacobian(x, dt), straight.jacobian(x, dt))
-    np.testing.assert_array_equal(process_noise(still, x, dt), process_noise(straight, x, dt))
+    np.testing.assert_array_equal(process_noise_covariance(still, x, dt), process_noise_covariance(straight, x, dt))
     state_rate = Turn(acceleration_sigma_mps2=2.0, yaw_acceleration_sigma_radps2=0.1)
     np.testing.assert_allclose(state_rate.jacobian(np.append(x, 0.0), dt)[:4, :4], straight.jacobian(x, dt), atol=1e-15)
     polar = ConstantTurnRateVelocity(acceleration_sigma_mps2=2.0, yaw_acceleration_sigma_radps2=0.1)
@@ -140,12 +142,14 @@ def test_noise_along_and_across_is_that_of_constant_velocity_turned_by_the_cours
     alike = PathConstantVelocity(along_sigma_mps2=2.0, across_sigma_mps2=2.0)
     straight = ConstantVelocity(acceleration_sigma_mps2=2.0)
     for state in (x, np.zeros(4)):
-        np.testing.assert_allclose(process_noise(alike, state, dt), process_noise(straight, state, dt), atol=1e-15)
+        np.testing.assert_allclose(
+            process_noise_covariance(alike, state, dt), process_noise_covariance(straight, state, dt), atol=1e-15
+        )
     model = PathConstantVelocity(along_sigma_mps2=2.0, across_sigma_mps2=0.5)
     turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
     plane = turn @ np.diag([4.0, 0.25]) @ turn.T
     axis = np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
-    np.testing.assert_allclose(process_noise(model, x, dt), np.kron(axis, plane), rtol=1e-13)
+    np.testing.assert_allclose(process_noise_covariance(model, x, dt), np.kron(axis, plane), rtol=1e-13)
 
 
 def test_a_bicycle_goes_the_way_of_the_simulator_s_vehicle_and_closes_its_circle():
@@ -222,7 +226,10 @@ def test_the_car_of_saerkkae_has_every_printed_digit(noise, filtered, smooth):
 def steady_gains(index: float) -> tuple[float, float]:
     """alpha and beta of a filter of the index ``sigma_a T^2 / sigma_w`` in its steady state, T and sigma_w of 1."""
     motion = ConstantVelocity(acceleration_sigma_mps2=index)
-    f, q = (per_axis(matrix) for matrix in (motion.jacobian(np.zeros(4), 1.0), process_noise(motion, np.zeros(4), 1.0)))
+    f, q = (
+        per_axis(matrix)
+        for matrix in (motion.jacobian(np.zeros(4), 1.0), process_noise_covariance(motion, np.zeros(4), 1.0))
+    )
     h = np.array([[1.0, 0.0]])
     p = solve_discrete_are(f.T, h.T, q, np.eye(1))
     alpha, beta = (p @ h.T / (h @ p @ h.T + 1)).ravel()
@@ -290,7 +297,7 @@ def test_a_density_is_the_spread_of_the_velocity_after_a_second_at_any_rate(step
     x, p = np.zeros(4), np.zeros((4, 4))
     for _ in range(steps):
         f = model.jacobian(x, 1.0 / steps)
-        p = f @ p @ f.T + process_noise(model, x, 1.0 / steps)
+        p = f @ p @ f.T + process_noise_covariance(model, x, 1.0 / steps)
     assert np.sqrt(p[2, 2]) == pytest.approx(3.1, rel=1e-12)
 
 

@@ -7,7 +7,7 @@ from tests.support.scenes import NOISE, RADAR_NOISE, scan, tracker
 
 from trackbench.base import linalg
 from trackbench.base.config.explain import explain
-from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Kinematics, process_noise
+from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Kinematics, process_noise_covariance
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import FilterConfig
 
@@ -30,10 +30,10 @@ def test_stated_noise_is_the_same_for_every_step_and_moves_as_the_model_does(mot
     stated = ConstantProcessNoise(motion=plain, variances=variances)
     x = np.linspace(1.0, 2.0, SIZES[motion])
     for dt in (0.1, 1.0, 7.0):
-        np.testing.assert_allclose(process_noise(stated, x, dt), np.diag(variances), rtol=1e-14)
+        np.testing.assert_allclose(process_noise_covariance(stated, x, dt), np.diag(variances), rtol=1e-14)
         np.testing.assert_array_equal(stated.transition(x, dt), plain.transition(x, dt))
         np.testing.assert_array_equal(stated.jacobian(x, dt), plain.jacobian(x, dt))
-    np.testing.assert_array_equal(process_noise(stated, x, 0.0), np.zeros((SIZES[motion],) * 2))
+    np.testing.assert_array_equal(process_noise_covariance(stated, x, 0.0), np.zeros((SIZES[motion],) * 2))
     assert (stated.components, stated.angular, stated.linear) == (plain.components, plain.angular, plain.linear)
 
 

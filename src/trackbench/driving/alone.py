@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.trackers.answers import Tracker, shaped, unpack
+from trackbench.trackers.answers import Tracker, shaped_estimate, unpack
 
 #: Time from the last scan to that by which copies are tried, s.
 TRIED = 0.05
@@ -68,7 +68,7 @@ class Alone(Stateful[Estimate | None]):
     """
 
     def __init__(self, make: Callable[[], Tracker]) -> None:
-        super().__init__(make(), shaped)
+        super().__init__(make(), shaped_estimate)
         self._make = make
         self.given: list[Scan] = []
         """The scans so far."""

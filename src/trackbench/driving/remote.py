@@ -19,13 +19,13 @@ from trackbench.driving.program import Program
 from trackbench.driving.program_steppers import ProgramStepper, ProgramTracker
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, Traits, local
 from trackbench.models.sensors import Sensor
-from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, shaped
+from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, shaped_estimate
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import Command
 from trackbench.trackers.library import check_entry, maker
 
 #: Of a tracker that is examined as it is.
-SHAPED_FORM = ESTIMATE_FORM._replace(check=shaped)
+SHAPED_FORM = ESTIMATE_FORM._replace(check=shaped_estimate)
 
 
 class TrackerTrial:
@@ -237,7 +237,7 @@ class RemoteTracker:
         try:
             estimates, there = [], zip(arrays["mean"], arrays["covariance"], strict=True)
             for scan, given in zip(scans, answer["given"], strict=False):
-                estimates.append(shaped(Estimate(*next(there)), scan) if given else None)
+                estimates.append(shaped_estimate(Estimate(*next(there)), scan) if given else None)
             return estimates, None if failed is None else TrackFault(*failed)
         except (KeyError, StopIteration, TypeError, ValueError, TrackerFault) as error:
             raise TrackFault(NO_ANSWER, "died") from error

@@ -19,7 +19,7 @@ from trackbench.trackers.answers import (
     TRACKS,
     Tracker,
     TrackerFault,
-    checked,
+    checked_estimate,
     checked_tracks,
     is_random,
     require_kept,
@@ -294,5 +294,5 @@ def _joined(answers: Sequence[Any], name: str, fill: float = np.nan) -> Array | 
     return result
 
 
-ESTIMATE_FORM = AnswerForm(Estimate, checked, "estimate", joined_estimates)
+ESTIMATE_FORM = AnswerForm(Estimate, checked_estimate, "estimate", joined_estimates)
 TRACKS_FORM = AnswerForm(Tracks, checked_tracks, TRACKS, joined_tracks)

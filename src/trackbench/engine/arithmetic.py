@@ -92,7 +92,7 @@ LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
 def _operator(op: str) -> Callable[[Any, Term | float], Term]:
-    return lambda self, other: apply(self.graph, op, self, other)
+    return lambda self, other: _apply(self.graph, op, self, other)
 
 
 @dataclass(frozen=True)
@@ -106,21 +106,21 @@ class Term:
     __gt__, __lt__ = map(_operator, ("gt", "lt"))
 
     def __rsub__(self, other: float) -> Term:
-        return apply(self.graph, "sub", other, self)
+        return _apply(self.graph, "sub", other, self)
 
     def __rtruediv__(self, other: float) -> Term:
-        return apply(self.graph, "div", other, self)
+        return _apply(self.graph, "div", other, self)
 
 
-def apply(graph: Graph, op: str, *values: Term | float) -> Term:
+def _apply(graph: Graph, op: str, *values: Term | float) -> Term:
     """An operation on terms and numbers."""
     nodes = [value.node if isinstance(value, Term) else graph.constant(value) for value in values]
     return Term(graph, graph.apply(op, *nodes))
 
 
-def where(condition: Term, yes: Term | float, no: Term | float) -> Term:
+def _where(condition: Term, yes: Term | float, no: Term | float) -> Term:
     """One of two terms."""
-    return apply(condition.graph, "where", condition, yes, no)
+    return _apply(condition.graph, "where", condition, yes, no)
 
 
 def polynomial(x: Term, coefficients: Sequence[float]) -> Term:
@@ -133,13 +133,13 @@ def polynomial(x: Term, coefficients: Sequence[float]) -> Term:
 
 def _refuse(condition: Term) -> None:
     """Members of which a condition holds are computed by NumPy; of a NaN no comparison does."""
-    condition.graph.guards.append(apply(condition.graph, "not", condition).node)
+    condition.graph.guards.append(_apply(condition.graph, "not", condition).node)
 
 
 def _turned(x: Term) -> tuple[Term, Term]:
     """How many quarter turns are in an angle, plus ``WHOLE``; and the rest, -pi/4 to pi/4."""
     graph = x.graph
-    _refuse(apply(graph, "abs", x) > LARGEST_ANGLE)
+    _refuse(_apply(graph, "abs", x) > LARGEST_ANGLE)
     whole = x * 0.6366197723675814 + WHOLE
     turns, rest = whole - WHOLE, x
     for part in QUARTER_TURN:
@@ -151,10 +151,10 @@ def tan(x: Term) -> Term:
     """Tangent of an angle in rad."""
     whole, rest = _turned(x)
     square = rest * rest
-    odd, below = apply(x.graph, "bit0", whole), polynomial(square, TAN_Q)
+    odd, below = _apply(x.graph, "bit0", whole), polynomial(square, TAN_Q)
     above = rest * (below + square * polynomial(square, TAN_P))
     # One division serves both: above / below, or -below / above.
-    return where(odd, apply(x.graph, "neg", below), above) / where(odd, above, below)
+    return _where(odd, _apply(x.graph, "neg", below), above) / _where(odd, above, below)
 
 
 def _circular(x: Term, shift: float) -> Term:
@@ -162,9 +162,9 @@ def _circular(x: Term, shift: float) -> Term:
     whole, square = whole + shift, rest * rest
     cosine = 1.0 - (square * 0.5 - square * square * polynomial(square, COS))
     sine = rest + rest * square * polynomial(square, SIN)
-    value = where(apply(x.graph, "bit0", whole), cosine, sine)
+    value = _where(_apply(x.graph, "bit0", whole), cosine, sine)
     # Two quarter turns change the sign.
-    return where(apply(x.graph, "bit1", whole), apply(x.graph, "neg", value), value)
+    return _where(_apply(x.graph, "bit1", whole), _apply(x.graph, "neg", value), value)
 
 
 def sin(x: Term) -> Term:
@@ -180,59 +180,59 @@ def cos(x: Term) -> Term:
 def arctan2(y: Term, x: Term) -> Term:
     """The angle of the point (x, y), -pi to pi."""
     graph = y.graph
-    width, height = apply(graph, "abs", x), apply(graph, "abs", y)
-    small, large = apply(graph, "min", width, height), apply(graph, "max", width, height)
-    _refuse(apply(graph, "eq", large, float("inf")))
-    large = where(apply(graph, "eq", large, 0.0), 1.0, large)
+    width, height = _apply(graph, "abs", x), _apply(graph, "abs", y)
+    small, large = _apply(graph, "min", width, height), _apply(graph, "max", width, height)
+    _refuse(_apply(graph, "eq", large, float("inf")))
+    large = _where(_apply(graph, "eq", large, 0.0), 1.0, large)
     # The tangent of the angle, or of what it is more than one whose tangent is 1/2 or 1.
     half, one = small > large * 0.4375, small > large * 0.6875
-    above = where(one, small - large, where(half, small * 2.0 - large, small))
-    below = where(one, small + large, where(half, large * 2.0 + small, large))
-    near, rest = (where(one, ATAN_ONE[i], where(half, ATAN_HALF[i], 0.0)) for i in (0, 1))
+    above = _where(one, small - large, _where(half, small * 2.0 - large, small))
+    below = _where(one, small + large, _where(half, large * 2.0 + small, large))
+    near, rest = (_where(one, ATAN_ONE[i], _where(half, ATAN_HALF[i], 0.0)) for i in (0, 1))
     ratio = above / below
     square = ratio * ratio
     even, odd = (polynomial(square * square, coefficients) for coefficients in ATAN)
     angle = near - ((ratio * (square * (even + square * odd)) - rest) - ratio)
-    angle = where(height > width, 1.5707963267948966 - (angle - 6.123233995736766e-17), angle)
-    angle = where(apply(graph, "negative", x), 3.141592653589793 - (angle - 1.2246467991473532e-16), angle)
-    return apply(graph, "copysign", angle, y)
+    angle = _where(height > width, 1.5707963267948966 - (angle - 6.123233995736766e-17), angle)
+    angle = _where(_apply(graph, "negative", x), 3.141592653589793 - (angle - 1.2246467991473532e-16), angle)
+    return _apply(graph, "copysign", angle, y)
 
 
 def exp(x: Term) -> Term:
     """e to the power of x."""
     graph = x.graph
-    bounded = apply(graph, "max", apply(graph, "min", x, 710.0), -746.0)
-    power = apply(graph, "rint", bounded * 1.4426950408889634)
+    bounded = _apply(graph, "max", _apply(graph, "min", x, 710.0), -746.0)
+    power = _apply(graph, "rint", bounded * 1.4426950408889634)
     # A NaN has no bits of a whole number.
-    power = where(apply(graph, "eq", power, power), power, 0.0)
+    power = _where(_apply(graph, "eq", power, power), power, 0.0)
     high, low = bounded - power * LN2_HIGH, power * LN2_LOW
     rest = high - low
     square = rest * rest
     change = rest - square * polynomial(square, EXP)
     near = 1.0 - ((low - rest * change / (2.0 - change)) - high)
     # In two steps, since the power of two alone may be too large or too small.
-    first = apply(graph, "floor", power * 0.5)
-    return near * apply(graph, "power2", first) * apply(graph, "power2", power - first)
+    first = _apply(graph, "floor", power * 0.5)
+    return near * _apply(graph, "power2", first) * _apply(graph, "power2", power - first)
 
 
 def log(x: Term) -> Term:
     """Natural logarithm; NaN of negative numbers, -inf of zero."""
     graph = x.graph
     tiny = x < 2.2250738585072014e-308
-    scaled = where(tiny, x * 2.0**54, x)
-    exponent, fraction = apply(graph, "exponent", scaled), apply(graph, "fraction", scaled)
+    scaled = _where(tiny, x * 2.0**54, x)
+    exponent, fraction = _apply(graph, "exponent", scaled), _apply(graph, "fraction", scaled)
     upper = fraction > 1.4142135623730951
-    fraction = where(upper, fraction * 0.5, fraction)
-    exponent = exponent + where(upper, 1.0, 0.0) - where(tiny, 54.0, 0.0)
+    fraction = _where(upper, fraction * 0.5, fraction)
+    exponent = exponent + _where(upper, 1.0, 0.0) - _where(tiny, 54.0, 0.0)
     near = fraction - 1.0
     share = near / (near + 2.0)
     square = share * share
     series = square * polynomial(square, LOG)
     half = near * near * 0.5
     result = exponent * LN2_HIGH - ((half - (share * (half + series) + exponent * LN2_LOW)) - near)
-    result = where(x < float("inf"), result, x)
-    result = where(x > 0.0, result, where(apply(graph, "eq", x, 0.0), float("-inf"), float("nan")))
-    return where(apply(graph, "ne", x, x), x, result)
+    result = _where(x < float("inf"), result, x)
+    result = _where(x > 0.0, result, _where(_apply(graph, "eq", x, 0.0), float("-inf"), float("nan")))
+    return _where(_apply(graph, "ne", x, x), x, result)
 
 
 def hypot(x: Term, y: Term) -> Term:
@@ -240,13 +240,13 @@ def hypot(x: Term, y: Term) -> Term:
     graph = x.graph
     square = x * x + y * y
     # Of other squares some bits, or all, are lost.
-    both_zero = apply(graph, "and", *(apply(graph, "eq", side, 0.0) for side in (x, y)))
-    lost = apply(graph, "and", square < SMALLEST_SQUARE, apply(graph, "not", both_zero))
+    both_zero = _apply(graph, "and", *(_apply(graph, "eq", side, 0.0) for side in (x, y)))
+    lost = _apply(graph, "and", square < SMALLEST_SQUARE, _apply(graph, "not", both_zero))
     # The length of what has an infinite component is infinite even where the other is no number.
-    infinite = [apply(graph, "eq", apply(graph, "abs", side), float("inf")) for side in (x, y)]
+    infinite = [_apply(graph, "eq", _apply(graph, "abs", side), float("inf")) for side in (x, y)]
     for condition in (lost, square > LARGEST_SQUARE, *infinite):
         _refuse(condition)
-    return apply(graph, "sqrt", square)
+    return _apply(graph, "sqrt", square)
 
 
 FUNCTIONS: dict[str, Callable[..., Term]] = {

@@ -37,17 +37,17 @@ RANKS = {
 }
 
 
-def rank(name: str) -> int:
+def component_axes(name: str) -> int:
     """Number of component axes of a named array; of options that are stated in numbers, see ``options``."""
     return RANKS[name.partition(" ")[0]]
 
 
-def taken_apart(belief: AnyBelief, at: str = "", without: Collection[str] = ()) -> dict[str, Any]:
+def belief_values(belief: AnyBelief, at: str = "", without: Collection[str] = ()) -> dict[str, Any]:
     """The arrays of a belief; ``at`` is put behind each name, and what is named in ``without`` is left out."""
     if isinstance(belief, MultiModelBelief):
         result: dict[str, Any] = {"probability" + at: belief.probability}
         for number, mode in enumerate(belief.modes):
-            result |= taken_apart(mode, f"{at} {number}", without)
+            result |= belief_values(mode, f"{at} {number}", without)
         if belief.repaired is not None:
             result["repaired" + at] = belief.repaired
         return result
@@ -55,20 +55,20 @@ def taken_apart(belief: AnyBelief, at: str = "", without: Collection[str] = ()) 
     return {name + at: value for name, value in parts if value is not None and name not in without}
 
 
-def put_together(values: Values, modes: int, at: str = "") -> AnyBelief:
+def belief_of(values: Values, modes: int, at: str = "") -> AnyBelief:
     """The belief of arrays; ``modes``: how many it has, 0 where it is of one motion model."""
     if modes:
-        parts = [put_together(values, 0, f"{at} {number}") for number in range(modes)]
+        parts = [belief_of(values, 0, f"{at} {number}") for number in range(modes)]
         singles = tuple(part for part in parts if isinstance(part, Belief))
         return MultiModelBelief(values["probability" + at], singles, values.get("repaired" + at))
     return Belief(**{name: values[name + at] for name in Belief._fields if name + at in values})
 
 
-def of_prediction(predicted: PredictedMeasurement, at: str = "") -> dict[str, Any]:
+def prediction_values(predicted: PredictedMeasurement, at: str = "") -> dict[str, Any]:
     """The arrays of a predicted measurement."""
     result = {"expected" + at: predicted.mean, "spread" + at: predicted.covariance, "cross" + at: predicted.cross}
     for number, mode in enumerate(predicted.modes):
-        result |= of_prediction(mode, f"{at} {number}")
+        result |= prediction_values(mode, f"{at} {number}")
     return result
 
 
@@ -78,12 +78,12 @@ def prediction_of(values: Values, modes: int, at: str = "") -> PredictedMeasurem
     return PredictedMeasurement(values["expected" + at], values["spread" + at], values["cross" + at], parts)
 
 
-def of_scan(scan: Scan) -> dict[str, Any]:
+def scan_values(scan: Scan) -> dict[str, Any]:
     """What equations know of a scan."""
-    return {"measurement": scan.measurement, "valid": scan.valid, **of_sensor(scan)}
+    return {"measurement": scan.measurement, "valid": scan.valid, **sensor_values(scan)}
 
 
-def of_sensor(scan: Scan) -> dict[str, Any]:
+def sensor_values(scan: Scan) -> dict[str, Any]:
     """What equations that do not look at the measurements know of a scan."""
     return {"noise": scan.noise_covariance, "pose": scan.sensor_pose, "velocity": scan.sensor_velocity}
 

@@ -97,12 +97,12 @@ def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
         models = [type(item) for motion in filter.motions for item in (motion, *vars(motion).values())]
         if not _of_users([*models, *SENSOR_MODELS.found.values()]):
             return filter
-        from trackbench.engine.filters import checked
+        from trackbench.engine.filters import checked_filter
 
-        return checked(filter)
-    from trackbench.engine.filters import fused
+        return checked_filter(filter)
+    from trackbench.engine.filters import fused_filter
 
-    return fused(filter)
+    return fused_filter(filter)
 
 
 def draw_comparisons(engine: Engine, random: np.random.Generator) -> None:

@@ -53,7 +53,7 @@ def code_reads(code: CodeType) -> CodeReads:
         name, line = step.argval, step.positions.lineno if step.positions else None
         if last == "PUSH_EXC_INFO" and step.opname != "WITH_EXCEPT_START":
             # Symbols may raise others than arrays do.
-            raise refusal("it handles errors", code, line)
+            raise untraceable_at("it handles errors", code, line)
         if step.opname in FORMATS or step.argrepr in ("%", "%="):
             result.attributes.update(TEXTS)
         if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
@@ -69,10 +69,10 @@ def code_reads(code: CodeType) -> CodeReads:
                 name == "__class__" and (before == _self(code) or code.co_name == "__eq__")
             )
             if "format" in name or (name.startswith("__") and name not in CONSTRUCTORS and not of_class):
-                raise refusal(f"it reads {name}", code, line)
+                raise untraceable_at(f"it reads {name}", code, line)
             result.attributes.add(name)
         elif step.opname in REFUSED and not _harmless(step.opname, name, before, code):
-            raise refusal(f"it {REFUSED[step.opname]} {name}", code, line)
+            raise untraceable_at(f"it {REFUSED[step.opname]} {name}", code, line)
         chain = step.opname == "LOAD_GLOBAL" or (chain and step.opname in LOADS)
         before, last = step.argval[-1] if isinstance(step.argval, tuple) else step.argval, step.opname
     for part in (part for part in code.co_consts if isinstance(part, CodeType)):
@@ -95,7 +95,7 @@ def _self(code: CodeType) -> str | None:
     return next((name for name in code.co_varnames[:1] if name in ("self", "cls")), None)
 
 
-def refusal(what: str, code: CodeType, line: int | None) -> Untraceable:
+def untraceable_at(what: str, code: CodeType, line: int | None) -> Untraceable:
     """Why a function cannot be traced, and where it says so."""
     where = last_of_user([Frame(code.co_filename, line or code.co_firstlineno, code.co_name)])
     return Untraceable(f"{what} ({where})" if where else what)

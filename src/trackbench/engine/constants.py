@@ -32,7 +32,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from trackbench.base.user_code import Frame, last_of_user
-from trackbench.engine.code_reads import CONSTRUCTORS, OF_SELF, code_reads, refusal
+from trackbench.engine.code_reads import CONSTRUCTORS, OF_SELF, code_reads, untraceable_at
 from trackbench.engine.graph import Untraceable
 from trackbench.models.motion import MotionModel
 from trackbench.models.sensors import Sensor
@@ -225,7 +225,7 @@ class _Reader:
             try:
                 parts.append(self._name(scope, chain))
             except Untraceable as reason:
-                raise reason if str(reason).endswith(")") else refusal(str(reason), code, line) from None
+                raise reason if str(reason).endswith(")") else untraceable_at(str(reason), code, line) from None
         return tuple(parts)
 
     def _name(self, scope: Mapping[str, Any], chain: tuple[str, ...]) -> Hashable:

@@ -27,7 +27,7 @@ class EngineUsed(NamedTuple):
     """Whether machine code turned out to compute something else than NumPy, so that all has to be computed again."""
 
 
-def joined(parts: Iterable[EngineUsed]) -> EngineUsed | None:
+def joined_engines(parts: Iterable[EngineUsed]) -> EngineUsed | None:
     """What computed all parts together; None where there are none."""
     used = list(parts)
     if not used:

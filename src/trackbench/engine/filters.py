@@ -14,15 +14,15 @@ from trackbench.engine import options
 from trackbench.engine.beliefs import (
     REUSED,
     any_scan,
-    of_prediction,
-    of_scan,
-    of_sensor,
+    belief_of,
+    belief_values,
+    component_axes,
     prediction_of,
-    put_together,
-    rank,
+    prediction_values,
     scan_of,
     scan_placeholder,
-    taken_apart,
+    scan_values,
+    sensor_values,
 )
 from trackbench.engine.constants import SourceFingerprint
 from trackbench.engine.equations import ComputedBy, EngineUsed, Equations, Values
@@ -71,7 +71,7 @@ class FusedFilter:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Machine code stays where it is.
-        return fused, (self.filter,)
+        return fused_filter, (self.filter,)
 
     @property
     def used(self) -> EngineUsed:
@@ -109,22 +109,22 @@ class FusedFilter:
 
     def predict(self, belief: AnyBelief, dt: float) -> AnyBelief:
         """The belief after ``dt`` seconds."""
-        values = taken_apart(belief) | self.time(dt)
-        return put_together(self.computed("prediction", _predicted, values), self.modes)
+        values = belief_values(belief) | self.time(dt)
+        return belief_of(self.computed("prediction", _predicted, values), self.modes)
 
     def predict_measurement(self, belief: AnyBelief, scan: Scan) -> PredictedMeasurement:
         """What the belief expects of a scan."""
-        values = taken_apart(belief) | of_sensor(scan)
+        values = belief_values(belief) | sensor_values(scan)
         return prediction_of(self.computed("expectation", _expected, values, scan), self.modes)
 
     def update(self, belief: AnyBelief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Any]:
         """The belief after a scan."""
-        values = taken_apart(belief) | of_scan(scan) | ({} if predicted is None else of_prediction(predicted))
+        values = belief_values(belief) | scan_values(scan) | ({} if predicted is None else prediction_values(predicted))
         return self._update_of(self.computed("update", _updated, values, scan))
 
     def step(self, belief: AnyBelief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Any]:
         """The belief after a scan that was taken ``dt`` seconds later; see :class:`trackbench.filters.Step`."""
-        values = taken_apart(belief, without=REUSED) | self.time(dt) | of_scan(scan)
+        values = belief_values(belief, without=REUSED) | self.time(dt) | scan_values(scan)
         result = self.computed("step", partial(_step, guard=guard), values, scan, guard)
         cartesian = Gaussian(result["cartesian"], result["cartesian covariance"])
         refused: Any = result.get("refused")
@@ -136,14 +136,14 @@ class FusedFilter:
             self._untraced.setdefault("smoothing", "several motion models are smoothed by NumPy")
             result: AnyBelief = self.filter.smooth(belief, later, dt)
             return result
-        values = taken_apart(belief, without=REUSED) | taken_apart(later, LATER, REUSED) | self.time(dt)
-        return put_together(self.computed("smoothing", _smoothed, values), 0)
+        values = belief_values(belief, without=REUSED) | belief_values(later, LATER, REUSED) | self.time(dt)
+        return belief_of(self.computed("smoothing", _smoothed, values), 0)
 
     def cartesian(self, belief: AnyBelief) -> Gaussian:
         """px, py, vx, vy under the belief."""
         if self._cartesian_state and isinstance(belief, Belief):
             return self.filter.cartesian(belief)
-        result = self.computed("cartesian", _cartesian, taken_apart(belief, without=REUSED))
+        result = self.computed("cartesian", _cartesian, belief_values(belief, without=REUSED))
         return Gaussian(result["cartesian"], result["cartesian covariance"])
 
     def time(self, dt: float) -> dict[str, Any]:
@@ -154,7 +154,7 @@ class FusedFilter:
 
     def _update_of(self, result: Mapping[str, Array]) -> Update[Any]:
         return Update(
-            put_together(result, self.modes),
+            belief_of(result, self.modes),
             result["innovation"],
             result["innovation covariance"],
             result["whitened"],
@@ -163,17 +163,17 @@ class FusedFilter:
 
     def step_kernel(self, belief: AnyBelief, scan: Scan, guard: StepGuard | None) -> Kernel | None:
         """The kernel of steps from such a belief to such a scan, for a sequence of calls; None where there is none."""
-        values = taken_apart(belief, without=REUSED) | self.time(ANY_TIME) | of_scan(scan)
+        values = belief_values(belief, without=REUSED) | self.time(ANY_TIME) | scan_values(scan)
         return self._kernel(self._equations_of("step", partial(_step, guard=guard), values, scan, guard), values)
 
     def prediction_kernel(self, belief: AnyBelief) -> Kernel | None:
         """The kernel of predictions from such a belief, as above."""
-        values = taken_apart(belief, without=REUSED) | self.time(ANY_TIME)
+        values = belief_values(belief, without=REUSED) | self.time(ANY_TIME)
         return self._kernel(self._equations_of("prediction", _predicted, values), values)
 
     def cartesian_kernel(self, belief: AnyBelief) -> Kernel | None:
         """The kernel of px, py, vx, vy under such a belief, as above."""
-        values = taken_apart(belief, without=REUSED)
+        values = belief_values(belief, without=REUSED)
         return self._kernel(self._equations_of("cartesian", _cartesian, values), values)
 
     def _kernel(self, equations: Equations, values: Mapping[str, Any]) -> Kernel | None:
@@ -234,10 +234,10 @@ class FusedFilter:
         place = name, sensors, named, made_for, tuple(values)
         if place in self._equations:
             return self._equations[place]
-        inputs = {item: rank(item) for item in values}
+        inputs = {item: component_axes(item) for item in values}
         symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
         counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
-        title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
+        title = f"{name} by {_filter_in_words(self.filter)}{f' from a {kind}' if kind else ''}"
 
         def any_filter(values: Values) -> Values:
             call_scan = scan_placeholder(kind, named) if is_traced(values) else self._scan
@@ -262,7 +262,7 @@ def kernels() -> Kernels:
     return Kernels()
 
 
-def fused(filter: Filter[Any]) -> FusedFilter:
+def fused_filter(filter: Filter[Any]) -> FusedFilter:
     """A filter by the kernels of this process."""
     return FusedFilter(filter, kernels())
 
@@ -285,7 +285,7 @@ class CheckedFilter:
         self._kernels, self._checked = kernels, FusedFilter(filter, kernels)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return checked, (self.filter,)
+        return checked_filter, (self.filter,)
 
     @property
     def used(self) -> EngineUsed:
@@ -317,19 +317,19 @@ def checks() -> Kernels:
     return Kernels(compiles=False)
 
 
-def checked(filter: Filter[Any]) -> CheckedFilter:
+def checked_filter(filter: Filter[Any]) -> CheckedFilter:
     """A filter by NumPy, with a check of its models."""
     return CheckedFilter(filter, checks())
 
 
-def describe(filter: Filter[Any]) -> str:
+def _filter_in_words(filter: Filter[Any]) -> str:
     """A filter with its motion models, by the names of their classes."""
     return f"{type(filter).__name__} with {', '.join(type(motion).__name__ for motion in filter.motions)}"
 
 
-def prediction(call: FilterCall, values: Values) -> AnyBelief:
+def predicted_belief(call: FilterCall, values: Values) -> AnyBelief:
     """The belief after the time among the values."""
-    belief = put_together(values, call.modes)
+    belief = belief_of(values, call.modes)
     # Where no time passes, modes are not mixed: that one of them is not finite is then nothing to the others.
     if call.modes and (is_traced(values) or values["dt"] > 0.0):
         result: AnyBelief = call.filter.predict_by(belief, values["dt"], values["chain"])
@@ -339,22 +339,22 @@ def prediction(call: FilterCall, values: Values) -> AnyBelief:
 
 
 def _predicted(call: FilterCall, values: Values) -> Values:
-    return taken_apart(prediction(call, values))
+    return belief_values(predicted_belief(call, values))
 
 
 def _expected(call: FilterCall, values: Values) -> Values:
-    belief = put_together(values, call.modes)
-    return of_prediction(call.filter.predict_measurement(belief, any_scan(values, call.scan)))
+    belief = belief_of(values, call.modes)
+    return prediction_values(call.filter.predict_measurement(belief, any_scan(values, call.scan)))
 
 
 def _updated(call: FilterCall, values: Values) -> Values:
-    belief = put_together(values, call.modes)
+    belief = belief_of(values, call.modes)
     expected = prediction_of(values, call.modes) if "expected" in values else None
     return _update_values(call.filter.update(belief, scan_of(values, call.scan), expected))
 
 
 def _step(call: FilterCall, values: Values, guard: StepGuard | None) -> Values:
-    predicted = prediction(call, values)
+    predicted = predicted_belief(call, values)
     update = call.filter.update(predicted, scan_of(values, call.scan))
     result = {**_update_values(update), **_cartesian_values(call.filter.cartesian(update.belief))}
     # The next step makes what can be reused again, which is quicker than to write and read it.
@@ -363,12 +363,12 @@ def _step(call: FilterCall, values: Values, guard: StepGuard | None) -> Values:
 
 
 def _smoothed(call: FilterCall, values: Values) -> Values:
-    belief, later = put_together(values, 0), put_together(values, 0, LATER)
-    return taken_apart(call.filter.smooth(belief, later, values["dt"]))
+    belief, later = belief_of(values, 0), belief_of(values, 0, LATER)
+    return belief_values(call.filter.smooth(belief, later, values["dt"]))
 
 
 def _cartesian(call: FilterCall, values: Values) -> Values:
-    return _cartesian_values(call.filter.cartesian(put_together(values, call.modes)))
+    return _cartesian_values(call.filter.cartesian(belief_of(values, call.modes)))
 
 
 def _cartesian_values(cartesian: Gaussian) -> Values:
@@ -377,7 +377,7 @@ def _cartesian_values(cartesian: Gaussian) -> Values:
 
 def _update_values(update: Update[Any]) -> Values:
     return {
-        **taken_apart(update.belief),
+        **belief_values(update.belief),
         "innovation": update.innovation,
         "innovation covariance": update.innovation_covariance,
         "whitened": update.whitened_innovation,

@@ -268,7 +268,7 @@ def _number(node: Node) -> float | None:
     return node.value if node.constant and isinstance(node.value, float) else None
 
 
-def fused(graph: Graph, roots: Sequence[Node]) -> list[Node]:
+def with_fused_sums(graph: Graph, roots: Sequence[Node]) -> list[Node]:
     """The same nodes, each sum with a product that nothing else needs as one operation, rounded once: ``fma(a, b, c)``
     is ``a b + c``. Which sums these are does not depend on what is the same for all members."""
     steps = list(ordered(roots))

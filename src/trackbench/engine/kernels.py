@@ -19,7 +19,7 @@ from trackbench.engine import vector_code
 from trackbench.engine.constants import CHANGES
 from trackbench.engine.equations import Equations, Values, batch_of, by_numpy, by_numpy_alone
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
-from trackbench.engine.layout import Input, KernelLayout, packed, source_key, unpacked
+from trackbench.engine.layout import Input, KernelLayout, pack_kernel, source_key, unpack_kernel
 from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
 from trackbench.engine.user_equations import MEMBERS, MEMBERS_AT_FIRST, Comparisons, changes_itself, user_sources
@@ -208,7 +208,7 @@ class Kernels:
             return None
         own = source_key(equations, inputs)
         data = own and self._kept.find(self._key(own))
-        kept = unpacked(data) if data else None
+        kept = unpack_kernel(data) if data else None
         if kept is None:
             try:
                 kept = self._traced(equations, inputs, own)
@@ -236,11 +236,11 @@ class Kernels:
             for source in user_sources(equations.key):
                 stack.enter_context(source.kept())
             traced = trace(equations, inputs)
-        text = vector_code.function(FUNCTION, traced.layout, traced.outputs, traced.guard)
+        text = vector_code.kernel_text(FUNCTION, traced.layout, traced.outputs, traced.guard)
         if not own:
             return traced.layout, self._code(text)
         code = self._processor.object_code(text)
-        self._kept.put(self._key(own), packed(traced.layout, code))
+        self._kept.put(self._key(own), pack_kernel(traced.layout, code))
         return traced.layout, code
 
     def _code(self, text: str) -> bytes:

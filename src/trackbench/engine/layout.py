@@ -133,12 +133,12 @@ def _key_text(value: Hashable) -> str | None:
     return None if own is None or "object at 0x" in repr(value) else repr(value)
 
 
-def packed(layout: KernelLayout, code: bytes) -> bytes:
+def pack_kernel(layout: KernelLayout, code: bytes) -> bytes:
     """A layout and its code as one."""
     return json.dumps(layout).encode() + b"\n" + code
 
 
-def unpacked(data: bytes) -> tuple[KernelLayout, bytes] | None:
+def unpack_kernel(data: bytes) -> tuple[KernelLayout, bytes] | None:
     """What ``packed`` made; None of anything else."""
     head, _, code = data.partition(b"\n")
     try:

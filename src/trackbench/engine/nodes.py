@@ -32,7 +32,7 @@ def nodes_of(graph: Graph, value: Any) -> Nodes:
     if isinstance(value, np.ndarray) and value.dtype == object:
         return value
     if isinstance(value, list | tuple):
-        return np.stack(alike(graph, value)) if value else np.empty(0, dtype=object)
+        return np.stack(nodes_of_one_kind(graph, value)) if value else np.empty(0, dtype=object)
     array = np.asarray(value)
     if array.dtype == bool:
         return _filled([graph.constant(bool(entry)) for entry in array.flat], array.shape)
@@ -62,7 +62,7 @@ def cast(graph: Graph, nodes: Nodes, boolean: bool) -> Nodes:
     return _filled(entries, nodes.shape)
 
 
-def alike(graph: Graph, values: Sequence[Any]) -> list[Nodes]:
+def nodes_of_one_kind(graph: Graph, values: Sequence[Any]) -> list[Nodes]:
     """Several arrays as nodes of one kind: truth values where all are."""
     arrays = [nodes_of(graph, value) for value in values]
     boolean = all(is_boolean(array) for array in arrays)
@@ -80,9 +80,9 @@ def elementwise(graph: Graph, op: str, *values: Any) -> Nodes:
         if not all(is_boolean(array) for array in arrays if array.size):
             graph.refuse(f"a logical operation ({op}) on numbers")
     elif op == "where":
-        arrays = [cast(graph, nodes_of(graph, values[0]), True), *alike(graph, values[1:])]
+        arrays = [cast(graph, nodes_of(graph, values[0]), True), *nodes_of_one_kind(graph, values[1:])]
     else:
-        arrays = alike(graph, values)
+        arrays = nodes_of_one_kind(graph, values)
         if any(is_boolean(array) for array in arrays):
             if op in OF_TRUTH_VALUES:
                 op = OF_TRUTH_VALUES[op]
@@ -118,7 +118,7 @@ def einsum(graph: Graph, spec: str, *values: Any) -> Nodes:
         graph.refuse("numpy.einsum without ->")
     inputs, _, wanted = spec.replace(" ", "").partition("->")
     names = inputs.split(",")
-    arrays = alike(graph, values)
+    arrays = nodes_of_one_kind(graph, values)
     if any(is_boolean(array) for array in arrays):
         graph.refuse("numpy.einsum of truth values alone")
     spread = [_ellipsis_last(of, array) for of, array in zip(names, arrays, strict=True)]

@@ -11,7 +11,6 @@ import numpy as np
 from trackbench.engine.graph import Graph, Node
 from trackbench.engine.nodes import (
     Nodes,
-    alike,
     cast,
     einsum,
     elementwise,
@@ -19,6 +18,7 @@ from trackbench.engine.nodes import (
     folded,
     is_boolean,
     nodes_of,
+    nodes_of_one_kind,
     power,
 )
 
@@ -182,10 +182,10 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.einsum: einsum,
     np.where: _where,
     np.clip: _clip,
-    np.concatenate: _moved(np.concatenate, alike),
-    np.stack: _moved(np.stack, alike),
-    np.vstack: _moved(np.vstack, alike),
-    np.hstack: _moved(np.hstack, alike),
+    np.concatenate: _moved(np.concatenate, nodes_of_one_kind),
+    np.stack: _moved(np.stack, nodes_of_one_kind),
+    np.vstack: _moved(np.vstack, nodes_of_one_kind),
+    np.hstack: _moved(np.hstack, nodes_of_one_kind),
     np.broadcast_arrays: lambda graph, *values: np.broadcast_arrays(*(nodes_of(graph, value) for value in values)),
     np.broadcast_to: _moved(np.broadcast_to),
     np.swapaxes: _moved(np.swapaxes),

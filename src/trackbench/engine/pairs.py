@@ -49,7 +49,7 @@ class PairSearch:
         own = {*first, *second}
         inputs = [Input(name, shape, int(name in own), "d", name in first) for name, shape in shapes.items()]
         result = trace(equations, inputs)
-        text = function(FUNCTION, result.layout, result.outputs[0])
+        text = _search_text(FUNCTION, result.layout, result.outputs[0])
         self._inputs = [(item.name, item.name in second) for item in result.layout.inputs]
         self._code = kernels.code(text, len(self._inputs) + 4)
         self._memory = _Memory()
@@ -82,7 +82,7 @@ def _given(value: Any, padded: bool) -> Array:
     return np.pad(result, [(0, 0)] * (result.ndim - 1) + [(0, WIDTH - result.shape[-1])]) if padded else result
 
 
-def function(name: str, layout: KernelLayout, condition: Node) -> str:
+def _search_text(name: str, layout: KernelLayout, condition: Node) -> str:
     """The text of a function of the sizes of both batches, of the inputs, and of the arrays that name the pairs.
 
     Behind the inputs come the group of each of the first batch, the bounds of the groups in the second, and where the

@@ -108,7 +108,7 @@ def _code(kernels: Kernels) -> MachineCode:
     return kernels.code(TEXT, 2)
 
 
-def summed(sums: Array) -> Array:
+def total_of_vectors(sums: Array) -> Array:
     """``(...)`` the totals of vectors of sums ``(..., WIDTH)``, always in the same order."""
     total: Array = sums[..., 0].copy()
     for lane in range(1, WIDTH):

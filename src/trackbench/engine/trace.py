@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.engine.arithmetic import lowered
 from trackbench.engine.equations import Equations
-from trackbench.engine.graph import Graph, Node, Untraceable, fused, ordered
+from trackbench.engine.graph import Graph, Node, Untraceable, ordered, with_fused_sums
 from trackbench.engine.layout import Input, KernelLayout, Output
 from trackbench.engine.nodes import Nodes, is_boolean
 from trackbench.engine.symbols import Symbol, nodes_of_output
@@ -19,7 +19,7 @@ from trackbench.engine.user_equations import user_sources
 CARRYING = frozenset({"add", "sub", "mul", "neg", "abs", "sqrt", "floor", "ceil", "rint", "copysign", "div"})
 
 
-def conditions(
+def _finite_conditions(
     graph: Graph, counted: Mapping[str, str], outputs: Mapping[str, Sequence[Node]], dropped: Iterable[Node]
 ) -> list[Node]:
     """Conditions that all outputs, and what was left out, are finite.
@@ -165,8 +165,8 @@ def _lowered(graph: Graph, equations: Equations, inputs: Sequence[Input], result
         if same[name] == name
     ]
     outputs = [node for output in own for node in parts[output.name]]
-    guard = graph.joined([*graph.guards, *conditions(graph, equations.counted, parts, dropped)])
-    *outputs, guard = fused(graph, [*outputs, guard])
+    guard = graph.joined([*graph.guards, *_finite_conditions(graph, equations.counted, parts, dropped)])
+    *outputs, guard = with_fused_sums(graph, [*outputs, guard])
     used = {node.value[0] for node in ordered([*outputs, guard]) if isinstance(node.value, tuple)}
     others = {name: other for name, other in same.items() if name != other}
     layout = KernelLayout(tuple(item for item in inputs if item.name in used), tuple(own), others)

@@ -30,7 +30,7 @@ FRACTION_BITS, BIAS = 52, 1023
 Place = tuple[str, str]
 
 
-def function(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: Node) -> str:
+def kernel_text(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: Node) -> str:
     """The text of two functions, ``name`` and ``name.part``.
 
     ``name.part`` computes the members from a first to before an end, at least ``WIDTH``: the last vector may overlap

@@ -14,9 +14,9 @@ from trackbench.filters.base import (
     bare,
     choose,
     concatenated,
-    placed,
     select,
     selected_prediction,
+    with_members,
 )
 from trackbench.filters.error_states import ErrorState, MotionWithErrors
 from trackbench.filters.imm import InteractingMultipleModel
@@ -27,8 +27,8 @@ from trackbench.filters.kalman import (
     KalmanFilter,
     SigmaPointFilter,
     SymmetricSet,
-    classic,
-    scaled,
+    classic_points,
+    scaled_points,
 )
 
 __all__ = [
@@ -53,10 +53,10 @@ __all__ = [
     "Update",
     "bare",
     "choose",
-    "classic",
+    "classic_points",
     "concatenated",
-    "placed",
-    "scaled",
+    "scaled_points",
     "select",
     "selected_prediction",
+    "with_members",
 ]

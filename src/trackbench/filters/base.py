@@ -324,7 +324,7 @@ def either(a: Mask | None, b: Mask | None) -> Mask | None:
     return a | b
 
 
-def mapped(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
+def _mapped_belief(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
     """What a function makes of the mean, of the covariance and of the mode probabilities of beliefs of one filter.
 
     What a filter could reuse is left out.
@@ -333,21 +333,21 @@ def mapped(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
         singles = [belief for belief in beliefs if isinstance(belief, Belief)]
         return Belief(function(*(part.mean for part in singles)), function(*(part.covariance for part in singles)))
     several = [belief for belief in beliefs if isinstance(belief, MultiModelBelief)]
-    modes = [mapped(function, *each) for each in zip(*(part.modes for part in several), strict=True)]
+    modes = [_mapped_belief(function, *each) for each in zip(*(part.modes for part in several), strict=True)]
     probability = function(*(part.probability for part in several))
     return MultiModelBelief(probability, tuple(mode for mode in modes if isinstance(mode, Belief)))
 
 
 def bare(belief: AnyBelief) -> AnyBelief:
     """Without what it can be computed from."""
-    return mapped(lambda values: values, belief)
+    return _mapped_belief(lambda values: values, belief)
 
 
 def select(belief: AnyBelief, which: Mask | Indices) -> AnyBelief:
     """Some members of the last batch axis."""
     index = indices(which) if which.dtype == bool else which
     # An index in brackets is slower, and leaves an array whose batch axis no longer comes last in memory.
-    return mapped(lambda values: values.take(index, axis=-1), belief)
+    return _mapped_belief(lambda values: values.take(index, axis=-1), belief)
 
 
 def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> PredictedMeasurement:
@@ -359,10 +359,10 @@ def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> Pred
 
 def concatenated(first: AnyBelief, second: AnyBelief) -> AnyBelief:
     """Along the last batch axis."""
-    return mapped(lambda a, b: np.concatenate([a, b], axis=-1), first, second)
+    return _mapped_belief(lambda a, b: np.concatenate([a, b], axis=-1), first, second)
 
 
-def placed(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBelief:
+def with_members(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBelief:
     """The belief with some members of the last batch axis in place of its own."""
 
     def put(values: Array, others: Array) -> Array:
@@ -370,7 +370,7 @@ def placed(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBelief:
         result[..., where] = others
         return result
 
-    return mapped(put, belief, members)
+    return _mapped_belief(put, belief, members)
 
 
 def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:

@@ -175,7 +175,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
 
     def _predicted(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
         modes = [filter.predict(mode, dt) for filter, mode in zip(self.filters, belief.modes, strict=True)]
-        return joined(belief.probability, modes, belief.repaired)
+        return _joined_modes(belief.probability, modes, belief.repaired)
 
     def measured(self, scan: Scan) -> Measured:
         """The measurements of a scan in the space in which the filters compare them with their predictions."""
@@ -208,7 +208,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
             log_likelihood = np.where(scan.valid, log_likelihood, 0.0)
             parts = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in parts]
         probability, mixture = normalised(np.log(belief.probability) + log_likelihood)
-        after = joined(probability, [update.belief for update in updates], belief.repaired)
+        after = _joined_modes(probability, [update.belief for update in updates], belief.repaired)
         innovation, covariance = moment_matched(belief.probability, parts, self.measured(scan).angular)
         s = linalg.ensure_definite(covariance)
         return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor, mixture)
@@ -241,7 +241,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         joint = np.maximum(joint, LEAST)
         probability = joint.sum(axis=1)
         modes = [self._parted(belief, i, joint[i] / probability[i], parts[i]) for i in range(size)]
-        return joined(probability / probability.sum(axis=0), modes, repaired)
+        return _joined_modes(probability / probability.sum(axis=0), modes, repaired)
 
     def _parted(self, belief: MultiModelBelief, mode: int, weights: Array, parts: Sequence[Gaussian]) -> Belief:
         """A mode before an interval, of the parts that go over to each mode, which are in the states of these."""
@@ -293,7 +293,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return [to, *(i for i in range(len(self.filters)) if i != to)]
 
 
-def joined(probability: Array, modes: Sequence[Belief], repaired: Mask | None) -> MultiModelBelief:
+def _joined_modes(probability: Array, modes: Sequence[Belief], repaired: Mask | None) -> MultiModelBelief:
     """The modes as one belief, which has the marks of theirs."""
     for mode in modes:
         repaired = either(repaired, mode.repaired)

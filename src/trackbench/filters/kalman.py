@@ -23,7 +23,7 @@ from trackbench.filters.base import (
     square_root,
     wrap_components,
 )
-from trackbench.models.motion import MotionModel, process_noise
+from trackbench.models.motion import MotionModel, process_noise_covariance
 from trackbench.models.motion.base import scaled_noise_gain
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 
@@ -32,7 +32,7 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
     """Transition and process noise of a linear model, which are the same for every state."""
     anywhere = np.zeros(len(motion.components))
-    return motion.jacobian(anywhere, dt), process_noise(motion, anywhere, dt)
+    return motion.jacobian(anywhere, dt), process_noise_covariance(motion, anywhere, dt)
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class LinearisedFilter(SingleModelFilter):
         if motion.linear and not motion.batched and isinstance(dt, float):
             f, q = _constant(motion, dt)
         else:
-            f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
+            f, q = motion.jacobian(x, dt), process_noise_covariance(motion, x, dt)
         mean = wrap_components(motion.transition(x, dt), motion.angular)
         return Belief(mean, linalg.rounded_up(linalg.quadratic(f, p) + linalg.expand(q, p)))
 
@@ -179,12 +179,12 @@ class SymmetricSet:
         return np.sqrt(scaled), centre, centre + 1.0 - self.alpha**2 + self.beta, 0.5 / scaled
 
 
-def scaled(alpha: float, beta: float, kappa: float) -> SymmetricSet:
+def scaled_points(alpha: float, beta: float, kappa: float) -> SymmetricSet:
     """Scaled sigma points. Source: Julier (2002), "The scaled unscented transformation"."""
     return SymmetricSet(alpha, beta, kappa)
 
 
-def classic(kappa: float | None) -> SymmetricSet:
+def classic_points(kappa: float | None) -> SymmetricSet:
     """The original sigma points. Source: Julier and Uhlmann (1997), equations 11 and 12."""
     return SymmetricSet(1.0, 0.0, kappa)
 
@@ -219,7 +219,7 @@ class SigmaPointFilter(SingleModelFilter):
         deviations -= shift[:, None]
         covariance = _weighted(deviations, deviations, centre_weight, weight)
         if not noises:
-            covariance += linalg.expand(process_noise(motion, belief.mean, dt), covariance)
+            covariance += linalg.expand(process_noise_covariance(motion, belief.mean, dt), covariance)
         mean = wrap_components(moved[:, 0] + shift, motion.angular)
         return Belief(mean, linalg.rounded_up(covariance), points=moved if noises else None, repaired=belief.repaired)
 

@@ -133,7 +133,7 @@ class Innovations:
         """Sum what waits by one sequence of calls; whether it could be done."""
         if self._kernels is None:
             return False
-        from trackbench.engine.sequences import ArrayPlace, CallSequence, place, summed
+        from trackbench.engine.sequences import ArrayPlace, CallSequence, place, total_of_vectors
         from trackbench.engine.vector_code import WIDTH
 
         inputs = (
@@ -166,9 +166,9 @@ class Innovations:
         sequence.call(kernel, at, inputs_at, outputs_at)
         if not sequence.run() or not bounded.all():
             return False
-        self._per_step[:, self._measurement : self._measurement + count] = summed(per_step)
+        self._per_step[:, self._measurement : self._measurement + count] = total_of_vectors(per_step)
         self._per_run += per_run
-        self._lags += summed(lags)[:, ::-1]
+        self._lags += total_of_vectors(lags)[:, ::-1]
         return True
 
     def _sum(self, here: slice) -> None:

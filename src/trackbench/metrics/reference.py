@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.layout import Input
 from trackbench.engine.vector_code import WIDTH
-from trackbench.models.motion import ConstantVelocity, process_noise
+from trackbench.models.motion import ConstantVelocity, process_noise_covariance
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
 
@@ -194,7 +194,7 @@ def _motion(motion: ConstantVelocity, times: Array) -> Array:
     nowhere, q = np.zeros(4), np.zeros((4, 4))
     for dt in map(float, np.diff(times)):
         step = motion.jacobian(nowhere, dt)
-        q = step @ q @ step.T + process_noise(motion, nowhere, dt)
+        q = step @ q @ step.T + process_noise_covariance(motion, nowhere, dt)
     return np.array([times[-1] - times[0], q[0, 0], q[0, 2], q[2, 2]])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.layout import Input
-from trackbench.engine.sequences import ArrayPlace, CallSequence, place, summed
+from trackbench.engine.sequences import ArrayPlace, CallSequence, place, total_of_vectors
 from trackbench.engine.vector_code import WIDTH
 from trackbench.metrics.consistency import BEYOND
 from trackbench.metrics.errors import SCORES
@@ -83,7 +83,7 @@ class ScoreSequence:
     @property
     def per_step(self) -> Array:
         """``(17, instants)`` sums, rows ``ERROR_FIELDS``."""
-        return summed(self._per_step)
+        return total_of_vectors(self._per_step)
 
     @property
     def squares(self) -> Array:

@@ -18,7 +18,7 @@ from trackbench.base.streams import stream
 from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
 from trackbench.driving.processes import take_unshown
 from trackbench.engine.choice import draw_comparisons
-from trackbench.engine.equations import EngineUsed, joined
+from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics.breakdown import sum_classes
 from trackbench.results import Failure
 from trackbench.runner.filed_run import FiledRun
@@ -327,7 +327,7 @@ class PendingBlocks:
         before: dict[str, EngineUsed] = {}
         for block in blocks:
             for name, used in block.engines.items():
-                before[name] = joined([before.get(name, used), used]) or used
+                before[name] = joined_engines([before.get(name, used), used]) or used
         if any(used.invalid for used in before.values()):
             # Blocks of many runs are large.
             blocks.clear()
@@ -336,7 +336,7 @@ class PendingBlocks:
             for block in blocks:
                 for name, used in block.engines.items():
                     first = before.get(name, used)._replace(engine="numpy", again=0, invalid=False)
-                    block.engines[name] = joined([first, used]) or used
+                    block.engines[name] = joined_engines([first, used]) or used
         return blocks
 
     def _advance(self, done: float, _: float) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, Indices, Mask, Scan
-from trackbench.engine.beliefs import REUSED, put_together, rank, taken_apart
+from trackbench.engine.beliefs import REUSED, belief_of, belief_values, component_axes
 from trackbench.engine.filters import FusedFilter, kernels
 from trackbench.engine.sequences import Addresses, ArrayPlace, CallSequence, place, place_of_each
 from trackbench.engine.vector_code import WIDTH
@@ -118,7 +118,7 @@ class FilterSequence:
         # The slot that each step reads, and that of its estimate: of the state, or of predictions that are not kept.
         self._from = np.cumsum(advances) - advances
         self._to = np.where(self._of_state, self._from + advances, np.cumsum(others) - 1)
-        belief = taken_apart(state.belief._replace(repaired=None), without=REUSED)
+        belief = belief_values(state.belief._replace(repaired=None), without=REUSED)
         self._own = {name: self._slots(name, value.shape[:-1], 1 + advances.sum()) for name, value in belief.items()}
         for name, value in belief.items():
             self._own[name][..., 0, :, :] = value.reshape(*value.shape[:-1], *shape)[..., runs.start : runs.stop]
@@ -224,11 +224,11 @@ class FilterSequence:
         return self._outputs(arrays, slots) | constants
 
     def _outputs(self, arrays: dict[str, Array], slots: Indices) -> dict[str, ArrayPlace]:
-        return {name: place(array, rank(name), slots % array.shape[-3]) for name, array in arrays.items()}
+        return {name: place(array, component_axes(name), slots % array.shape[-3]) for name, array in arrays.items()}
 
     def _time(self, numbers: Indices) -> dict[str, ArrayPlace]:
         times = [self._filter.time(self._steps[number].elapsed) for number in numbers]
-        return {name: self._of_all([time[name] for time in times], rank(name)) for name in times[0]}
+        return {name: self._of_all([time[name] for time in times], component_axes(name)) for name in times[0]}
 
     def _cartesian_places(self, numbers: Indices) -> dict[str, ArrayPlace]:
         slots = numbers if self._keeps else np.zeros_like(numbers)
@@ -282,7 +282,7 @@ class FilterSequence:
         if not steps:
             return before
         slots = {name: Slot(array, len(steps) % array.shape[-3]) for name, array in self._own.items()}
-        belief = put_together({name: slot.value.copy() for name, slot in slots.items()}, self._filter.modes)
+        belief = belief_of({name: slot.value.copy() for name, slot in slots.items()}, self._filter.modes)
         # Of tracks that have not started nothing is predicted.
         return before._replace(time=steps[-1].scan.time, belief=choose(before.started, belief, before.belief))
 

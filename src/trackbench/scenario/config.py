@@ -21,7 +21,7 @@ from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
 from trackbench.scenario.worlds import MEANING, World
-from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, kind_of
+from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, entry_kind
 from trackbench.truth import TRUTH_SOURCES, TruthSource
 from trackbench.truth.config.traffic import TracksConfig
 
@@ -214,7 +214,7 @@ class RecordingConfig(Config):
 
 def _entry_kind(value: Any) -> str | None:
     filed = isinstance(value, dict) and "filter" not in value and value.get("use") == "tracks"
-    return "<tracks>" if filed or isinstance(value, TracksConfig) else kind_of(value)
+    return "<tracks>" if filed or isinstance(value, TracksConfig) else entry_kind(value)
 
 
 #: What a scenario says of a tracker.

@@ -35,7 +35,15 @@ from trackbench.testing.rules import (
     require_identities,
     require_state_kept,
 )
-from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked, is_random
+from trackbench.trackers.answers import (
+    GIVEN_UP,
+    NOT_DEFINITE,
+    NOT_FINITE,
+    Tracker,
+    TrackerFault,
+    checked_estimate,
+    is_random,
+)
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.library import maker
 
@@ -177,7 +185,7 @@ def _usual(**changes: Any) -> list[Scan]:
 
 def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Estimate | None]:
     """What a fresh tracker says of a drive, each answer of the right form, finite and definite."""
-    tracker = Stateful(make(), checked)
+    tracker = Stateful(make(), checked_estimate)
     batched, begun = tracker.batched, False
     for scan in dropwhile(lambda scan: not scan.valid, scans):
         estimate = tracker.step(batched_scan([scan]) if batched else scan)
@@ -260,7 +268,7 @@ def _batch_is_loop(make: Make) -> None:
         return
     missed: list[Sequence[int]] = [[0], [0, 9, 10], range(15)]
     targets = [_usual(target=target, missed=numbers) for target, numbers in enumerate(missed)]
-    tracker, batch = Stateful(make(), checked), []
+    tracker, batch = Stateful(make(), checked_estimate), []
     for scans in zip(*targets, strict=True):
         estimate = tracker.step(batched_scan(scans))
         batch.append(np.full((4, 3), np.nan) if estimate is None else estimate.mean)
@@ -285,7 +293,9 @@ RULES: dict[str, Callable[[Make], object]] = {
 #: Those that compare two answers to the same.
 REPEATING: dict[str, Callable[[Make], object]] = {
     "gives the same estimates every time": _is_deterministic,
-    STATE_KEPT: lambda make: require_state_kept(make(), _usual()[:40], checked, "estimate", "another estimate"),
+    STATE_KEPT: lambda make: require_state_kept(
+        make(), _usual()[:40], checked_estimate, "estimate", "another estimate"
+    ),
     "does not disturb another tracker": _stands_alone,
     "gives a batch the same estimates as single targets (if batched)": _batch_is_loop,
 }

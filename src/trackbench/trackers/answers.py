@@ -71,13 +71,13 @@ def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:
     return answer
 
 
-def checked(answer: Any, scan: Scan) -> Estimate | None:
+def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
     """An estimate of the right shapes, its covariance symmetric.
 
     Raises:
         TrackerFault: it is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
     """
-    estimate = shaped(answer, scan)
+    estimate = shaped_estimate(answer, scan)
     if estimate is None:
         return None
     _require_symmetric(estimate.covariance)
@@ -93,7 +93,7 @@ def _require_symmetric(covariance: Array) -> None:
         raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
 
 
-def shaped(answer: Any, scan: Scan) -> Estimate | None:
+def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
     """An estimate of the right shapes.
 
     Raises:
@@ -106,17 +106,17 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
             raise TrackerFault(f"step must return (state, (mean, covariance)), not (state, {described(answer)})")
         answer = Estimate(*answer)
     batch = np.shape(scan.valid)
-    mean = array_of("mean", answer.mean, (4, *batch))
-    covariance = array_of("covariance", answer.covariance, (4, 4, *batch))
+    mean = _shaped_array("mean", answer.mean, (4, *batch))
+    covariance = _shaped_array("covariance", answer.covariance, (4, 4, *batch))
     innovation, innovation_covariance = answer.innovation, answer.innovation_covariance
     if innovation is not None and innovation_covariance is not None:
         size = len(np.atleast_1d(innovation))
-        innovation = array_of("innovation", innovation, (size, *batch))
-        innovation_covariance = array_of("innovation covariance", innovation_covariance, (size, size, *batch))
+        innovation = _shaped_array("innovation", innovation, (size, *batch))
+        innovation_covariance = _shaped_array("innovation covariance", innovation_covariance, (size, size, *batch))
     probabilities = answer.mode_probabilities
     if probabilities is not None:
         size = len(np.atleast_1d(probabilities))
-        probabilities = array_of("array of mode probabilities", probabilities, (size, *batch))
+        probabilities = _shaped_array("array of mode probabilities", probabilities, (size, *batch))
         there = np.isfinite(mean[0])
         total = np.where(there, probabilities.sum(axis=0), 1.0)
         if np.any(there & (probabilities < 0.0)) or not np.all(np.abs(total - 1.0) < PROBABILITY_ROUNDING):
@@ -164,8 +164,8 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
         raise TrackerFault(f"the ids have the shape {ids.shape}, where {('K', *runs)} is needed".replace("'K'", "K"))
     shape = ids.shape
     _require_as_many(ids, tracks)
-    mean = array_of("mean", tracks.mean, (4, *shape))
-    covariance = array_of("covariance", tracks.covariance, (4, 4, *shape))
+    mean = _shaped_array("mean", tracks.mean, (4, *shape))
+    covariance = _shaped_array("covariance", tracks.covariance, (4, 4, *shape))
     there = ids != NO_TRACK
     # Only tracks of several runs are padded.
     if np.any(ids < (NO_TRACK if runs else 0)):
@@ -175,7 +175,7 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
     if np.any(twice):
         raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
     require_covariances(ids[there], mean[:, there], covariance[:, :, there])
-    existence = None if tracks.existence is None else array_of("existence", tracks.existence, shape)
+    existence = None if tracks.existence is None else _shaped_array("existence", tracks.existence, shape)
     if existence is not None:
         stated = existence[there]
         wrong = ~((stated >= 0) & (stated <= 1))
@@ -231,7 +231,7 @@ def require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
         raise TrackerFault(f"{NOT_DEFINITE}: that of track {ids[wrong]} has the eigenvalue {smallest:.3g}")
 
 
-def array_of(what: str, value: Any, shape: tuple[int, ...]) -> Array:
+def _shaped_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
     """An array of numbers of this shape; NaN where a masked array has none."""
     try:
         if np.iscomplexobj(value):

@@ -159,11 +159,11 @@ def measured_distance(scan: Scan) -> Array:
     if "range" in model.components:
         away = np.maximum(scan.measurement[model.components.index("range")], NEAREST)
     else:
-        away = distance(model.position(scan).mean, scan)
+        away = distance_from_sensor(model.position(scan).mean, scan)
     return np.where(scan.valid, away, NEAREST)
 
 
-def distance(position: Array, scan: Scan) -> Array:
+def distance_from_sensor(position: Array, scan: Scan) -> Array:
     """``(...)`` of positions ``(2, ...)`` from the sensor, m."""
     x, y = position - linalg.expand(scan.sensor_pose[:2], position)
     away: Array = np.maximum(np.hypot(x, y), NEAREST)

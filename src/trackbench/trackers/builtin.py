@@ -17,8 +17,8 @@ from trackbench.filters import (
     MotionWithErrors,
     SigmaPointFilter,
     SingleModelFilter,
-    classic,
-    scaled,
+    classic_points,
+    scaled_points,
 )
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.assume import error_states
@@ -83,7 +83,7 @@ def filter_with(config: FilterConfig, motion: MotionModel) -> SingleModelFilter:
             return SigmaPointFilter(motion, CUBATURE, augmented=False)
         case "ukf":
             if config.sigma_points == "classic":
-                rule = classic(config.kappa)
+                rule = classic_points(config.kappa)
             else:
-                rule = scaled(config.alpha, config.beta, config.kappa or 0.0)
+                rule = scaled_points(config.alpha, config.beta, config.kappa or 0.0)
             return SigmaPointFilter(motion, rule, config.augmented)

@@ -142,7 +142,7 @@ class FallbackFilter:
         lost = started & self.guard(belief)
         if fallback is not None:
             lost = lost & ~fallback.where
-        return added(fallback, lost, cartesian_moments(self.filter.motions, belief)) if np.any(lost) else fallback
+        return added(fallback, lost, _cartesian_moments(self.filter.motions, belief)) if np.any(lost) else fallback
 
     def updated(
         self, fallback: CartesianFallback, scan: Scan, update: Callable[[Scan], Update[Any]]
@@ -187,7 +187,7 @@ class FallbackFilter:
         return choose(fallback.where, own, belief)
 
 
-def cartesian_moments(motions: Sequence[MotionModel], belief: AnyBelief) -> Gaussian:
+def _cartesian_moments(motions: Sequence[MotionModel], belief: AnyBelief) -> Gaussian:
     """Mean and covariance of px, py, vx, vy, however little is known of the yaw."""
     modes, weights = _modes(belief)
     parts = [

@@ -371,7 +371,7 @@ def _unexpanded(sweep: object) -> Iterator[Problem]:
         yield Problem(("sweep",), "only an entry of a scenario's trackers has this key")
 
 
-def kind_of(value: Any) -> str | None:
+def entry_kind(value: Any) -> str | None:
     """The tag of an entry; None where it is neither or both."""
     if isinstance(value, FilterConfig | PluginConfig):
         return "<filter>" if isinstance(value, FilterConfig) else "<use>"
@@ -382,5 +382,5 @@ def kind_of(value: Any) -> str | None:
 NO_KIND = "write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both"
 AnyTracker = Annotated[
     Annotated[FilterConfig, Tag("<filter>")] | Annotated[PluginConfig, Tag("<use>")],
-    chosen_by(kind_of, NO_KIND),
+    chosen_by(entry_kind, NO_KIND),
 ]

@@ -169,7 +169,7 @@ def sigmas(config: InitialConfig) -> InitialSigmas:
     return assumed if config.yaw_sigma_rad is None else assumed._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
+def start_tracks(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
     """Start the tracks that a scan allows to start, from its measurement alone or with an earlier one.
 
     Args:

@@ -16,7 +16,7 @@ from trackbench.base.types import Array, Estimate, Scan, Tracks
 from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.foreign import Library
-from trackbench.trackers.published import check_options, create
+from trackbench.trackers.published import check_tracker_options, create
 
 ABI = 1
 NONE, ESTIMATE, TRACKS, FAILED = 0, 1, 2, -1
@@ -68,7 +68,7 @@ def maker(config: PluginConfig, folder: Path | None, several: bool = False) -> C
     """
     if not isinstance(config.use, Library):
         return create(config.reference, config.options, folder)
-    library = load(config.use, folder)
+    library = load_library(config.use, folder)
     make = partial(LibraryTracker, library, config.use.library, json.dumps(config.options), several)
     make()
     return make
@@ -81,12 +81,12 @@ def check_entry(config: PluginConfig, folder: Path | None) -> None:
         InputError: there is none, or the options are not those that it declares.
     """
     if isinstance(config.use, Library):
-        load(config.use, folder)
+        load_library(config.use, folder)
     else:
-        check_options(config.reference, config.options, folder)
+        check_tracker_options(config.reference, config.options, folder)
 
 
-def load(use: Library, folder: Path | None) -> ctypes.CDLL:
+def load_library(use: Library, folder: Path | None) -> ctypes.CDLL:
     """The library, with the types of its functions.
 
     Raises:

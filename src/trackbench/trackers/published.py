@@ -48,7 +48,7 @@ def options_of(factory: Factory) -> type[BaseModel] | None:
     return getattr(factory, "Options", None)
 
 
-def check_options(use: str, options: Mapping[str, Any], folder: Path | None = None) -> Factory:
+def check_tracker_options(use: str, options: Mapping[str, Any], folder: Path | None = None) -> Factory:
     """Find a tracker and hold its options against what it declares, or against its signature; it is not started.
 
     Raises:
@@ -92,7 +92,7 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
         InputError: the name does not resolve, the options do not fit, or what is made has no ``step``.
     """
     try:
-        factory = check_options(use, options, folder)
+        factory = check_tracker_options(use, options, folder)
     except InputErrors as errors:
         raise InputError(f"{use!r} does not start with these options: {'; '.join(map(str, errors.errors))}") from errors
     except InputError as error:

@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.base.units import difference
 from trackbench.filters import Belief, SingleModelFilter, Update
 from trackbench.filters.base import correct, guarded
-from trackbench.models.motion import MotionModel, process_noise
+from trackbench.models.motion import MotionModel, process_noise_covariance
 
 
 class Retrodiction(NamedTuple):
@@ -72,7 +72,7 @@ def _noise(motion: MotionModel, now: Belief, times: tuple[float, ...]) -> Array:
     noise = np.zeros_like(now.covariance)
     for start, end in pairwise(times):
         mean = motion.transition(now.mean, start - times[-1])
-        added = process_noise(motion, mean, end - start)
+        added = process_noise_covariance(motion, mean, end - start)
         f = linalg.expand(motion.jacobian(mean, end - start), noise)
         noise = linalg.quadratic(np.broadcast_to(f, noise.shape), noise) + linalg.expand(added, noise)
     return noise

@@ -25,7 +25,7 @@ from trackbench.filters import (
 )
 from trackbench.models.motion.base import YAW
 from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
-from trackbench.trackers.initial import InitialConfig, TentativeTrack, at_rest, sigmas, start
+from trackbench.trackers.initial import InitialConfig, TentativeTrack, at_rest, sigmas, start_tracks
 from trackbench.trackers.late import ProcessedScan
 from trackbench.trackers.retrodiction import Retrodiction, retrodicted
 
@@ -181,7 +181,7 @@ class TrackSteps:
         """The state with the tracks that start from the measurements of a scan."""
         if np.all(state.started):
             return state
-        begin = start(self.initial, scan, state.waiting)
+        begin = start_tracks(self.initial, scan, state.waiting)
         fresh, belief, fallback = begin.ready & ~state.started, state.belief, state.fallback
         if np.any(fresh):
             belief = choose(fresh, self.filter.begin(begin.state_of), belief)

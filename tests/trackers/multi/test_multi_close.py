@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Array, Scan
-from trackbench.trackers.multi.gate import RunDetections, close_pairs, side_by_side
+from trackbench.trackers.multi.gate import RunDetections, close_pairs, run_detections
 
 
 def scan_of(random: np.random.Generator, runs: int, most: int, decimals: int | None = None) -> Scan:
@@ -23,7 +23,7 @@ def scan_of(random: np.random.Generator, runs: int, most: int, decimals: int | N
 @pytest.mark.parametrize("runs", [1, 7])
 def test_detections_stand_by_run_and_value(runs: int, decimals: int | None) -> None:
     scan = scan_of(np.random.default_rng(runs), runs, 12, decimals)
-    found = side_by_side(scan, as_listed=False)
+    found = run_detections(scan, as_listed=False)
     at = 0
     for run in range(runs):
         count = int(scan.valid[:, run].sum())
@@ -40,14 +40,14 @@ def test_detections_stand_by_run_and_value(runs: int, decimals: int | None) -> N
 
 def test_detections_stand_as_listed_where_that_is_asked() -> None:
     scan = scan_of(np.random.default_rng(5), 6, 9)
-    found = side_by_side(scan, as_listed=True)
+    found = run_detections(scan, as_listed=True)
     expected = [scan.measurement[:, column, run] for run in range(6) for column in np.flatnonzero(scan.valid[:, run])]
     np.testing.assert_array_equal(found.scan.measurement.T, expected)
 
 
 def test_a_scan_may_have_no_detections() -> None:
     empty = scan_of(np.random.default_rng(0), 3, 0)
-    found = side_by_side(empty, as_listed=False)
+    found = run_detections(empty, as_listed=False)
     assert found.scan.measurement.shape == (2, 0)
     assert found.first.tolist() == [0, 0, 0, 0]
 
@@ -65,7 +65,7 @@ def one_by_one(mean: Array, reach: Array, run: Array, value: Array, detections: 
 def test_close_pairs_are_those_of_each_pair(seed: int) -> None:
     random = np.random.default_rng(seed)
     runs = int(random.integers(1, 6))
-    detections = side_by_side(scan_of(random, runs, 20, decimals=1), as_listed=bool(seed % 2))
+    detections = run_detections(scan_of(random, runs, 20, decimals=1), as_listed=bool(seed % 2))
     value = detections.scan.measurement[0]
     run = np.sort(random.integers(0, runs, 40))
     # Reaches that end at a detection, that hold all of them, and such as a track that is lost has.
@@ -77,7 +77,7 @@ def test_close_pairs_are_those_of_each_pair(seed: int) -> None:
 
 
 def test_angles_are_close_across_the_turn() -> None:
-    detections = side_by_side(scan_of(np.random.default_rng(0), 1, 2), as_listed=True)
+    detections = run_detections(scan_of(np.random.default_rng(0), 1, 2), as_listed=True)
     value, mean = np.array([3.1, -3.1]), np.array([3.13, -3.0])
     track, detection = close_pairs(mean, np.array([0.15, 0.15]), np.zeros(2, int), value, detections, angular=True)
     assert list(zip(track, detection, strict=True)) == [(0, 0), (0, 1), (1, 1)]

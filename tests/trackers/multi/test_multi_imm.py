@@ -16,7 +16,7 @@ from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi import build_multi
 from trackbench.trackers.multi.association import AssociationInput, weighed
-from trackbench.trackers.multi.gate import GatedPairs, side_by_side, under_modes
+from trackbench.trackers.multi.gate import GatedPairs, run_detections, under_modes
 from trackbench.trackers.multi.intensity import Intensity
 from trackbench.trackers.multi.table import PredictedTracks, TrackFilter
 
@@ -89,7 +89,7 @@ def test_one_track_and_two_detections_are_weighed_by_total_probability():
         sensor_pose=np.zeros(3),
         sensor_velocity=np.zeros(2),
     )
-    detections = side_by_side(scan, as_listed=True)
+    detections = run_detections(scan, as_listed=True)
     predicted, detection_probability, gate, density = filter.predict_measurement(belief, scan), 0.9, 0.999, 0.02
     expected = PredictedTracks(belief, predicted, np.ones(1, dtype=bool))
     tracks = TrackFilter(filter, InitialConfig())

@@ -5,7 +5,7 @@ from trackbench.models.motion.base import (
     InitialSigmas,
     Kinematics,
     MotionModel,
-    process_noise,
+    process_noise_covariance,
     with_component,
 )
 from trackbench.models.motion.ca import ConstantAcceleration
@@ -24,6 +24,6 @@ __all__ = [
     "InitialSigmas",
     "Kinematics",
     "MotionModel",
-    "process_noise",
+    "process_noise_covariance",
     "with_component",
 ]

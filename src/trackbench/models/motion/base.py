@@ -188,7 +188,7 @@ def scaled_noise_gain(model: MotionModel, x: Array, dt: float) -> Array:
     return gain * linalg.expand(sigma, gain[0])
 
 
-def process_noise(model: MotionModel, x: Array, dt: float) -> Array:
+def process_noise_covariance(model: MotionModel, x: Array, dt: float) -> Array:
     """``(n, n, ...)`` covariance of the process noise over ``dt``: ``G diag(sigma^2) G^T``."""
     scaled = scaled_noise_gain(model, x, dt)
     return linalg.matmul_transposed(scaled, scaled)

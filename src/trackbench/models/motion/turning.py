@@ -122,7 +122,7 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
     return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), linalg.rounded_up(result))
 
 
-def cartesian_moments(belief: Gaussian) -> Gaussian:
+def _cartesian_moments(belief: Gaussian) -> Gaussian:
     """Mean and covariance of px, py, vx, vy under a belief, however little is known of the yaw.
 
     With ``u = v exp(i yaw)``: under a Gaussian ``z``, ``E[g(z) exp(i k yaw)]`` is ``exp(i k m_yaw - k^2 P_yaw / 2)``
@@ -159,7 +159,7 @@ class SpeedAndYaw(MotionModel):
         return cartesian_belief(belief)
 
     def cartesian_moments(self, belief: Gaussian) -> Gaussian:
-        return cartesian_moments(belief)
+        return _cartesian_moments(belief)
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         """Position, speed and yaw from a Cartesian belief, to first order; the other components start at zero.

@@ -16,7 +16,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.base.units import difference
-from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, Update, classic
+from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, Update, classic_points
 from trackbench.filters.base import linear_update
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.builtin import build, ukf
@@ -80,7 +80,7 @@ def stopped_cholesky(matrix: Array) -> Array:
 def faulty_ukf(**options: Any) -> FaultyTracker:
     """The tracker, with the options of a built-in UKF."""
     sound = build(FilterConfig.model_validate({"filter": "ukf", **options}))
-    faulty = FaultyUkf(sound.filter.motions[0], classic(None))
+    faulty = FaultyUkf(sound.filter.motions[0], classic_points(None))
     return FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at)
 
 

@@ -137,7 +137,7 @@ class AdaptedTracker(ABC):
             return track._replace(time=scan.time), None
         # A stated covariance is in the order of the filter's state, and is put in its place there.
         without = config.model_copy(update={"covariance_diag": None})
-        begin = initial.start(without, scan, track.waiting)
+        begin = initial.start_tracks(without, scan, track.waiting)
         if not begin.ready:
             before = Estimate(*initial.at_rest(begin.waiting, config)) if config.waiting == "at_rest" else None
             return Track(scan.time, None, begin.waiting), before

@@ -19,7 +19,7 @@ from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Carrier, SensorSite
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
-from trackbench.trackers.answers import Tracker, shaped
+from trackbench.trackers.answers import Tracker, shaped_estimate
 from trackbench.truth.config import MovingObserver
 from trackbench.truth.config.scripted import ScriptedStart
 from trackbench.truth.scripted import script
@@ -182,7 +182,7 @@ def rollout(
 
 
 def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
-    tracker, estimates = Stateful(make(), shaped), _empty(scans)
+    tracker, estimates = Stateful(make(), shaped_estimate), _empty(scans)
     on_step = Examined.of(make).on_step
     for k, scan in enumerate(scans):
         try:

@@ -19,7 +19,7 @@ from trackbench.models.motion.cv import ConstantVelocity
 from trackbench.subjects.gym.sensing import SensedScan
 from trackbench.trackers.answers import tracks_of_run
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.initial import InitialConfig, start
+from trackbench.trackers.initial import InitialConfig, start_tracks
 
 NOTHING = Tracks(np.zeros(0, dtype=np.intp), np.zeros((4, 0)), np.zeros((4, 4, 0)))
 
@@ -70,7 +70,7 @@ class BareDetections:
         """Those of the latest scans."""
         for item in scans:
             scan = item.scan._replace(measurement=item.scan.measurement[..., 0], valid=item.scan.valid[..., 0])
-            mean, covariance = start(self._config, scan, None).state_of(self._motion)
+            mean, covariance = start_tracks(self._config, scan, None).state_of(self._motion)
             self._latest[scan.sensor] = Tracks(np.full(mean.shape[1], -1), mean, covariance)
         parts = [NOTHING, *self._latest.values()]
         return Tracks(*(np.concatenate([part[i] for part in parts], axis=-1) for i in range(3)))

@@ -17,7 +17,7 @@ from trackbench.base.types import Indices, Progress, no_progress
 from trackbench.driving.faults import fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, chosen
-from trackbench.engine.equations import EngineUsed, joined
+from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import Metric
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure
@@ -176,7 +176,7 @@ class Evaluator:
     @property
     def engine_used(self) -> EngineUsed | None:
         """What computes the tracker; None of one that is not built in."""
-        return joined(start.engine for start in self._start if start.engine is not None)
+        return joined_engines(start.engine for start in self._start if start.engine is not None)
 
     @cached_property
     def _start(self) -> list[_Start]:
@@ -198,7 +198,7 @@ class Evaluator:
                 masks = [piece.available for piece in pieces if piece.available is not None]
                 counted.append(PackedAvailability.joined(masks) if len(masks) == len(pieces) else None)
             every = [piece for pieces in results for piece in pieces]
-            engine = joined(piece.engine for piece in every if piece.engine is not None)
+            engine = joined_engines(piece.engine for piece in every if piece.engine is not None)
             starts.append(_Start(_joined([piece.sums for piece in every]), tuple(counted), engine))
         return starts
 

@@ -11,16 +11,16 @@ from trackbench.base.types import Array, FieldOfView, Indices, Scan
 from trackbench.base.units import wrap_angle
 from trackbench.engine.beliefs import (
     any_scan,
-    of_prediction,
-    of_scan,
-    of_sensor,
+    belief_of,
+    belief_values,
     prediction_of,
-    put_together,
+    prediction_values,
     scan_of,
-    taken_apart,
+    scan_values,
+    sensor_values,
 )
 from trackbench.engine.equations import Equations, Values
-from trackbench.engine.filters import FilterCall, FusedFilter, fused, kernels, prediction
+from trackbench.engine.filters import FilterCall, FusedFilter, fused_filter, kernels, predicted_belief
 from trackbench.engine.pairs import PairSearch
 from trackbench.filters import AnyBelief, Filter, Measured, PredictedMeasurement, bare, choose
 from trackbench.trackers.initial import InitialConfig
@@ -31,9 +31,9 @@ from trackbench.trackers.multi.table import (
     PredictedTracks,
     TrackFilter,
     begun,
-    detections_of,
     expected,
     rank_in_run,
+    selected_detections,
 )
 
 #: By how much the box about a gate is larger in variance, so that rounding leaves out no pair.
@@ -83,22 +83,22 @@ class FusedTrackFilter(TrackFilter):
     filter: FusedFilter
 
     def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:
-        super().__init__(fused(filter), initial)
+        super().__init__(fused_filter(filter), initial)
         self._begun = partial(_begun, initial=initial)
         self._initial_key = initial.model_dump_json()
 
     def begin(self, scan: Scan) -> AnyBelief:
-        result = self.filter.computed("start", self._begun, of_scan(scan), scan, self._initial_key)
-        return put_together(result, self.filter.modes)
+        result = self.filter.computed("start", self._begun, scan_values(scan), scan, self._initial_key)
+        return belief_of(result, self.filter.modes)
 
     def expect(self, belief: AnyBelief, dt: float, scan: Scan) -> PredictedTracks:
-        values = taken_apart(belief) | self.filter.time(dt) | of_sensor(scan)
+        values = belief_values(belief) | self.filter.time(dt) | sensor_values(scan)
         result = self.filter.computed(
             "expectation of a later scan", partial(_expected, view=scan.field_of_view), values, scan, scan.field_of_view
         )
         modes = self.filter.modes
         return PredictedTracks(
-            put_together(result, modes), prediction_of(result, modes), np.asarray(result["in view"], dtype=bool)
+            belief_of(result, modes), prediction_of(result, modes), np.asarray(result["in view"], dtype=bool)
         )
 
     def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
@@ -107,7 +107,7 @@ class FusedTrackFilter(TrackFilter):
             return at.belief
         # The kernel is quicker with all tracks, as they lie, than with some that have to be gathered. What has no
         # detection is given one, the last, that is not looked at.
-        return self._updated(at, detections_of(scan, detection)._replace(valid=valid))
+        return self._updated(at, selected_detections(scan, detection)._replace(valid=valid))
 
     def mixture(
         self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, kept: Array
@@ -127,8 +127,8 @@ class FusedTrackFilter(TrackFilter):
             return choose(large, mixed, bare(rest))
         of_slot, weight = np.full((slots, len(kept)), NONE), np.zeros((slots, len(kept)))
         of_slot[slot, track], weight[slot, track] = detection, share
-        in_slot = [detections_of(scan, which) for which in of_slot]
-        values = taken_apart(at.belief) | of_prediction(at.measurement) | of_sensor(in_slot[0])
+        in_slot = [selected_detections(scan, which) for which in of_slot]
+        values = belief_values(at.belief) | prediction_values(at.measurement) | sensor_values(in_slot[0])
         values |= {"valid": of_slot[0] != NONE, "kept": kept}
         for number, own in enumerate(in_slot):
             values[f"measurement {number}"] = own.measurement
@@ -136,32 +136,32 @@ class FusedTrackFilter(TrackFilter):
                 values[f"noise {number}"] = own.noise_covariance
             values[f"share {number}"] = weight[number]
         result = self.filter.computed("mixture", partial(_mixture, slots=slots), values, scan, slots)
-        return put_together(result, self.filter.modes)
+        return belief_of(result, self.filter.modes)
 
     def _updated(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
         """The belief of each member after its detection; where it is not valid, as it is."""
-        values = taken_apart(at.belief) | of_prediction(at.measurement) | of_scan(scan)
-        return put_together(self.filter.computed("belief", _after, values, scan), self.filter.modes)
+        values = belief_values(at.belief) | prediction_values(at.measurement) | scan_values(scan)
+        return belief_of(self.filter.computed("belief", _after, values, scan), self.filter.modes)
 
 
 def _begun(call: FilterCall, values: Values, initial: InitialConfig) -> Values:
-    return taken_apart(begun(call.filter, initial, scan_of(values, call.scan)))
+    return belief_values(begun(call.filter, initial, scan_of(values, call.scan)))
 
 
 def _expected(call: FilterCall, values: Values, view: FieldOfView | None) -> Values:
     scan = any_scan(values, call.scan)._replace(field_of_view=view)
-    result = expected(call.filter, prediction(call, values), scan)
-    return {**taken_apart(bare(result.belief)), **of_prediction(result.measurement), "in view": result.in_view}
+    result = expected(call.filter, predicted_belief(call, values), scan)
+    return {**belief_values(bare(result.belief)), **prediction_values(result.measurement), "in view": result.in_view}
 
 
 def _after(call: FilterCall, values: Values) -> Values:
-    before, scan = put_together(values, call.modes), scan_of(values, call.scan)
+    before, scan = belief_of(values, call.modes), scan_of(values, call.scan)
     after = call.filter.update(before, scan, prediction_of(values, call.modes)).belief
-    return taken_apart(choose(scan.valid, bare(after), bare(before)))
+    return belief_values(choose(scan.valid, bare(after), bare(before)))
 
 
 def _mixture(call: FilterCall, values: Values, slots: int) -> Values:
-    before, predicted = put_together(values, call.modes), prediction_of(values, call.modes)
+    before, predicted = belief_of(values, call.modes), prediction_of(values, call.modes)
     scans = []
     for number in range(slots):
         own = {name: values.get(f"{name} {number}", values.get(name)) for name in ("measurement", "noise")}
@@ -169,4 +169,4 @@ def _mixture(call: FilterCall, values: Values, slots: int) -> Values:
     updated = [bare(call.filter.update(before, scan, predicted).belief) for scan in scans]
     share = [values[f"share {number}"] for number in range(slots)]
     mixed = of_slots(call.filter.motions, bare(before), updated, share, values["kept"])
-    return taken_apart(choose(values["valid"], mixed, bare(before)))
+    return belief_values(choose(values["valid"], mixed, bare(before)))

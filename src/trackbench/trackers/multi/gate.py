@@ -28,7 +28,7 @@ class RunDetections(NamedTuple):
     """``(runs + 1,)`` the first detection of each run, and ``N``."""
 
 
-def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
+def run_detections(scan: Scan, as_listed: bool) -> RunDetections:
     """The detections of a scan ``(m, D, runs)`` without its padding.
 
     Within a run they stand as listed, or sorted by their values, so that the order of the list changes nothing.
@@ -189,7 +189,7 @@ def close_in_one(
     return close_pairs(predicted.mean[axis], reach, run, measured.value[axis], detections, angular=not free)
 
 
-def in_view(position: Array, scan: Scan) -> Mask:
+def in_field_of_view(position: Array, scan: Scan) -> Mask:
     """``(L,)`` which positions ``(2, L)`` are in the field of view of the sensor."""
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
     dx, dy = position[0] - scan.sensor_pose[0], position[1] - scan.sensor_pose[1]

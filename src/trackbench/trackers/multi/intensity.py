@@ -14,8 +14,8 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.detection import detected_share
 from trackbench.models.sensors.effects.signal import SignalRange
 from trackbench.trackers.associate import AssociateConfig
-from trackbench.trackers.assume import distance
-from trackbench.trackers.multi.gate import in_view
+from trackbench.trackers.assume import distance_from_sensor
+from trackbench.trackers.multi.gate import in_field_of_view
 
 #: A field of view without a limit of range is taken to end here, m.
 UNLIMITED_RANGE = 200.0
@@ -78,9 +78,9 @@ def seen_share(view: View, scan: Scan, signal: SignalRange | None = None) -> flo
     angle = pose[2] + view.field.half_angle * _ANGLES[:, None]
     away = reach * _RADII[:, None]
     points = pose[:2] + away * np.array([np.cos(angle), np.sin(angle)])
-    detected = 1.0 if signal is None else detected_share(distance(points, scan), signal.half_range_m)
+    detected = 1.0 if signal is None else detected_share(distance_from_sensor(points, scan), signal.half_range_m)
     # In one order, whatever the number of runs.
-    share: Array = np.add.accumulate(in_view(points, scan) * detected, axis=0)[-1] / len(_RADII)
+    share: Array = np.add.accumulate(in_field_of_view(points, scan) * detected, axis=0)[-1] / len(_RADII)
     return float(share[0]) if view.pose.ndim == 1 else share[first.cumsum() - 1]
 
 

@@ -14,13 +14,13 @@ from trackbench.filters import (
     PredictedMeasurement,
     bare,
     concatenated,
-    placed,
     select,
     selected_prediction,
+    with_members,
 )
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.initial import InitialConfig, first_measurement
-from trackbench.trackers.multi.gate import close_in_one, in_view
+from trackbench.trackers.multi.gate import close_in_one, in_field_of_view
 from trackbench.trackers.multi.mixture import of_pairs
 
 #: The id of a track that is not confirmed, and what stands for "none" wherever an index is expected.
@@ -98,7 +98,7 @@ def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[Trac
     return table._replace(id=ids), next_id + np.bincount(run, minlength=len(next_id))
 
 
-def reported(table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int) -> Tracks:
+def reported_tracks(table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int) -> Tracks:
     """The confirmed tracks as arrays with a last axis of runs, padded.
 
     Args:
@@ -175,7 +175,7 @@ class TrackFilter:
         """
         predicted = selected_prediction(at.measurement, track)
         part = at._replace(belief=select(at.belief, track), measurement=predicted)
-        return self._updated(part, detections_of(scan, detection))
+        return self._updated(part, selected_detections(scan, detection))
 
     def _updated(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
         """The belief of each member after its detection."""
@@ -185,7 +185,7 @@ class TrackFilter:
     def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
         """Of the L tracks: the belief after the detection ``(L,)`` of each; as it was where that is negative."""
         belief, track = bare(at.belief), np.flatnonzero(detection >= 0)
-        return placed(belief, track, self.after(at, scan, track, detection[track])) if len(track) else belief
+        return with_members(belief, track, self.after(at, scan, track, detection[track])) if len(track) else belief
 
     def mixture(
         self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, kept: Array
@@ -213,11 +213,11 @@ def begun(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> AnyBelief:
 
 def expected(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTracks:
     """What a belief at the time of a scan expects of it."""
-    seen = in_view(filter.cartesian(belief).mean[:2], scan)
+    seen = in_field_of_view(filter.cartesian(belief).mean[:2], scan)
     return PredictedTracks(belief, filter.predict_measurement(belief, scan), seen)
 
 
-def detections_of(scan: Scan, which: Indices) -> Scan:
+def selected_detections(scan: Scan, which: Indices) -> Scan:
     """Some detections of a scan, or the same one several times."""
     scan = with_sensor_of(scan, which)
     noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance.take(which, axis=-1)

@@ -14,12 +14,12 @@ from trackbench.engine.equations import Compute, EngineUsed
 from trackbench.filters import AnyBelief, Belief, bare
 from trackbench.models.sensors.detection import detected_share
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
-from trackbench.trackers.assume import distance, measured_distance
+from trackbench.trackers.assume import distance_from_sensor, measured_distance
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed
 from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, associated, duplicates
-from trackbench.trackers.multi.gate import side_by_side
+from trackbench.trackers.multi.gate import run_detections
 from trackbench.trackers.multi.intensity import Undetected, intensity
 from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
 from trackbench.trackers.multi.table import (
@@ -27,10 +27,10 @@ from trackbench.trackers.multi.table import (
     PredictedTracks,
     TrackFilter,
     TrackTable,
-    detections_of,
     empty,
     numbered,
-    reported,
+    reported_tracks,
+    selected_detections,
     succeeded,
 )
 
@@ -129,7 +129,7 @@ class MultiObjectTracker(ScanTracker):
         expected = self._track_filter.expect(state.table.belief, scan.time - state.time, at_tracks)
         ahead = self._at(state, scan.time)
         config, runs = self.associate, len(ahead.next_id)
-        detections = side_by_side(scan, as_listed=config.method == "naive")
+        detections = run_detections(scan, as_listed=config.method == "naive")
         detections = detections._replace(scan=self.assumed.with_noise_by_range(detections.scan))
         of_tracks, of_detections = self._detection_probability(expected, at_tracks, detections.scan)
         origin = None if origins is None else origins[:, detections.column, detections.run]
@@ -248,7 +248,7 @@ class MultiObjectTracker(ScanTracker):
         if not len(own):
             return None
         none = np.full(len(own), NONE)
-        belief = self._track_filter.begin(detections_of(scan, own))
+        belief = self._track_filter.begin(selected_detections(scan, own))
         return TrackTable(
             at.detections.run[own],
             none,
@@ -273,7 +273,7 @@ class MultiObjectTracker(ScanTracker):
         if signal is None:
             return stated, stated
         position = self._track_filter.filter.cartesian(expected.belief).mean[:2]
-        of_tracks = stated * detected_share(distance(position, at_tracks), signal.half_range_m)
+        of_tracks = stated * detected_share(distance_from_sensor(position, at_tracks), signal.half_range_m)
         return of_tracks, stated * detected_share(measured_distance(scan), signal.half_range_m)
 
     def _stated_probability(self, scan: Scan) -> float:
@@ -282,7 +282,7 @@ class MultiObjectTracker(ScanTracker):
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
         existence = None if self.associate.method in COUNTING else table.evidence[0]
-        return reported(table, self._track_filter.filter, existence, runs)
+        return reported_tracks(table, self._track_filter.filter, existence, runs)
 
     def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
         """The states in which tracks are compared, and which components are angles: that of the only motion model."""
