@@ -1,20 +1,22 @@
-"""Expected numbers of objects that no scan has found, of new objects and of false alarms."""
+"""Expected numbers of objects that no scan has found, of new objects and of false alarms; detection probabilities."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, FieldOfView, Scan
+from trackbench.filters import AnyBelief, Filter
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.detection import detected_share
 from trackbench.models.sensors.effects.signal import SignalRange
 from trackbench.trackers.associate import AssociateConfig
-from trackbench.trackers.assume import distance_from_sensor
+from trackbench.trackers.assume import AssumedSensors, distance_from_sensor, measured_distance
 from trackbench.trackers.multi.gate import in_field_of_view
 
 #: A field of view without a limit of range is taken to end here, m.
@@ -147,3 +149,35 @@ def volumes(kind: str, view: FieldOfView, velocity_sigma: float) -> tuple[float,
     rest = linalg.matmul_transposed(h[2:, 2:], h[2:, 2:]) * 2 * np.pi * velocity_sigma**2
     stretch = abs(np.linalg.det(h[:2, :2])) * np.sqrt(np.linalg.det(rest))
     return float(area * stretch), area
+
+
+@dataclass(frozen=True)
+class Detectability:
+    """The detection probabilities that a tracker takes."""
+
+    overrides: Mapping[str, float]
+    """By the sensor's name, in place of what the sensor states."""
+    assumed: AssumedSensors
+
+    def stated(self, scan: Scan) -> float:
+        """Of an object in view of the scan's sensor, at any distance."""
+        stated = 1.0 if scan.detection_probability is None else scan.detection_probability
+        return self.overrides.get(scan.sensor, stated)
+
+    def probabilities(
+        self, filter: Filter[Any], belief: AnyBelief, at_tracks: Scan, scan: Scan
+    ) -> tuple[float | Array, float | Array]:
+        """Of an object where each track ``(L,)`` and where each detection ``(N,)`` is, were it in view.
+
+        Args:
+            filter: of the beliefs.
+            belief: of the tracks.
+            at_tracks: the scan with the sensor of each track.
+            scan: with the detections.
+        """
+        stated, signal = float(self.stated(scan)), self.assumed.signal(scan.sensor)
+        if signal is None:
+            return stated, stated
+        position = filter.cartesian(belief).mean[:2]
+        of_tracks = stated * detected_share(distance_from_sensor(position, at_tracks), signal.half_range_m)
+        return of_tracks, stated * detected_share(measured_distance(scan), signal.half_range_m)

@@ -1,17 +1,21 @@
-"""When a track is confirmed, and when it is deleted."""
+"""When a track begins, when it is confirmed, and when it is deleted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Mask
-from trackbench.engine.equations import Equations, Values
-from trackbench.trackers.associate import EXISTENCE, AssociateConfig
+from trackbench.base.types import Array, Gaussian, Indices, Mask, indices
+from trackbench.engine.equations import Compute, Equations, Values
+from trackbench.filters import AnyBelief, Belief
+from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
+from trackbench.trackers.initial import SAME_TIME
+from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, duplicates
+from trackbench.trackers.multi.table import NONE, TrackFilter, TrackTable, empty, selected_detections
 
 
 class Judged(NamedTuple):
@@ -216,3 +220,78 @@ def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
     ranks = dict.fromkeys(("hit", "detection probability", "log ratio", "seen", "confirmed", "time"), 0)
     ranks |= {"evidence": 1} | ({"existence": 1} if existence else {})
     return Equations("evidence of tracks", function, ranks, key=(logic, silent_s))
+
+
+@dataclass(frozen=True)
+class TrackManager:
+    """Tells which tracks end and which begin after the detections of a scan are associated."""
+
+    associate: AssociateConfig
+    filter: TrackFilter
+    compute: Compute
+
+    @cached_property
+    def logic(self) -> TrackLogic:
+        """The rule by which tracks are confirmed and deleted."""
+        return track_logic(self.associate)
+
+    def empty_table(self) -> TrackTable:
+        """No tracks."""
+        return empty(self.filter.filter, self.logic.size)
+
+    def judged(self, before: TrackTable, result: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
+        """The tracks after the scan, and which of them end."""
+        hit, confirmed, scan = result.detection != NONE, before.id != NONE, at.detections.scan
+        values = {
+            "evidence": before.evidence,
+            "hit": hit,
+            "detection probability": at.detection_probability,
+            "log ratio": result.log_ratio,
+            "existence": result.existence,
+            "confirmed": confirmed,
+            "seen": before.seen,
+            "time": scan.time,
+        }
+        silent = self.associate.delete_after_s - SAME_TIME
+        after = self.compute(judgement(self.logic, silent, result.existence is not None), values)
+        # Of none, which is -1, the last.
+        used = np.concatenate([at.detections.column, [NONE]]).take(result.detection)
+        ends = np.asarray(after["ends"], dtype=bool)
+        if self.associate.method in SHARING:
+            ends |= duplicates(result.detection, confirmed, *self._compared(result.belief))
+        table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
+        return table, ends
+
+    def begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
+        """A track for each detection that probably stems from none; None without any."""
+        config, scan = self.associate, at.detections.scan
+        existence: Array | None = None
+        if config.method in COUNTING:
+            which = unclaimed > CLAIMED
+        else:
+            new = at.intensity.new_objects
+            existence = unclaimed * new / (at.intensity.false_alarms + new)
+            which = existence >= config.delete_existence
+        if origin is not None:
+            which &= origin[0] >= 0
+        own = indices(which)
+        if not len(own):
+            return None
+        none = np.full(len(own), NONE)
+        belief = self.filter.begin(selected_detections(scan, own))
+        return TrackTable(
+            at.detections.run[own],
+            none,
+            belief,
+            np.full(len(own), scan.time),
+            self.logic.begun(len(own), None if existence is None else existence[own]),
+            at.detections.column[own],
+            none if origin is None else origin[0, own],
+        )
+
+    def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
+        """The states in which tracks are compared, and which components are angles: that of the only motion model."""
+        motion = self.filter.motions[0]
+        if isinstance(belief, Belief) and not motion.sensors_with_errors:
+            return Gaussian(belief.mean, belief.covariance), motion.angular
+        return self.filter.filter.cartesian(belief), ()

@@ -8,34 +8,26 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices, with_sensor_of
+from trackbench.base.types import Indices, Scan, Tracks, with_sensor_of
 from trackbench.engine.choice import compute_by, used
-from trackbench.engine.equations import Compute, EngineUsed
-from trackbench.filters import AnyBelief, Belief, bare
-from trackbench.models.sensors.detection import detected_share
-from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
-from trackbench.trackers.assume import distance_from_sensor, measured_distance
+from trackbench.engine.equations import EngineUsed
+from trackbench.filters import AnyBelief, bare
+from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed
-from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, associated, duplicates
+from trackbench.trackers.multi.association import AssociationInput, associated
 from trackbench.trackers.multi.gate import run_detections
-from trackbench.trackers.multi.intensity import Undetected, intensity
-from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
+from trackbench.trackers.multi.intensity import Detectability, Undetected, intensity
+from trackbench.trackers.multi.management import TrackManager
 from trackbench.trackers.multi.table import (
     NONE,
-    PredictedTracks,
     TrackFilter,
     TrackTable,
-    empty,
     numbered,
     reported_tracks,
-    selected_detections,
     succeeded,
 )
-
-#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
-SAME_TIME = 1e-6
 
 
 class MultiObjectState(NamedTuple):
@@ -79,10 +71,6 @@ class MultiObjectTracker(ScanTracker):
         return used(self._track_filter.filter)
 
     @cached_property
-    def _compute(self) -> Compute:
-        return compute_by(self.engine)
-
-    @cached_property
     def _track_filter(self) -> TrackFilter:
         if self.engine == "numpy":
             return TrackFilter(self.filter, self.initial)
@@ -90,6 +78,14 @@ class MultiObjectTracker(ScanTracker):
         from trackbench.trackers.multi.fused_tracks import FusedTrackFilter
 
         return FusedTrackFilter(self.filter, self.initial)
+
+    @cached_property
+    def _manager(self) -> TrackManager:
+        return TrackManager(self.associate, self._track_filter, compute_by(self.engine))
+
+    @cached_property
+    def _detectability(self) -> Detectability:
+        return Detectability(self.associate.detection_probability, self.assumed)
 
     def step(
         self, state: MultiObjectState | None, scan: Scan, origins: Indices | None = None
@@ -109,12 +105,13 @@ class MultiObjectTracker(ScanTracker):
             single = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, single, None if origins is None else origins[..., None])
             return state, _alone(tracks)
-        scan = self.assumed.stated(scan)
+        scan, runs = self.assumed.stated(scan), scan.valid.shape[1]
         if state is None:
-            state = self._nothing_yet(scan.time, scan.valid.shape[1])
+            table, undetected = self._manager.empty_table(), Undetected(self.associate.undetected, {})
             if scan.asked:
                 # Its first scan may still be on its way.
-                return None, self._tracks(state.table, scan.valid.shape[1])
+                return None, self._tracks(table, runs)
+            state = MultiObjectState(scan.time, table, np.zeros(runs, dtype=np.intp), undetected)
         if self.late == "as_new" and not scan.asked:
             scan = scan._replace(time=scan.arrival_time)
         if scan.asked or not self.reads(scan.sensor):
@@ -131,7 +128,9 @@ class MultiObjectTracker(ScanTracker):
         config, runs = self.associate, len(ahead.next_id)
         detections = run_detections(scan, as_listed=config.method == "naive")
         detections = detections._replace(scan=self.assumed.with_noise_by_range(detections.scan))
-        of_tracks, of_detections = self._detection_probability(expected, at_tracks, detections.scan)
+        of_tracks, of_detections = self._detectability.probabilities(
+            self._track_filter.filter, expected.belief, at_tracks, detections.scan
+        )
         origin = None if origins is None else origins[:, detections.column, detections.run]
         in_view = ahead.undetected.in_view(scan.sensor)
         density = intensity(
@@ -146,14 +145,14 @@ class MultiObjectTracker(ScanTracker):
         at = AssociationInput(
             self._track_filter, expected, detections, ahead.table.run, probability, config.gate, density
         )
-        result = associated(config, at, ahead.table, origin, of_tracks, self._compute)
-        table, ends = self._judged(ahead.table, result, at)
+        result = associated(config, at, ahead.table, origin, of_tracks, self._manager.compute)
+        table, ends = self._manager.judged(ahead.table, result, at)
         begins = self.initial.sensors is None or scan.sensor in self.initial.sensors
-        table = succeeded(table, ~ends, self._begun(at, result.unclaimed, origin) if begins else None)
-        table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
+        table = succeeded(table, ~ends, self._manager.begun(at, result.unclaimed, origin) if begins else None)
+        table, next_id = numbered(table, self._manager.logic.confirms(table.evidence), ahead.next_id)
         undetected = ahead.undetected
         if config.method in EXISTENCE:
-            undetected = undetected.after_scan(scan, self._stated_probability(scan), self.assumed.signal(scan.sensor))
+            undetected = undetected.after_scan(scan, self._detectability.stated(scan), self.assumed.signal(scan.sensor))
         after = MultiObjectState(scan.time, table, next_id, undetected, expected.belief, ahead.table)
         return after, self._tracks(table, runs)
 
@@ -161,19 +160,18 @@ class MultiObjectTracker(ScanTracker):
         self, state: MultiObjectState, scan: Scan, origins: Indices | None, number: int
     ) -> tuple[MultiObjectState, Tracks]:
         again = replayed(self._in_sequence, state.history, number, scan, origins)
-        tracks, late = again.latest, again.late
-        assert late.used is not None
-        # The detections that were taken from the late scan, of which another answer tells.
-        used = np.full(tracks.ids.shape, NONE)
-        for ids, column in zip(late.ids, late.used, strict=True):
-            used = np.where((tracks.ids == ids) & (ids != NONE), column, used)
-        return again.state._replace(history=again.history), tracks._replace(used=used)
+        used = _used_of(again.latest, again.late)
+        return again.state._replace(history=again.history), again.latest._replace(used=used)
 
     def _present(self, state: MultiObjectState) -> Tracks:
         return self._prediction(state, state.time)[1]
 
     def _prediction(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
-        ahead = self._predicted(state, time)
+        """The state at a later time, and its tracks, which took no detection."""
+        ahead, belief = self._at(state, time), state.table.belief
+        if len(state.table.run):
+            belief = bare(self._track_filter.filter.predict(belief, time - state.time))
+        ahead = ahead._replace(table=ahead.table._replace(belief=belief))
         table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
         return ahead, self._tracks(table, len(ahead.next_id))
 
@@ -186,19 +184,6 @@ class MultiObjectTracker(ScanTracker):
             self._tracks(table._replace(run=np.zeros_like(table.run), used=np.full_like(table.used, NONE)), 1)
         )
 
-    def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
-        table = empty(self.filter, self._logic.size)
-        undetected = Undetected(self.associate.undetected, {})
-        return MultiObjectState(time, table, np.zeros(runs, dtype=np.intp), undetected)
-
-    def _predicted(self, state: MultiObjectState, time: float) -> MultiObjectState:
-        """The state at a later time."""
-        ahead = self._at(state, time)
-        belief = state.table.belief
-        if len(state.table.run):
-            belief = bare(self._track_filter.filter.predict(belief, time - state.time))
-        return ahead._replace(table=ahead.table._replace(belief=belief))
-
     def _at(self, state: MultiObjectState, time: float) -> MultiObjectState:
         """The state at a later time, but for the beliefs."""
         elapsed, table, config = time - state.time, state.table, self.associate
@@ -206,94 +191,21 @@ class MultiObjectTracker(ScanTracker):
         if config.method in EXISTENCE:
             survival = float(np.exp(-elapsed / config.lifetime_s))
             undetected = undetected.after_time(survival, config.birth_rate_hz * elapsed)
-        table = table._replace(evidence=self._logic.after_time(table.evidence, elapsed))
+        table = table._replace(evidence=self._manager.logic.after_time(table.evidence, elapsed))
         return MultiObjectState(time, table, state.next_id, undetected)
-
-    def _judged(self, before: TrackTable, result: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
-        """The tracks after the scan, and which of them end."""
-        hit, confirmed, scan = result.detection != NONE, before.id != NONE, at.detections.scan
-        values = {
-            "evidence": before.evidence,
-            "hit": hit,
-            "detection probability": at.detection_probability,
-            "log ratio": result.log_ratio,
-            "existence": result.existence,
-            "confirmed": confirmed,
-            "seen": before.seen,
-            "time": scan.time,
-        }
-        silent = self.associate.delete_after_s - SAME_TIME
-        after = self._compute(judgement(self._logic, silent, result.existence is not None), values)
-        # Of none, which is -1, the last.
-        used = np.concatenate([at.detections.column, [NONE]]).take(result.detection)
-        ends = np.asarray(after["ends"], dtype=bool)
-        if self.associate.method in SHARING:
-            ends |= duplicates(result.detection, confirmed, *self._compared(result.belief))
-        table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
-        return table, ends
-
-    def _begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
-        """A track for each detection that probably stems from none; None without any."""
-        config, scan = self.associate, at.detections.scan
-        existence: Array | None = None
-        if config.method in COUNTING:
-            which = unclaimed > CLAIMED
-        else:
-            new = at.intensity.new_objects
-            existence = unclaimed * new / (at.intensity.false_alarms + new)
-            which = existence >= config.delete_existence
-        if origin is not None:
-            which &= origin[0] >= 0
-        own = indices(which)
-        if not len(own):
-            return None
-        none = np.full(len(own), NONE)
-        belief = self._track_filter.begin(selected_detections(scan, own))
-        return TrackTable(
-            at.detections.run[own],
-            none,
-            belief,
-            np.full(len(own), scan.time),
-            self._logic.begun(len(own), None if existence is None else existence[own]),
-            at.detections.column[own],
-            none if origin is None else origin[0, own],
-        )
-
-    def _detection_probability(
-        self, expected: PredictedTracks, at_tracks: Scan, scan: Scan
-    ) -> tuple[float | Array, float | Array]:
-        """Of an object where each track ``(L,)`` and where each detection ``(N,)`` is, were it in view.
-
-        Args:
-            expected: of the tracks.
-            at_tracks: the scan with the sensor of each track.
-            scan: with the detections.
-        """
-        stated, signal = float(self._stated_probability(scan)), self.assumed.signal(scan.sensor)
-        if signal is None:
-            return stated, stated
-        position = self._track_filter.filter.cartesian(expected.belief).mean[:2]
-        of_tracks = stated * detected_share(distance_from_sensor(position, at_tracks), signal.half_range_m)
-        return of_tracks, stated * detected_share(measured_distance(scan), signal.half_range_m)
-
-    def _stated_probability(self, scan: Scan) -> float:
-        stated = 1.0 if scan.detection_probability is None else scan.detection_probability
-        return self.associate.detection_probability.get(scan.sensor, stated)
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
         existence = None if self.associate.method in COUNTING else table.evidence[0]
         return reported_tracks(table, self._track_filter.filter, existence, runs)
 
-    def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
-        """The states in which tracks are compared, and which components are angles: that of the only motion model."""
-        motion = self.filter.motions[0]
-        if isinstance(belief, Belief) and not motion.sensors_with_errors:
-            return Gaussian(belief.mean, belief.covariance), motion.angular
-        return self._track_filter.filter.cartesian(belief), ()
 
-    @cached_property
-    def _logic(self) -> TrackLogic:
-        return track_logic(self.associate)
+def _used_of(tracks: Tracks, late: Tracks) -> Indices:
+    """``(K, runs)`` the detections that tracks took from a late scan, after which they were as ``late`` says."""
+    assert late.used is not None
+    used = np.full(tracks.ids.shape, NONE)
+    for ids, column in zip(late.ids, late.used, strict=True):
+        used = np.where((tracks.ids == ids) & (ids != NONE), column, used)
+    return used
 
 
 def _alone(tracks: Tracks) -> Tracks:
