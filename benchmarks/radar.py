@@ -19,7 +19,7 @@ import numpy as np
 
 import trackbench as tb
 from trackbench.base.types import Array
-from trackbench.models.sensors.effects.presets import typical
+from trackbench.models.sensors.presets import typical
 
 OUT = Path(__file__).parents[1] / "results" / "radar" / "radar.md"
 COMPONENTS = ("forward", "left", "relative speed")

@@ -26,8 +26,7 @@ from trackbench.filters import (
 from trackbench.models.motion.base import YAW
 from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
 from trackbench.trackers.initial import InitialConfig, TentativeTrack, at_rest, sigmas, start_tracks
-from trackbench.trackers.late import ProcessedScan
-from trackbench.trackers.retrodiction import Retrodiction, retrodicted
+from trackbench.trackers.late import ProcessedScan, Retrodiction, retrodicted
 
 
 def belief_estimate(belief: AnyBelief, cartesian: Gaussian) -> Estimate:

@@ -2,6 +2,7 @@
 
 from trackbench.models.motion.base import (
     MOTION_MODELS,
+    ConstantProcessNoise,
     InitialSigmas,
     Kinematics,
     MotionModel,
@@ -9,7 +10,6 @@ from trackbench.models.motion.base import (
     with_component,
 )
 from trackbench.models.motion.ca import ConstantAcceleration
-from trackbench.models.motion.constant_noise import ConstantProcessNoise
 from trackbench.models.motion.ctra import ConstantTurnRateAcceleration
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity

@@ -33,8 +33,7 @@ from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
-from trackbench.models.sensors.effects.presets import WORDS, Words, typical
-from trackbench.models.sensors.presets import presets
+from trackbench.models.sensors.presets import WORDS, Words, presets, typical
 
 #: A time for which a measurement is on its way, s.
 Delay = Annotated[float, Field(ge=0, le=60)]
