@@ -14,7 +14,7 @@ import numpy as np
 
 from trackbench.base.errors import counted
 from trackbench.base.types import Array, Truth
-from trackbench.engine.equations import EngineUsed, joined
+from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import MOST_PAIRED, Family, tracker_differences
 from trackbench.metrics.evaluate import log_broken
@@ -73,11 +73,11 @@ def assemble(
     margin = MarginSummary(**scenario.score.margin.model_dump())
     engines: dict[str, EngineUsed] = {}
     for name in work.trackers:
-        used = joined([block.engines[name] for block in blocks if name in block.engines])
+        used = joined_engines([block.engines[name] for block in blocks if name in block.engines])
         if used is not None:
             engines[name] = used
             log_left_to_numpy(work.scenario, name, used)
-    every_engine = joined(engines.values())
+    every_engine = joined_engines(engines.values())
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     random = frozenset[str]().union(*(block.random for block in blocks))
     in_blocks = [block.first_velocities for block in blocks]

@@ -16,7 +16,7 @@ from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.assume import AssumedSensors
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.initial import TentativeTrack, first_measurement, start, two_measurements
+from trackbench.trackers.initial import TentativeTrack, first_measurement, start_tracks, two_measurements
 
 #: Standard deviations within which a velocity is expected, and the share of tracks of which more are a contradiction.
 MOST_SIGMAS, MOST_TRACKS = 4.0, 2 / 3
@@ -89,7 +89,7 @@ def _distances(config: FilterConfig, scans: Iterable[Scan]) -> Array:
             apart, done = np.full((2, part.valid.size), np.nan), np.zeros(part.valid.size, dtype=bool)
         belief = first_measurement(CARTESIAN, initial, part)
         prior = belief if prior is None or waiting is None else belief.where(np.isnan(waiting.time), prior)
-        waiting = start(initial, part, waiting).waiting
+        waiting = start_tracks(initial, part, waiting).waiting
         elapsed = part.time - waiting.time
         later = part.valid & (elapsed > LEAST_TIME) & ~done
         if not np.any(later):

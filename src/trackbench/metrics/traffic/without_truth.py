@@ -15,7 +15,7 @@ from trackbench.metrics.traffic.set_distances import GospaParts
 from trackbench.metrics.traffic.track_quality import RunSums
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.trackers.answers import NO_TRACK
-from trackbench.trackers.multi.gate import in_view
+from trackbench.trackers.multi.gate import in_field_of_view
 
 NONE = -1
 #: Detections a scan that no track predicts, as they are expected of every tracker alike: uniform in the field of view.
@@ -185,7 +185,7 @@ def _log_score(scan: Scan, config: Sensor, predicted: Tracks, log_density: Array
     Source: Brehmer, Gneiting, Herrmann, Marzocchi, Schlather and Strokorb (2024), "Comparative evaluation of point
     process forecasts": it is consistent for the intensity, whether or not the process is Poisson.
     """
-    probability = np.where(in_view(predicted.mean[:2], scan), scan.detection_probability or 0.0, 0.0)
+    probability = np.where(in_field_of_view(predicted.mean[:2], scan), scan.detection_probability or 0.0, 0.0)
     if predicted.existence is not None:
         probability = probability * predicted.existence
     intensity = UNPREDICTED / config.volume() + np.einsum("k,kd->d", probability, np.exp(log_density))
