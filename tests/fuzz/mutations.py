@@ -93,7 +93,7 @@ def edited_tree(chance: random.Random, tree: Any) -> Any:
     """Values replaced by extremes or by other parts of the tree, keys removed, renamed and added."""
     tree = copy.deepcopy(tree)
     for _ in range(chance.choice([1, 1, 1, 2, 3])):
-        nodes = _nodes(tree)
+        nodes = containers_of(tree)
         if not nodes:
             return chance.choice(EXTREMES)
         node = chance.choice(nodes)
@@ -194,14 +194,15 @@ def edited_mcap(chance: random.Random, raw: bytes) -> bytes:
     return stream.getvalue()
 
 
-def _nodes(node: Any) -> list[Any]:
+def containers_of(node: Any) -> list[Any]:
+    """Every mapping and list of a tree, the outer before the inner."""
     children = node.values() if isinstance(node, dict) else node if isinstance(node, list) else []
-    found = [node] if isinstance(node, dict | list) else []
-    return found + [inner for child in children for inner in _nodes(child)]
+    own = [node] if isinstance(node, dict | list) else []
+    return own + [inner for child in children for inner in containers_of(child)]
 
 
 def _keys(tree: Any) -> list[str]:
-    return [key for node in _nodes(tree) if isinstance(node, dict) for key in node]
+    return [key for node in containers_of(tree) if isinstance(node, dict) for key in node]
 
 
 def damage(chance: random.Random, file: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.fuzz.mutations import containers_of
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
@@ -39,17 +40,11 @@ nearest ids mount x_m metric tracker is below better_than config options runs re
 KEYS = st.text(max_size=15) | st.sampled_from(KNOWN.split())
 
 
-def _nodes(node: Any) -> list[Any]:
-    children = node.values() if isinstance(node, dict) else node if isinstance(node, list) else []
-    found = [node] if isinstance(node, dict | list) else []
-    return found + [inner for child in children for inner in _nodes(child)]
-
-
 @st.composite
 def mutated(draw: st.DrawFn) -> Any:
     scenario = copy.deepcopy(VALID)
     for _ in range(draw(st.integers(1, 3))):
-        node = draw(st.sampled_from(_nodes(scenario)))
+        node = draw(st.sampled_from(containers_of(scenario)))
         keys = list(node) if isinstance(node, dict) else list(range(len(node)))
         action = draw(st.sampled_from(["replace", "remove", "add"]))
         if action == "add" or not keys:

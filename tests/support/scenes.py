@@ -18,9 +18,9 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 
-#: The driving noise of each motion model, as a scenario states it.
 #: The metrics that are made of the sums they share.
 SHARED = [metric for metric in BUILT_IN if metric.accumulator is ESTIMATES]
+#: The driving noise of each motion model, as a scenario states it.
 NOISE = {
     "cv": {"acceleration_sigma_mps2": 2.0},
     "ca": {"jerk_sigma_mps3": 3.0},

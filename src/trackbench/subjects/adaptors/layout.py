@@ -24,10 +24,10 @@ TURNING = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sig
 
 def problem(names: Sequence[str]) -> str | None:
     """What is wrong with the names of a state's components, None if nothing is."""
-    every = dict.fromkeys([*CARTESIAN.components, *TURNING.components, OTHER])
+    known_names = dict.fromkeys([*CARTESIAN.components, *TURNING.components, OTHER])
     for name in names:
-        if name not in every:
-            return f"there is no component {name!r}: {nearest(name, every)}"
+        if name not in known_names:
+            return f"there is no component {name!r}: {nearest(name, known_names)}"
         if name != OTHER and names.count(name) > 1:
             return f"{name} is named twice"
     form = CARTESIAN if "vx" in names or "vy" in names else TURNING

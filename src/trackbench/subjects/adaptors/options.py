@@ -46,10 +46,10 @@ class SensorOptions(Config):
             yield Problem(("measurement",), f"write {POSITION}, or a list of components such as [range, azimuth]")
         if not isinstance(self.measurement, list):
             return
-        every = (*readable_components(), ELEVATION)
+        readable = (*readable_components(), ELEVATION)
         for index, name in enumerate(self.measurement):
-            if name not in every:
-                yield Problem(("measurement", index), f"no sensor reads {name!r}: {nearest(name, every)}")
+            if name not in readable:
+                yield Problem(("measurement", index), f"no sensor reads {name!r}: {nearest(name, readable)}")
         if not self.measurement:
             yield Problem(("measurement",), f"empty; name components, or {POSITION}")
         if ELEVATION in self.measurement and self.R != OWN:

@@ -69,7 +69,7 @@ class SensorMeasurement(NonLinearGaussianMeasurement):  # type: ignore[misc]
 
     def jacobian(self, state: Any, **kwargs: Any) -> Array:
         """``(m, n)`` derivative at a state."""
-        return self.reader.slope(numbers_of(state), self.scan)
+        return self.reader.slope(float_vector(state), self.scan)
 
 
 def typed(values: Array, names: Sequence[str]) -> Any:
@@ -81,7 +81,7 @@ def typed(values: Array, names: Sequence[str]) -> Any:
     return rows
 
 
-def numbers_of(state: Any) -> Array:
+def float_vector(state: Any) -> Array:
     """``(n,)`` the numbers of a state or a measurement."""
     return np.array(state.state_vector, dtype=float).reshape(-1)
 
@@ -227,7 +227,7 @@ class StoneSoupTracker(AdaptedTracker):
         return GaussianState(StateVector(mean), CovarianceMatrix(covariance), timestamp=_date(time))
 
     def _gaussian(self, belief: Any) -> Gaussian:
-        return Gaussian(numbers_of(belief), np.array(belief.covar, dtype=float))
+        return Gaussian(float_vector(belief), np.array(belief.covar, dtype=float))
 
     def _predict(self, belief: Any, elapsed: float) -> Any:
         for interval in self._intervals(elapsed):

@@ -138,12 +138,12 @@ def _most_apart(tracks: Sequence[Columns]) -> tuple[float, float]:
 
 def _function_focus(result: Result, opening: Opening, function: str, worst: int) -> Focus:
     run = result.summary.recorded_run
-    every = function_events(result, function, opening.tracker, run, opening.vehicle)
-    if len(every) < worst:
-        wrong = counted(len(every), "event")
+    events = function_events(result, function, opening.tracker, run, opening.vehicle)
+    if len(events) < worst:
+        wrong = counted(len(events), "event")
         message = f"in run {run}, the recorded one, {wrong} of {function} went wrong; trackbench inspect has all runs"
         raise InputError(message, key="--worst")
-    event = every[worst - 1]
+    event = events[worst - 1]
     hidden = result.summary.identities == "hidden"
     return Focus(event.object or None, event.time_s, tracker=event.tracker if hidden else None, function=function)
 

@@ -140,12 +140,12 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
 
 def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
     """Charts as tabs, after them the logarithms of those whose range is large, and what is apart."""
-    every = list(charts)
-    plain = [plot(chart.title, chart.place, chart.span(shown), chart.share, chart.others) for chart in every]
-    logarithms = [plot(chart.log_title, (LOG10, *chart.place), without=chart.others) for chart in every if chart.large]
+    charts = list(charts)
+    plain = [plot(chart.title, chart.place, chart.span(shown), chart.share, chart.others) for chart in charts]
+    logarithms = [plot(chart.log_title, (LOG10, *chart.place), without=chart.others) for chart in charts if chart.large]
     apart = [
         plot(", ".join(line.name for line in chart.others), chart.place, without=chart.together)
-        for chart in every
+        for chart in charts
         if chart.others
     ]
     return rrb.Tabs(*plain, *logarithms, *apart, active_tab=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from trackbench.base.errors import counted
-from trackbench.metrics.function_events import FunctionEvent, TrackEvent
 from trackbench.metrics.recorded_run import SceneMoment
 from trackbench.report.console import track_values
 from trackbench.report.numbers import decimals, rounded
@@ -35,6 +34,23 @@ ESTIMATE_ERRORS: tuple[Column, ...] = (
     ("error m", "position_error_m", 2),
     ("error m/s", "velocity_error_mps", 2),
     ("NEES", "nees", 2),
+)
+TRACK_EVENTS: tuple[Column, ...] = (
+    ("tracker", "tracker", None),
+    ("time s", "time_s", 2),
+    ("event", "kind", None),
+    ("vehicle", lambda event: event.object or "-", None),
+    ("track", lambda event: "-" if event.track is None else str(event.track), 0),
+    ("cost m²", "cost_m2", 1),
+    ("why", "reason", None),
+)
+FUNCTION_EVENTS: tuple[Column, ...] = (
+    ("tracker", "tracker", None),
+    ("run", "run", 0),
+    ("time s", "time_s", 2),
+    ("object", lambda event: event.object or "-", None),
+    ("what", "word", None),
+    ("by s", "wrong_s", 2),
 )
 
 
@@ -60,12 +76,15 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
         _command(inspection, list(inspection.worst)[:1], console)
     elif inspection.worst is not None:
         if summary.truth.known:
-            _events(inspection.worst, console)
+            heading = "The events of the recorded run that cost most"
+            _events(inspection.worst, TRACK_EVENTS, heading, "No event of the recorded run cost anything.", console)
         else:
             console.print("\nThere is no truth, so no event has a cost.")
         _command(inspection, [event.tracker for event in inspection.worst[:1]], console)
     if inspection.of_function is not None:
-        _function_events(inspection.of_function, console)
+        events = inspection.of_function
+        heading = f"The worst events of {events[0].function} in all runs" if events else ""
+        _events(events, FUNCTION_EVENTS, heading, "No warning in any run is missed, late, false or early.", console)
     elif inspection.at is None and inspection.worst is None:
         _contents(inspection, console)
         (_all_runs if hidden else _scores)(inspection, console)
@@ -171,37 +190,10 @@ def _tracks(moment: TracksMoment, console: Console) -> None:
     console.print(_table(moment.tracks, *track, *place))
 
 
-def _events(events: list[TrackEvent], console: Console) -> None:
-    if not events:
-        console.print("\nNo event of the recorded run cost anything.")
-    else:
-        console.print("\nThe events of the recorded run that cost most")
-        columns: tuple[Column, ...] = (
-            ("tracker", "tracker", None),
-            ("time s", "time_s", 2),
-            ("event", "kind", None),
-            ("vehicle", lambda event: event.object or "-", None),
-            ("track", lambda event: "-" if event.track is None else str(event.track), 0),
-            ("cost m²", "cost_m2", 1),
-            ("why", "reason", None),
-        )
+def _events(events: Sequence[Any], columns: Sequence[Column], heading: str, nothing: str, console: Console) -> None:
+    console.print(f"\n{heading if events else nothing}")
+    if events:
         console.print(_table(events, *columns))
-
-
-def _function_events(events: list[FunctionEvent], console: Console) -> None:
-    if not events:
-        console.print("\nNo warning in any run is missed, late, false or early.")
-        return
-    console.print(f"\nThe worst events of {events[0].function} in all runs")
-    columns: tuple[Column, ...] = (
-        ("tracker", "tracker", None),
-        ("run", "run", 0),
-        ("time s", "time_s", 2),
-        ("object", lambda event: event.object or "-", None),
-        ("what", "word", None),
-        ("by s", "wrong_s", 2),
-    )
-    console.print(_table(events, *columns))
 
 
 def _table(items: Iterable[Any], *columns: Column) -> Table:

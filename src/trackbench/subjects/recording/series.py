@@ -252,10 +252,10 @@ def _same(a: Columns, b: Columns, field: str) -> bool:
 
 def _mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str]) -> tuple[Chart, ...]:
     """A chart for each tracker that has modes, with a line for each: the mean over the vehicles of the table."""
-    of = split(modes, "tracker", "mode")
-    colours = mode_colours(mode for _, mode in of)
+    by_mode = split(modes, "tracker", "mode")
+    colours = mode_colours(mode for _, mode in by_mode)
     lines: dict[str, list[ChartLine]] = {}
-    for (tracker, mode), rows in of.items():
+    for (tracker, mode), rows in by_mode.items():
         time, mean, _ = mean_over_objects(rows["time_s"], rows["probability"])
         lines.setdefault(tracker, []).append(ChartLine((mode,), mode, colours[mode], time, mean))
     return tuple(

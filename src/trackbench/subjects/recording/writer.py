@@ -169,10 +169,10 @@ MOST_EVENTS = 40
 
 def costs(result: Result, trackers: Collection[str]) -> str:
     """The events of the recorded run that cost anything as Markdown: the costliest first, track starts apart."""
-    every = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
+    shown = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
     lines = []
     for title, starts in (("Events by cost", False), ("Track starts", True)):
-        events = [event for event in every if event.cost_m2 and (event.kind == "confirmed") == starts][:MOST_EVENTS]
+        events = [event for event in shown if event.cost_m2 and (event.kind == "confirmed") == starts][:MOST_EVENTS]
         lines += ["", f"## {title}", ""]
         rows = [
             f"| {event.cost_m2:.4g} | {event.time_s:.2f} | {event.tracker} | {event.kind} | {event.object}"
@@ -190,8 +190,8 @@ def _blueprint(contents: Contents, wide: views.Window, focus: Focus) -> tuple[rr
         track_charts = charts_of_tracks(contents)
         return layout.track_blueprint(contents, track_charts, wide, focus), track_charts
     charts = charts_of(contents)
-    every = [chart for of in (charts.all_runs, charts.recorded, *charts.vehicles.values()) for chart in of.all]
-    return layout.blueprint(contents, charts, wide, focus), every
+    groups = (charts.all_runs, charts.recorded, *charts.vehicles.values())
+    return layout.blueprint(contents, charts, wide, focus), [chart for group in groups for chart in group.all]
 
 
 #: How long a measurement is shown, s.
