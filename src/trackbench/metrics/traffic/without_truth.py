@@ -75,21 +75,16 @@ def _use(scans: list[UnlabelledScan], track_minutes: float) -> RunSums:
     sums = {"used_share": (float(used), float(sum(len(scan.own_track) for scan in scans)))}
     own = _lengths((scan.time, [(scan.sensor, number) for number in _present(scan)]) for scan in scans)
     if len(own):
-        changes = _changes(scans)
-        sums["track_breaks"] = (float(changes.track_breaks), float(own.sum()) / 60)
-        sums["own_track_breaks"] = (float(changes.own_track_breaks), track_minutes)
-        sums["track_swaps"] = (float(changes.swaps), track_minutes)
+        breaks, own_breaks, swaps = _changes(scans)
+        sums["track_breaks"] = (float(breaks), float(own.sum()) / 60)
+        sums["own_track_breaks"] = (float(own_breaks), track_minutes)
+        sums["track_swaps"] = (float(swaps), track_minutes)
     return sums
 
 
-class _Changes(NamedTuple):
-    track_breaks: int
-    own_track_breaks: int
-    swaps: int
-
-
-def _changes(scans: list[UnlabelledScan]) -> _Changes:
-    """How often tracks and the sensor's own tracks pair anew, by which of the earlier pair is there no more."""
+def _changes(scans: list[UnlabelledScan]) -> tuple[int, int, int]:
+    """How often tracks and the sensor's own tracks pair anew, by which of the earlier pair is there no more: the track,
+    the sensor's own track, or neither."""
     track_of: dict[tuple[str, int], int] = {}
     own_of: dict[tuple[str, int], int] = {}
     breaks = own_breaks = swaps = 0
@@ -104,7 +99,7 @@ def _changes(scans: list[UnlabelledScan]) -> _Changes:
                 own_breaks += earlier_own not in present
                 swaps += earlier_own in present
             track_of[scan.sensor, own], own_of[scan.sensor, track] = track, own
-    return _Changes(breaks, own_breaks, swaps)
+    return breaks, own_breaks, swaps
 
 
 def _used(scan: UnlabelledScan) -> Indices:
