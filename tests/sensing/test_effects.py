@@ -16,7 +16,6 @@ from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_
 from trackbench.models.sensors.effects import EFFECTS, gauss_markov
 from trackbench.report.result import result_document
 from trackbench.results.scenario_summary import SensorSummary
-from trackbench.results.sensor_words import effects, effects_with_options
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.sensing.detections import draw_false_alarms, sense_hidden
@@ -306,13 +305,12 @@ def test_the_page_of_effects_has_the_typical_figures(run_tiny):
     result = run_tiny(*(f"sensors.{name}.effects=typical" for name in ("radar", "lidar")))
     page = (Path(__file__).parents[2] / "docs" / "sensor-effects.md").read_text(encoding="utf-8")
     report = to_markdown(result_document(result))
-    written = list(effects_with_options(result.summary.sensors))
     rows = re.findall(r"(?m)^\| (radar|lidar) \| (.*) \|$", page)
-    for text, sensor in zip(written, ("radar", "lidar"), strict=True):
-        assert text in report
-        assert text == f"Effects of {sensor}: {'; '.join(row for kind, row in rows if kind == sensor)}."
+    for name, sensor in result.summary.sensors.items():
+        assert sensor.effects_with_options == "; ".join(row for kind, row in rows if kind == name)
+        assert f"Effects of {name}: {sensor.effects_with_options}." in report
     earlier = result.summary.sensors["radar"].model_dump() | {"effects": ["bias"]}
-    assert effects(SensorSummary.model_validate(earlier)) == "bias"
+    assert SensorSummary.model_validate(earlier).effects_in_words == "bias"
 
 
 @pytest.mark.parametrize(

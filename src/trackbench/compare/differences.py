@@ -134,10 +134,10 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
         sides = (match.entry, pair[0]), (match.against, pair[1])
         for (entry, tracker), runs in zip(sides, shared[::-1] if shared else (None, None), strict=True):
             if (id(entry), tracker) not in intervals:
-                found = entry.interval(tracker, metric, runs, over_stretches=over_stretches)
+                interval = entry.interval(tracker, metric, runs, over_stretches=over_stretches)
                 # Of numbers whose squares are too large for a float nothing is known.
-                finite = found is not None and np.isfinite(np.square([found.value, *found.influence])).all()
-                intervals[id(entry), tracker] = found if finite else None
+                finite = interval is not None and np.isfinite(np.square([interval.value, *interval.influence])).all()
+                intervals[id(entry), tracker] = interval if finite else None
         own, other = (intervals[id(entry), tracker] for entry, tracker in sides)
         entrant, against = match.entrants(pair)
         if own is None or other is None:

@@ -106,8 +106,8 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
         ]
     places = decimals([metric.value for metric in metrics], digits)
     # The interval of a mean that few runs decide says nothing.
-    told = [MetricValue(unit=m.unit) if t.health.diverged_runs else m for t, m in zip(trackers, metrics, strict=True)]
-    ends = intervals_in_short(told, places) if path == "position_rmse" else [""] * len(metrics)
+    shown = [MetricValue(unit=m.unit) if t.health.diverged_runs else m for t, m in zip(trackers, metrics, strict=True)]
+    ends = intervals_in_short(shown, places) if path == "position_rmse" else [""] * len(metrics)
     return [Text(f"{short(m.value, places)} {end}".rstrip()) for m, end in zip(metrics, ends, strict=True)]
 
 
@@ -272,13 +272,15 @@ def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
     """What the verdicts on the covariances mean, but for those of which more is said; in the order of ``MEANING``."""
     lines = []
     for word in (word for word in MEANING if word not in NAMED):
-        said: dict[str, list[str]] = {}
+        by_meaning: dict[str, list[str]] = {}
         for tracker in trackers:
             nees = metric_of(tracker, "nees")
             if nees.verdict == word:
                 alone = nees.model_copy(update={"also": None})
-                said.setdefault(meaning(alone, tracker.breakdown), []).append(tracker.name)
-        lines += [f"{word}{f' ({joined_names(names)})' * (len(said) > 1)}: {text}" for text, names in said.items()]
+                by_meaning.setdefault(meaning(alone, tracker.breakdown), []).append(tracker.name)
+        lines += [
+            f"{word}{f' ({joined_names(names)})' * (len(by_meaning) > 1)}: {text}" for text, names in by_meaning.items()
+        ]
     return lines
 
 

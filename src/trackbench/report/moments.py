@@ -33,11 +33,11 @@ def diverged_elsewhere(result: Result) -> str:
     for row in table.filter(pc.greater(table["diverged"], 0)).to_pylist() if table.num_rows else ():
         if row["tracker"] in filtering and row["run"] != result.summary.recorded_run:
             runs.setdefault(row["tracker"], []).append(int(row["run"]))
-    told = [
+    parts = [
         f"{name} diverged in run {first}{f' and {len(more)} more' * bool(more)}"
         for name, (first, *more) in runs.items()
     ]
-    return f"Not shown: {joined_names(told)}." if told else ""
+    return f"Not shown: {joined_names(parts)}." if parts else ""
 
 
 def moment_text(moment: EstimateMoment) -> str:

@@ -50,7 +50,7 @@ from trackbench.report.sentences import (
     provenance,
     reused_identities,
 )
-from trackbench.results import Result, sensor_words
+from trackbench.results import Result
 
 
 def breakdown_section(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
@@ -331,7 +331,9 @@ def _truth_and_sensors(result: Result) -> Iterator[Block]:
     if shares_of_jumps := after_jumps(result.scored):
         yield Paragraph(shares_of_jumps)
     yield tables.sensor_table(result)
-    yield from map(Paragraph, sensor_words.effects_with_options(result.summary.sensors))
+    for name, sensor in result.summary.sensors.items():
+        if sensor.effects:
+            yield Paragraph(f"Effects of {name}: {sensor.effects_with_options}.")
 
 
 def _reproduction(result: Result) -> Iterator[Block]:

@@ -219,11 +219,11 @@ def _time_offset(tracker: TrackerResult) -> list[str]:
         return [f"{name}: time offset n/a: nothing that it is on moves"]
     if offset.ci95 is not None and offset.value is not None:
         low, high = (1e3 * end for end in offset.ci95)
-        found = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"
+        shift = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"
         if not tracker.offset_shown:
-            return [f"{name}: no time offset that matters is shown: {found}"]
+            return [f"{name}: no time offset that matters is shown: {shift}"]
         remedy = f"--time-offset or time_offset_s adds it, {offset.value:.3g} s"
-        return [f"{name}: time stamps fit best with {found} added, beside a shift along the path; {remedy}"]
+        return [f"{name}: time stamps fit best with {shift} added, beside a shift along the path; {remedy}"]
     alone = f"{tracker.along_path_m:+.2g} m along the path"
     causes = f"{1e3 * tracker.offset_alone_s:+.0f} ms added would make up for it, or another point of the body"
     return [f"{name}: time offset n/a: {offset.reason}; the mean error is {alone}: {causes}"]

@@ -23,7 +23,7 @@ from trackbench.report.numbers import (
     signed,
 )
 from trackbench.report.pairs import Pair, Pairs, standing
-from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
+from trackbench.results import MetricValue, Result, TrackerResult
 
 INTERVAL = "95 % interval"
 VERDICT = "verdict, 95 % interval"
@@ -388,25 +388,25 @@ def sensor_table(result: Result) -> Table:
         ),
         (Column("kind", left=True), [Cell(sensor.kind) for sensor in sensors]),
         (Column("rate, Hz"), [Cell(f"{s.rate_hz:.4g}") if s.rate_hz is not None else single for s in sensors]),
-        (Column("noise", noise, left=True), [Cell(sensor_words.noise_in_words(sensor)) for sensor in sensors]),
+        (Column("noise", noise, left=True), [Cell(sensor.noise_in_words) for sensor in sensors]),
         (
             Column("field of view, deg", "horizontal, centred on the boresight"),
             [Cell(f"{sensor.fov_deg:g}") for sensor in sensors],
         ),
         (
             Column("range", "beyond it nothing is detected"),
-            [Cell(sensor_words.range_in_words(sensor)) for sensor in sensors],
+            [Cell(sensor.range_in_words) for sensor in sensors],
         ),
-        (Column("mount", pose, left=True), [Cell(sensor_words.mount(sensor)) for sensor in sensors]),
+        (Column("mount", pose, left=True), [Cell(sensor.mount_in_words) for sensor in sensors]),
     ]
     if result.summary.truth.known:
         columns.append((Column("detections, %", rates), [Cell(_percents(s.detection_rate)) for s in sensors]))
     if any(sensor.effects for sensor in sensors):
         differs = Column("effects", "how it differs from an ideal sensor with white noise", left=True)
-        columns.insert(4, (differs, [Cell(sensor_words.effects(sensor)) for sensor in sensors]))
+        columns.insert(4, (differs, [Cell(sensor.effects_in_words) for sensor in sensors]))
     if any(sensor.latency_s[1] > 0 for sensor in sensors):
         late = Column("latency, s", "from a measurement to its arrival at the trackers")
-        columns.insert(3, (late, [Cell(sensor_words.latency(sensor)) for sensor in sensors]))
+        columns.insert(3, (late, [Cell(sensor.latency_in_words) for sensor in sensors]))
     return Table.of_columns("sensors", columns)
 
 

@@ -108,10 +108,10 @@ def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
 
 def _diverged(result: Result, most: int) -> str:
     """Which of those that filter diverged, of more than ``most`` how many: "div diverged in 1 of 10 runs"; or ""."""
-    told = [(t.name, words) for t in result.filtering if (words := divergence(t, result.summary.runs))]
-    if len(told) > most:
-        return f"{counted(len(told), 'tracker')} diverged in some runs"
-    return joined_names([" ".join(each) for each in told])
+    divergences = [(t.name, words) for t in result.filtering if (words := divergence(t, result.summary.runs))]
+    if len(divergences) > most:
+        return f"{counted(len(divergences), 'tracker')} diverged in some runs"
+    return joined_names([" ".join(each) for each in divergences])
 
 
 def _marked(result: Result, names: Sequence[str]) -> list[str]:

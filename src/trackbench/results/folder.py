@@ -102,9 +102,9 @@ def _require_runs(table: pa.Table, file: Path) -> None:
 
 def _require_objects(table: pa.Table, objects: Sequence[str], file: Path) -> None:
     """The truth has each object of the run and what carries the sensors."""
-    there = set(split(table, "role", "object"))
+    tracked = set(split(table, "role", "object"))
     for key in [*(("target", name) for name in objects), (OBSERVER, OBSERVER)]:
-        if key not in there:
+        if key not in tracked:
             raise InputError(f"{key[1]} is missing: not the table truth of this run", file=file)
 
 

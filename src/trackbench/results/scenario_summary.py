@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, JsonValue
 
+from trackbench.base.config.key_units import in_words
 from trackbench.base.errors import counted
 from trackbench.results.metric_value import ResultModel, by_value
 
@@ -196,6 +198,48 @@ class SensorSummary(ResultModel):
     """The least and the most time from a measurement to its arrival."""
     effects: tuple[EffectOptions, ...] = ()
     """How it differs from an ideal sensor, in the order in which they act: the type and the options of each."""
+
+    @property
+    def noise_in_words(self) -> str:
+        """The standard deviation of each component, such as "range 0.3 m, azimuth 0.5 deg"."""
+        return ", ".join(f"{name.replace('_', ' ')} {of.sigma:.4g} {of.unit}" for name, of in self.noise.items())
+
+    @property
+    def range_in_words(self) -> str:
+        """The largest range, such as "150 m"."""
+        return "no limit" if self.max_range_m is None else f"{self.max_range_m:g} m"
+
+    @property
+    def mount_in_words(self) -> str:
+        """The pose on the observer, such as "x 3.6 m, y 0 m, yaw 0 deg"."""
+        return f"x {self.mount.x_m:g} m, y {self.mount.y_m:g} m, yaw {self.mount.yaw_deg:g} deg"
+
+    @property
+    def latency_in_words(self) -> str:
+        """Of its scans, s, such as "0.1" or, drawn, "0.05 to 0.2"."""
+        return " to ".join(dict.fromkeys(f"{end:g}" for end in self.latency_s))
+
+    @property
+    def effects_in_words(self) -> str:
+        """How it differs from an ideal one, such as "reflection, correlated errors"."""
+        return ", ".join(_effect_type(effect) for effect in self.effects) or "none"
+
+    @property
+    def effects_with_options(self) -> str:
+        """The same with their options, such as "faces (share 0.2); bias (azimuth 0.1 deg)"; empty of an ideal one."""
+        return "; ".join(f"{_effect_type(each)} ({', '.join(_options_in_words(each))})" for each in self.effects)
+
+
+def _effect_type(effect: Mapping[str, object]) -> str:
+    return str(effect["type"]).replace("_", " ")
+
+
+def _options_in_words(options: Mapping[str, object]) -> Iterator[str]:
+    for key, value in options.items():
+        if isinstance(value, Mapping):
+            yield from _options_in_words(value)
+        elif key != "type" and value is not None:
+            yield in_words(key, value)
 
 
 class ReferenceSummary(ResultModel):

@@ -74,7 +74,7 @@ def history(
         InputError: there are no results, one cannot be read, or a name is not there.
     """
     places = [folders] if isinstance(folders, Path | str) else folders
-    found = history_of(
+    past = history_of(
         [Path(place) for place in places],
         metrics=listed(metrics),
         trackers=None if trackers is None else listed(trackers),
@@ -82,13 +82,13 @@ def history(
         limits=[Limit.parse(f"{metric}:{percent}", OPTION) for metric, percent in (limits or {}).items()],
         window=window,
     )
-    return ReportableHistory.model_validate(dict(found))
+    return ReportableHistory.model_validate(dict(past))
 
 
-def history_files(found: History, folder: Path) -> Iterator[tuple[Path, bytes]]:
+def history_files(past: History, folder: Path) -> Iterator[tuple[Path, bytes]]:
     """The page, the same as Markdown with its figures, and the data."""
-    document = history_document(found)
+    document = history_document(past)
     for format in ("html", "markdown"):
         for name, content in files(document, format, "history"):
             yield folder / name, content()
-    yield folder / "history.json", json_text(found.json()).encode()
+    yield folder / "history.json", json_text(past.json()).encode()

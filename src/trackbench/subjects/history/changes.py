@@ -19,7 +19,7 @@ from trackbench.compare.limits import Limit, gate_results, require_directed
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.results.metric_value import ResultModel
-from trackbench.subjects.history.found import PastResult, PooledResults
+from trackbench.subjects.history.past_results import PastResult, PooledResults
 
 #: What a tracker's result is compared with, and how; or why not.
 How = Comparability | str
@@ -54,22 +54,22 @@ def stretches_of(entries: Sequence[PastResult], trackers: Sequence[str], metrics
         trackers: their names.
         metrics: by which.
     """
-    found, ways = MarkedStretches(), Ways(entries, metrics)
+    marked, ways = MarkedStretches(), Ways(entries, metrics)
     starts: set[tuple[str, int]] = set()
     while True:
-        looked = [item for tracker in trackers for item in _matches(entries, tracker, starts, ways, found)]
+        looked = [item for tracker in trackers for item in _matches(entries, tracker, starts, ways, marked)]
         since = {(match.pairs[0][0], match.number): begin for begin, match in looked}
         differing, _ = judged_differences([match for _, match in looked], metrics, over_scenarios=True)
-        found.looks = max(found.looks, len(differing))
+        marked.looks = max(marked.looks, len(differing))
         shown = [item for item in differing if item.verdict not in (EQUIVALENT, UNDECIDED)]
         shown = [item for item in shown if _key(item) not in starts]
         first: dict[str, int] = {}
         for tracker, place in map(_key, shown):
             first[tracker] = min(first.get(tracker, place), place)
-        found.changes += [ShownChange(since[_key(item)], item) for item in shown if _key(item) in first.items()]
+        marked.changes += [ShownChange(since[_key(item)], item) for item in shown if _key(item) in first.items()]
         if not first:
-            found.changes.sort(key=lambda change: change.difference.entrant.set)
-            return found
+            marked.changes.sort(key=lambda change: change.difference.entrant.set)
+            return marked
         starts |= {*first.items()}
 
 
@@ -104,7 +104,7 @@ class Ways:
 
 
 def _matches(
-    entries: Sequence[PastResult], tracker: str, starts: set[tuple[str, int]], ways: Ways, found: MarkedStretches
+    entries: Sequence[PastResult], tracker: str, starts: set[tuple[str, int]], ways: Ways, marked: MarkedStretches
 ) -> Iterator[tuple[int, Match]]:
     """Each result of a tracker with what it is held against, and the place of the first of its stretch; a result that
     begins a new stretch is the last of the one before too."""
@@ -117,7 +117,7 @@ def _matches(
             same = next((number for number in members if entries[number].fingerprints & entry.fingerprints), begin)
             how = ways(same, place)
             if isinstance(how, str):
-                found.breaks[tracker, place] = begin, how
+                marked.breaks[tracker, place] = begin, how
                 members = [place]
                 continue
             pooled = how.shared is None and len(members) > 1
@@ -130,11 +130,11 @@ def _matches(
 
 def causes(entries: Sequence[PastResult], tracker: str, since: int, place: int) -> list[str]:
     """What changed with a result of a tracker, after the first of its stretch; the latest first."""
-    found = []
+    texts = []
     for number in range(place, since, -1):
         where = "" if number == place else f" (at result {number + 1})"
-        found += [f"{text}{where}" for text in _steps(entries[number - 1], entries[number], tracker)]
-    return found
+        texts += [f"{text}{where}" for text in _steps(entries[number - 1], entries[number], tracker)]
+    return texts
 
 
 def _steps(before: PastResult, after: PastResult, tracker: str) -> Iterator[str]:
@@ -203,21 +203,21 @@ def history_gates(
         if why := last.without_interval(metric):
             raise InputError(f"no regression can be shown: {why}", file=last.label, key=OPTION)
     ways = Ways(entries, [*metrics.values()])
-    there = [name for name in trackers if name in last.result]
+    present = [name for name in trackers if name in last.result]
     matches, refused = [], []
     for place in before:
         how, own = ways(place, len(entries) - 1), entries[place]
         if isinstance(how, str):
             refused.append(f"result {place + 1}: {how}")
             continue
-        pairs = tuple((name, name) for name in there if name in own.result)
+        pairs = tuple((name, name) for name in present if name in own.result)
         matches.append(Match(last.result.name, last, own, place, how, pairs))
     allowed = {limit.metric: limit.percent for limit in limits}
     differing, missing = judged_differences(matches, [*metrics.values()], over_scenarios=True, limits=allowed)
     outcomes = gate_results(limits, metrics, differing, missing)
     lost = [name for name in trackers if before and name not in last.result and name in entries[-2].result]
     return [
-        *(_worst(limit, name, outcomes, refused) for limit in limits for name in there),
+        *(_worst(limit, name, outcomes, refused) for limit in limits for name in present),
         *(
             _gate(limit, name, "error", before[-1] + 1, "is not in the last result")
             for limit in limits

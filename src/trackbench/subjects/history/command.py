@@ -71,14 +71,14 @@ def history_command(
     from trackbench.subjects.history.report import history_document, suite_of_history
 
     parsed = [Limit.parse(text, OPTION) for text in limits]
-    for given, key in ((junit is not None, "--junit"), (github, "--github")):
-        if given and not parsed:
+    for asked_for, key in ((junit is not None, "--junit"), (github, "--github")):
+        if asked_for and not parsed:
             raise InputError(f"says which limits are kept: give {OPTION} too", key=key)
     if junit is not None:
         results.require_file(junit, "--junit")
     if out is not None:
         results.require_writable(out)
-    found = history_of(
+    past = history_of(
         folders,
         metrics=metrics,
         trackers=None if trackers is None else names_in(trackers),
@@ -86,13 +86,13 @@ def history_command(
         limits=parsed,
         window=window,
     )
-    for file, content in history_files(found, out) if out is not None else ():
+    for file, content in history_files(past, out) if out is not None else ():
         results.write_bytes(file, content)
-    write_suites([suite_of_history(found)], junit, github, as_json)
+    write_suites([suite_of_history(past)], junit, github, as_json)
     if as_json:
-        click.echo(results.json_text(found.json()), nl=False)
+        click.echo(results.json_text(past.json()), nl=False)
     else:
-        print_document(history_document(found), Console())
+        print_document(history_document(past), Console())
         if out is not None:
             click.echo(f"{out}/: history.html, history.md, history.json", err=True)
-    raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
+    raise click.exceptions.Exit(0 if past.passed else FAILED_EXPECTATION)

@@ -23,7 +23,7 @@ from trackbench.subjects.history.changes import (
     scenario_sha256,
     stretches_of,
 )
-from trackbench.subjects.history.found import PastResult, results_of_scenario
+from trackbench.subjects.history.past_results import PastResult, results_of_scenario
 
 SCHEMA_VERSION = 1
 #: Results before the last one that it is held against, unless told otherwise.
@@ -139,8 +139,8 @@ def history_of(
     Raises:
         InputError: no results, one that cannot be read, a name that is not there, or a limit that no result can show.
     """
-    found = results_of_scenario(folders, scenario)
-    entries = found.entries
+    past = results_of_scenario(folders, scenario)
+    entries = past.entries
     named = [*dict.fromkeys([*metrics, *(limit.metric for limit in limits)])]
     chosen = _metrics(entries[-1], named, {limit.metric: OPTION for limit in limits})
     places = merged_places(entry.result for entry in reversed(entries))
@@ -151,7 +151,7 @@ def history_of(
     names = [name for name in names if trackers is None or name in trackers]
     stretches = stretches_of(entries, names, chosen)
     return History(
-        scenario=found.scenario,
+        scenario=past.scenario,
         metrics=[metric.path for metric in chosen],
         trackers=names,
         places={name: places[name] for name in names},
@@ -160,7 +160,7 @@ def history_of(
         breaks=_breaks(stretches),
         looks=stretches.looks,
         gates=history_gates(entries, names, limits, window),
-        notes=found.notes,
+        notes=past.notes,
     )
 
 
@@ -224,7 +224,10 @@ def _changes(entries: Sequence[PastResult], stretches: MarkedStretches) -> list[
 
 def _breaks(stretches: MarkedStretches) -> list[HistoryBreak]:
     """One for all trackers that it is of."""
-    found: dict[tuple[int, int, str], list[str]] = {}
+    names_by_break: dict[tuple[int, int, str], list[str]] = {}
     for (tracker, place), (since, reason) in stretches.breaks.items():
-        found.setdefault((place + 1, since + 1, reason), []).append(tracker)
-    return [HistoryBreak(result=a, since=b, reason=why, trackers=names) for (a, b, why), names in sorted(found.items())]
+        names_by_break.setdefault((place + 1, since + 1, reason), []).append(tracker)
+    return [
+        HistoryBreak(result=a, since=b, reason=why, trackers=names)
+        for (a, b, why), names in sorted(names_by_break.items())
+    ]

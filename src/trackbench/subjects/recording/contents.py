@@ -26,7 +26,6 @@ from trackbench.results import (
     Tables,
     TrackerResult,
     by_value,
-    sensor_words,
 )
 from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
@@ -372,9 +371,9 @@ def sensor_line(name: str, sensor: SensorSummary) -> str:
     share = sensor.detection_rate
     detected = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
     rate = "" if sensor.rate_hz is None else f", {sensor.rate_hz:.4g} Hz"
-    sees = f"field of view {sensor.fov_deg:g} deg, range {sensor_words.range_in_words(sensor)}"
-    sigmas = f"noise (1 sigma) {sensor_words.noise_in_words(sensor)}"
-    mount = f"mount {sensor_words.mount(sensor)}"
+    sees = f"field of view {sensor.fov_deg:g} deg, range {sensor.range_in_words}"
+    sigmas = f"noise (1 sigma) {sensor.noise_in_words}"
+    mount = f"mount {sensor.mount_in_words}"
     return f"- **{name}**: {sensor.kind}{preset}{rate}, {detected}; {sigmas}; {sees}; {mount}"
 
 

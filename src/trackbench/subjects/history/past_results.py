@@ -68,10 +68,10 @@ class PooledResults(Entry):
                 members.append(result)
         return cls(members[0].label, members[0].result, tuple(members))
 
-    def interval(self, tracker: str, metric: Metric, *given: Any, **options: Any) -> Interval | None:
+    def interval(self, tracker: str, metric: Metric, *runs: Any, **options: Any) -> Interval | None:
         """Of all runs; scenes are the same in each result, and do not become more."""
-        found = (member.interval(tracker, metric, *given, **options) for member in self.members)
-        if not (every := [interval for interval in found if interval is not None]):
+        intervals = (member.interval(tracker, metric, *runs, **options) for member in self.members)
+        if not (every := [interval for interval in intervals if interval is not None]):
             return None
         each = [interval.value + interval.influence for interval in every]
         alike = every[0].scenes and len({*map(len, each)}) == 1
@@ -79,7 +79,7 @@ class PooledResults(Entry):
         return every[0]._replace(value=float(pooled.mean()), influence=pooled - pooled.mean(), weight=None)
 
 
-class FoundResults(NamedTuple):
+class PastResults(NamedTuple):
     """The results of one scenario, the earliest first."""
 
     scenario: str
@@ -88,7 +88,7 @@ class FoundResults(NamedTuple):
     """What of the folders is left out."""
 
 
-def results_of_scenario(folders: Sequence[Path], scenario: str | None = None) -> FoundResults:
+def results_of_scenario(folders: Sequence[Path], scenario: str | None = None) -> PastResults:
     """The results of a scenario under some folders: of the one that most results are of unless named.
 
     Raises:
@@ -101,7 +101,7 @@ def results_of_scenario(folders: Sequence[Path], scenario: str | None = None) ->
         raise InputError(f"no result of the scenario {scenario!r}; {nearest(scenario, numbers)}", key="--scenario")
     chosen = scenario or max(numbers, key=numbers.__getitem__)
     own = sorted((entry for entry in entries if entry.result.name == chosen), key=lambda entry: entry.time)
-    return FoundResults(chosen, own, list(_notes(chosen, own, numbers)))
+    return PastResults(chosen, own, list(_notes(chosen, own, numbers)))
 
 
 def _files(folder: Path) -> Iterator[Path]:
