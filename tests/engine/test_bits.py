@@ -70,9 +70,8 @@ def supported(processor: str | None) -> bool:
 @pytest.mark.parametrize(
     ("name", "processors"),
     [
-        ("kf-ca", PROCESSORS[::4]),
         ("ekf-cv", PROCESSORS[::4]),
-        *(pytest.param(name, PROCESSORS[::2], marks=pytest.mark.slow) for name in ["ekf-cv", *SLOW]),
+        *(pytest.param(name, PROCESSORS[::2], marks=pytest.mark.slow) for name in ["kf-ca", "ekf-cv", *SLOW]),
     ],
 )
 def test_on_every_processor(name: str, processors: list[str | None], kernels: Kernels) -> None:

@@ -168,7 +168,7 @@ def test_unscented_filter_is_the_textbook_one(motion, augmented, rule):
     belief = start(motion)
     x, p = belief.mean, belief.covariance
     subtract = reference.residual(motion.angular)
-    for seen, dt in scans(motion):
+    for seen, dt in scans(motion, steps=14):
         h, _ = observation(motion, seen.kind)
         x, p, points = reference.unscented_predict(
             x,
