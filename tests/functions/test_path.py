@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackbench.functions import Ego, Objects
-from trackbench.functions.protocol import OnPath, on_path
+from trackbench.functions.path import OnPath, on_path
 
 RANDOM = np.random.default_rng(5)
 

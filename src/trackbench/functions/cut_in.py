@@ -6,17 +6,8 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import NonNegative, Positive
-from trackbench.functions.protocol import (
-    Decision,
-    Ego,
-    Function,
-    Objects,
-    Quantity,
-    decision,
-    on_path,
-    probability_positive,
-    time_until,
-)
+from trackbench.functions.path import on_path, probability_positive, time_until
+from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
 
 
 class CutIn(Function):

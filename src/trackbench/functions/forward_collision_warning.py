@@ -5,17 +5,8 @@ from __future__ import annotations
 from pydantic import Field
 
 from trackbench.base.config import Positive
-from trackbench.functions.protocol import (
-    Decision,
-    Ego,
-    Function,
-    Objects,
-    Quantity,
-    decision,
-    on_path,
-    probability_positive,
-    time_until,
-)
+from trackbench.functions.path import on_path, probability_positive, time_until
+from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
 
 
 class ForwardCollisionWarning(Function):

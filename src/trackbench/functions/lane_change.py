@@ -9,16 +9,8 @@ from pydantic import Field
 
 from trackbench.base.config import NonNegative, Positive
 from trackbench.functions.emergency_braking import required_deceleration
-from trackbench.functions.protocol import (
-    Decision,
-    Ego,
-    Function,
-    Objects,
-    Quantity,
-    decision,
-    on_path,
-    probability_positive,
-)
+from trackbench.functions.path import on_path, probability_positive
+from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
 
 
 class LaneChange(Function):

@@ -9,7 +9,8 @@ import numpy as np
 
 from trackbench.base.types import SAME_TIME, Array, Indices, Mask
 from trackbench.functions import Decision, EgoScene, Function, Objects
-from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE, on_path
+from trackbench.functions.path import on_path
+from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE
 from trackbench.metrics.protocol import Chunk, Scope
 
 if TYPE_CHECKING:
