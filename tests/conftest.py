@@ -96,18 +96,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if item not in set(left_out)]
 
 
+#: Whether there is a driver for the viewer.
+viewer_draws = functools.cache(viewer.draws)
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what needs a program that is not here, and say which."""
     if item.get_closest_marker("browser") and CHROMIUM is None:
         pytest.skip("Chromium is not installed (apt-get install chromium)")
     if item.get_closest_marker("viewer") and not viewer_draws():
         pytest.skip(viewer.NO_DRIVER)
-
-
-@functools.cache
-def viewer_draws() -> bool:
-    """Whether there is a driver for the viewer."""
-    return viewer.draws()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -65,9 +65,9 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> list[Scan]:
 
 
 def estimates(folder: Path, entry: Any, scans: Sequence[Scan], in_process: bool = False) -> list[Any]:
-    known = (FilterConfig if "filter" in entry else PluginConfig).model_validate(entry)
+    config = (FilterConfig if "filter" in entry else PluginConfig).model_validate(entry)
     batch = scans[0].valid.size
-    with closing(start(known, folder, batch, lambda tracker: tracker, Isolation(in_process), sensors={})) as stepper:
+    with closing(start(config, folder, batch, lambda tracker: tracker, Isolation(in_process), sensors={})) as stepper:
         return [stepper.step(scan) for scan in scans]
 
 
@@ -78,10 +78,10 @@ def require_alike(inside: Sequence[Any], outside: Sequence[Any]) -> None:
             if estimate is None:
                 assert np.isnan(getattr(expected, name)).all()
                 continue
-            one, other = getattr(expected, name), getattr(estimate, name)
-            largest = np.abs(one).max(axis=tuple(range(one.ndim - 1)))
-            np.testing.assert_array_less(np.abs(one - other).max(axis=tuple(range(one.ndim - 1))), SAME * largest)
-            compared += one.shape[-1]
+            ours, theirs = getattr(expected, name), getattr(estimate, name)
+            axes = tuple(range(ours.ndim - 1))
+            np.testing.assert_array_less(np.abs(ours - theirs).max(axis=axes), SAME * np.abs(ours).max(axis=axes))
+            compared += ours.shape[-1]
     assert compared > 1000
 
 
@@ -128,7 +128,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.parametrize("library", [False, True])
 def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, scans: list[Scan], name: str, library: bool) -> None:
-    body, said = FAULTS[name]
+    body, message = FAULTS[name]
     (folder / "tracker.cpp").write_text(
         '#include "trackbench.hpp"\n#include <cstdlib>\n#include <iostream>\n#include <stdexcept>\n'
         "struct Mine {\n    explicit Mine(const trackbench::Options &) {}\n"
@@ -138,7 +138,7 @@ def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, scans: list[Scan]
     )
     compiled(folder, "tracker.cpp", library=library)
     use = {"library": "./tracker.so"} if library else {"command": ["./tracker"]}
-    with pytest.raises(TrackFault, match=said):
+    with pytest.raises(TrackFault, match=message):
         estimates(folder, {"use": use}, scans[:2])
 
 
@@ -188,14 +188,14 @@ def test_batches_and_several_objects(folder: Path, scans: list[Scan]) -> None:
     scan = scans[0]
     scan = scan._replace(noise_covariance=np.eye(2), detection_probability=0.9, clutter_density=1e-3)
     hidden = scan._replace(measurement=measurement, valid=valid)
-    known = scan._replace(measurement=measurement[:, :, 1], valid=valid[:, 1])
+    labelled = scan._replace(measurement=measurement[:, :, 1], valid=valid[:, 1])
     for library in (False, True):
         uses = []
         for name in ("batched", "several"):
             output = compiled(folder, f"{name}.cpp", library=library)
             uses.append({"use": {"library": output.name} if library else {"command": [f"./{output.name}"]}})
-        (estimate,) = estimates(folder, uses[0], [known])
-        np.testing.assert_array_equal(estimate.mean, np.vstack([known.measurement] * 2))
+        (estimate,) = estimates(folder, uses[0], [labelled])
+        np.testing.assert_array_equal(estimate.mean, np.vstack([labelled.measurement] * 2))
         config = PluginConfig.model_validate(uses[1])
         with closing(start(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
             tracks = stepper.step(hidden)
