@@ -23,6 +23,8 @@ from trackbench.truth.recorded.drive import (
 )
 from trackbench.truth.recorded.reference import with_scored_region
 from trackbench.truth.recorded.scans import recorded_detections, scan_notes
+from trackbench.truth.recorded.table import load_tables, load_unlabelled
+from trackbench.truth.recorded.udacity import load_udacity
 
 __all__ = ["Drive", "Recording", "load_recording", "read_drive"]
 
@@ -48,7 +50,10 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
-    recording = _load(config, kinds, folder)
+    if config.without_truth:
+        recording = Recording(*load_unlabelled(config, kinds, folder))
+    else:
+        recording = _on_grid(config, read_drive(config, kinds, folder), kinds)
     if config.stretches is not None:
         require_long_enough(recording.truth, recording.measurements, config.stretches)
     if (
@@ -62,12 +67,8 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
     return recording
 
 
-def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
-    from trackbench.truth.recorded import table
-
-    if config.without_truth:
-        return Recording(*table.load_unlabelled(config, kinds, folder))
-    drive = read_drive(config, kinds, folder)
+def _on_grid(config: RecordingOptions, drive: Drive, kinds: Mapping[str, str]) -> Recording:
+    """A drive on the times of its truth and its scans."""
     clipped = drive.clipped()
     require_measurements(drive, clipped)
     looked = scan_cycles(clipped)
@@ -91,8 +92,5 @@ def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> R
 
 def read_drive(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
     """Read the files of a recording; see :func:`load_recording`."""
-    from trackbench.truth.recorded import table, udacity
-
-    if config.format == "udacity":
-        return udacity.load_udacity(config, kinds, folder)
-    return table.load_tables(config, kinds, folder)
+    load = load_udacity if config.format == "udacity" else load_tables
+    return load(config, kinds, folder)
