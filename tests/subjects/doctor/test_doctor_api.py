@@ -53,7 +53,7 @@ def test_a_fault_is_named_shown_and_saved(tmp_path: Path, capsys: pytest.Capture
     told: list[tuple[int, int]] = []
     found = tb.doctor(
         "doubled_noise:Doubled",
-        options={"factor": 4.0},
+        options={"factor": 16.0},
         skip=SKIPPED,
         in_process=True,
         out=tmp_path / "out",

@@ -213,8 +213,9 @@ def test_its_fault_has_consequences() -> None:
 def test_a_check_of_several_objects_is_made_and_reported() -> None:
     found = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("mine", SOUND["nearest global"])
     assert (found.checks[0].name, found.checks[0].question) == ("hands", "Are they left-handed?")
-    assert [finding.fault for finding in found.findings] == ["hands_wrong"]
-    assert "1. the hands are wrong" in examination_text(found)
+    # The filter of its tracks is examined as a tracker of one object.
+    assert [finding.fault for finding in found.findings] == ["right_handed", "hands_wrong"]
+    assert "2. the hands are wrong" in examination_text(found)
 
 
 def test_without_the_file_it_is_unknown() -> None:

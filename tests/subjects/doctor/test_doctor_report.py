@@ -47,7 +47,7 @@ from trackbench.subjects.doctor.subject import SENSORS
 
 EXAMPLES = DOCS / "examples"
 FILES = ["examination.json", "recording.rrd", "report.html"]
-KEYS = {"fault", "confidence", "explains", "sensor", "factor", "evidence", "advice", "consequence_of"}
+KEYS = {"fault", "confidence", "explains", "sensor", "factor", "evidence", "advice", "consequence_of", "shown_by"}
 
 
 @dataclass(frozen=True)
