@@ -77,7 +77,7 @@ def test_fifty_values_need_no_other_kernel(name: str, counted: Kernels) -> None:
         made.add(cartesian.covariance.tobytes())
     assert len(made) == 50
     assert counted._processor.compiled == 1
-    assert len(counted._found) == 1
+    assert len(counted._kernels) == 1
 
 
 @pytest.mark.parametrize("name", SEARCHED)

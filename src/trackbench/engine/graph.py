@@ -89,7 +89,7 @@ class Graph:
         self.batch_axes = 0
         """How many axes of the inputs count members; set where a user's function is traced, which might ask."""
         self._applied: dict[tuple[object, ...], Node] = {}
-        self._given: dict[object, Node] = {}
+        self._leaves: dict[object, Node] = {}
         self._count = 0
 
     def refuse(self, reason: str) -> NoReturn:
@@ -104,13 +104,13 @@ class Graph:
     def input(self, name: str, component: int, *, level: int, boolean: bool = False) -> Node:
         """A component of an input."""
         at = name, component
-        if at not in self._given:
-            self._given[at] = self._node("input", (), at, level, boolean)
-        return self._given[at]
+        if at not in self._leaves:
+            self._leaves[at] = self._node("input", (), at, level, boolean)
+        return self._leaves[at]
 
-    def given(self, name: str) -> Node | None:
+    def first_component(self, name: str) -> Node | None:
         """The first component of an input; None: there is no such."""
-        return self._given.get((name, 0))
+        return self._leaves.get((name, 0))
 
     def constant(self, value: float | bool) -> Node:
         """A number, or a truth value."""
@@ -118,9 +118,9 @@ class Graph:
         value = value if boolean else float(value)
         # The text tells 0.0 from -0.0 and from False, and finds a NaN again.
         text = repr(value)
-        if text not in self._given:
-            self._given[text] = self._node("constant", (), value, ALL, boolean)
-        return self._given[text]
+        if text not in self._leaves:
+            self._leaves[text] = self._node("constant", (), value, ALL, boolean)
+        return self._leaves[text]
 
     def apply(self, op: str, *arguments: Node) -> Node:
         """An operation on nodes, in its simplest form."""

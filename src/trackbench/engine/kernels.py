@@ -79,7 +79,7 @@ class Kernels:
         self.compiles = compiles
         self._own_processor = processor
         self._kept = kept or KernelCache()
-        self._found: dict[tuple[Any, ...], Kernel | None] = {}
+        self._kernels: dict[tuple[Any, ...], Kernel | None] = {}
         self._plans: dict[Hashable, CallPlan] = {}
         """By the shapes of the inputs."""
         self._forms: dict[Hashable, CallPlan] = {}
@@ -194,11 +194,11 @@ class Kernels:
 
     def _kernel(self, equations: Equations, inputs: tuple[Input, ...]) -> Kernel | None:
         made_for = equations.name, equations.key, inputs
-        if made_for not in self._found:
+        if made_for not in self._kernels:
             begin = time.perf_counter()
-            self._found[made_for] = self._made(equations, inputs)
+            self._kernels[made_for] = self._made(equations, inputs)
             self.seconds += time.perf_counter() - begin
-        return self._found[made_for]
+        return self._kernels[made_for]
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
         refusals = (source.refusal for source in user_sources(equations.key))
@@ -291,7 +291,7 @@ class Kernels:
             self.disagreements += 1
             self._distrusted[equations.key] = wrong
             self.untraced[equations.key] = equations.name, wrong
-            self._found = {key: None if key[1] == equations.key else kernel for key, kernel in self._found.items()}
+            self._kernels = {key: None if key[1] == equations.key else kernel for key, kernel in self._kernels.items()}
             self._plans.clear()
             self._forms.clear()
             return False

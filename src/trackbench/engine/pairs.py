@@ -65,7 +65,7 @@ class PairSearch:
         firsts, seconds = len(group), int(bounds[-1])
         if not firsts or not seconds:
             return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-        inputs = [_given(values[name], second and seconds < WIDTH) for name, second in self._inputs]
+        inputs = [_as_read(values[name], second and seconds < WIDTH) for name, second in self._inputs]
         left, right = self._memory.pairs
         if len(left) < firsts * seconds:
             most = firsts * int((bounds[1:] - bounds[:-1]).max())
@@ -76,7 +76,7 @@ class PairSearch:
         return left[:count].copy(), right[:count].copy()
 
 
-def _given(value: Any, padded: bool) -> Array:
+def _as_read(value: Any, padded: bool) -> Array:
     """An input as the code reads it, if need be with so many members that they fill a vector."""
     result = np.ascontiguousarray(value, dtype=float)
     return np.pad(result, [(0, 0)] * (result.ndim - 1) + [(0, WIDTH - result.shape[-1])]) if padded else result

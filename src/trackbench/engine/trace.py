@@ -51,21 +51,21 @@ def _finite(graph: Graph, masks: Iterable[str], nodes: Iterable[Node]) -> Node:
         total = graph.apply("add", total, node)
     result = graph.apply("lt", graph.apply("abs", total), graph.constant(float("inf")))
     for mask in sorted(masks):
-        symbol = graph.given(mask)
+        symbol = graph.first_component(mask)
         result = result if symbol is None else graph.apply("or", result, graph.apply("not", symbol))
     return result
 
 
 def _carried(nodes: Iterable[Node]) -> set[int]:
     """What some of these nodes would show if it was not finite."""
-    waiting, found = list(nodes), set[int]()
+    waiting, carried = list(nodes), set[int]()
     while waiting:
         node = waiting.pop()
-        if node.number not in found:
-            found.add(node.number)
+        if node.number not in carried:
+            carried.add(node.number)
             if node.op in CARRYING:
                 waiting += node.arguments[: 1 if node.op in ("div", "copysign") else None]
-    return found
+    return carried
 
 
 def _depends(

@@ -85,9 +85,9 @@ def use_of(text: str) -> str | dict[str, object]:
 
 def _executable(name: str, folder: Path) -> Path:
     if "/" not in name:
-        found = shutil.which(name)
-        if found is not None:
-            return Path(found)
+        program = shutil.which(name)
+        if program is not None:
+            return Path(program)
         here = f"did you mean {'./' + name!r}?" if (folder / name).is_file() else _nearest_on_path(name)
         raise InputError(f"there is no program {name!r} on PATH: {here}")
     path = folder / name

@@ -165,22 +165,22 @@ class LibraryTracker:
         """Fill in the scan; return its arrays, which are to live as long as it is read."""
         values = (scan.measurement, scan.valid, scan.noise_covariance, scan.sensor_pose, scan.sensor_velocity)
         arrays = [np.ascontiguousarray(value, dtype=float) for value in values]
-        given, shape = self._scan, arrays[0].shape
-        given.measurement, given.valid, given.noise_covariance, given.sensor_pose, given.sensor_velocity = map(
+        target, shape = self._scan, arrays[0].shape
+        target.measurement, target.valid, target.noise_covariance, target.sensor_pose, target.sensor_velocity = map(
             _address, arrays
         )
-        given.time, given.arrival_time = scan.time, scan.arrival_time
-        given.sensor, given.kind = scan.sensor.encode(), scan.kind.encode()
-        given.components, given.detections = shape[0], shape[1] if self._several else 1
-        given.batch = shape[-1] if self.batched else 1
-        given.detection_probability, given.clutter_density = (
+        target.time, target.arrival_time = scan.time, scan.arrival_time
+        target.sensor, target.kind = scan.sensor.encode(), scan.kind.encode()
+        target.components, target.detections = shape[0], shape[1] if self._several else 1
+        target.batch = shape[-1] if self.batched else 1
+        target.detection_probability, target.clutter_density = (
             np.nan if value is None else value for value in (scan.detection_probability, scan.clutter_density)
         )
-        given.field_of_view = None
+        target.field_of_view = None
         if scan.field_of_view is not None:
             arrays.append(np.array([np.nan if value is None else value for value in scan.field_of_view]))
-            given.field_of_view = _address(arrays[-1])
-        given.asked, given.place = scan.asked, scan.place
+            target.field_of_view = _address(arrays[-1])
+        target.asked, target.place = scan.asked, scan.place
         return arrays
 
     def _tracks(self, answer: _Answer, batch: tuple[int, ...]) -> Tracks:

@@ -68,13 +68,13 @@ class Words:
     """A list for which a word may stand; the sensor's class puts the list in its place."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_before_validator_function(_known, handler(source))
+        return core_schema.no_info_before_validator_function(_require_word, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"anyOf": [{"enum": list(WORDS)}, handler(schema)]}
 
 
-def _known(value: Any) -> Any:
+def _require_word(value: Any) -> Any:
     if isinstance(value, str):
         message = f"{value!r} is not known; {nearest(value, WORDS)}, or a list of effects"
         raise problem_error(message)

@@ -30,12 +30,12 @@ def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
     if not isinstance(changed, Sensed):
         _refuse(effect, "before must return", f"a Sensed, as by sensed.replaced(...), not {_kind(changed)}")
     for name in _ARRAYS:
-        array, given = map(attrgetter(name), (changed, sensed))
-        if array is given:
+        array, unchanged = map(attrgetter(name), (changed, sensed))
+        if array is unchanged:
             continue
         lasts = (sensed.runs,) if name == "error" else (sensed.runs, 1)
-        shapes = [(*given.shape[:-1], last) for last in lasts]
-        _require_like(effect, f"before must return a Sensed whose {name} is", array, given, shapes)
+        shapes = [(*unchanged.shape[:-1], last) for last in lasts]
+        _require_like(effect, f"before must return a Sensed whose {name} is", array, unchanged, shapes)
     return changed
 
 
@@ -57,14 +57,14 @@ def alarms(effect: Effect, sensed: Sensed, random: RunStreams) -> tuple[Indices,
     Raises:
         TrackbenchError: they are not numbers of runs and instants and as many finite measurements.
     """
-    given: Any = effect.alarms(sensed, random)
-    if given is None:
+    answer: Any = effect.alarms(sensed, random)
+    if answer is None:
         return None
     size = len(sensed.error)
     right = f"None, or the numbers of runs (n,) and of instants (n,) and measurements ({size}, n)"
-    if not isinstance(given, tuple) or len(given) != 3 or not all(isinstance(part, np.ndarray) for part in given):
-        _refuse(effect, "alarms must return", f"{right} as three arrays, not {_kind(given)}")
-    run, instant, measurement = given
+    if not isinstance(answer, tuple) or len(answer) != 3 or not all(isinstance(part, np.ndarray) for part in answer):
+        _refuse(effect, "alarms must return", f"{right} as three arrays, not {_kind(answer)}")
+    run, instant, measurement = answer
     if run.ndim != 1 or instant.shape != run.shape or measurement.shape != (size, len(run)):
         shapes = f"{run.shape}, {instant.shape} and {measurement.shape}"
         _refuse(effect, "alarms must return", f"{right}, not arrays of shapes {shapes}")
@@ -76,12 +76,12 @@ def alarms(effect: Effect, sensed: Sensed, random: RunStreams) -> tuple[Indices,
     return run, instant, measurement
 
 
-def _require_like(effect: Effect, what: str, changed: Any, given: Array, shapes: Sequence[tuple[int, ...]]) -> None:
+def _require_like(effect: Effect, what: str, changed: Any, before: Array, shapes: Sequence[tuple[int, ...]]) -> None:
     if not isinstance(changed, np.ndarray) or changed.dtype.kind not in "biuf":
         _refuse(effect, what, f"an array of numbers, not {_kind(changed)}")
     if changed.shape not in shapes:
         _refuse(effect, what, f"an array of shape {shapes[0]}, not {changed.shape}")
-    if not (finite := np.isfinite(changed)).all() and (lost := np.isfinite(given) & ~finite).any():
+    if not (finite := np.isfinite(changed)).all() and (lost := np.isfinite(before) & ~finite).any():
         _refuse(effect, what, f"finite, not {np.broadcast_to(changed, lost.shape)[lost][0]}")
 
 
