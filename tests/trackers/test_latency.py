@@ -16,7 +16,8 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.document import Table
 from trackbench.driving.drive import deliveries
-from trackbench.report import tables
+from trackbench.report.tables import innovation_tables
+from trackbench.report.truth_and_sensors import sensor_table
 from trackbench.results import Result
 from trackbench.runner.tracker_entry import describe_tracker
 from trackbench.scenario import load_scenario
@@ -137,8 +138,8 @@ def test_latency_costs(run_tiny: Run) -> None:
 def test_the_report_says_how_late_a_sensor_is_and_what_was_dropped(run_tiny: Run) -> None:
     def told(*overrides: str) -> tuple[Result, dict[str, list[str]], dict[str, list[str]]]:
         result = run_tiny(*overrides)
-        (radar, *_) = tables.innovation_tables(result)
-        return result, columns(tables.sensor_table(result)), columns(radar)
+        (radar, *_) = innovation_tables(result)
+        return result, columns(sensor_table(result)), columns(radar)
 
     result, sensors, radar = told()
     assert "latency, s" not in sensors

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Truth
-from trackbench.report.audit_sentences import audit_sentences
+from trackbench.report.truth_and_sensors import audit_sentences
 from trackbench.results import TruthSummary
 from trackbench.truth.audit import exact
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2, after_jump, velocity_jumps

@@ -98,6 +98,11 @@ def percent(share: float | None, places: int = 0) -> str:
     return NOT_AVAILABLE if share is None else f"{rounded(100 * share, places)}\N{NO-BREAK SPACE}%"
 
 
+def percent_number(share: float | None, places: int = 0) -> str:
+    """The same without its sign, under a heading that has it."""
+    return percent(share, places).removesuffix("\N{NO-BREAK SPACE}%")
+
+
 def joined_names(names: Sequence[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)

@@ -12,7 +12,6 @@ from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, LEAST_COVERAGE, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report import tables
 from trackbench.report.association import comparisons
-from trackbench.report.audit_sentences import audit_sentences
 from trackbench.report.calibration import (
     BY,
     LIMITS,
@@ -50,6 +49,7 @@ from trackbench.report.sentences import (
     provenance,
     reused_identities,
 )
+from trackbench.report.truth_and_sensors import audit_sentences, sensor_table
 from trackbench.results import Result
 
 
@@ -330,7 +330,7 @@ def _truth_and_sensors(result: Result) -> Iterator[Block]:
         yield from map(Paragraph, audit_sentences(result.summary.truth))
     if shares_of_jumps := after_jumps(result.scored):
         yield Paragraph(shares_of_jumps)
-    yield tables.sensor_table(result)
+    yield sensor_table(result)
     for name, sensor in result.summary.sensors.items():
         if sensor.effects:
             yield Paragraph(f"Effects of {name}: {sensor.effects_with_options}.")

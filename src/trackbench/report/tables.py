@@ -17,7 +17,7 @@ from trackbench.report.numbers import (
     decimals,
     half_width,
     interval_text,
-    percent,
+    percent_number,
     rounded,
     short,
     signed,
@@ -289,7 +289,7 @@ def innovation_tables(result: Result) -> list[Table]:
         nis = [metric_of(tracker, path) for tracker in trackers]
         # A filter of positions has fewer degrees of freedom.
         dofs = " or ".join(map(str, sorted({metric.dof or 0 for metric in nis}, reverse=True)))
-        inside = [missing_cell(m) if m.inside95 is None else Cell(_percents(m.inside95, 1)) for m in nis]
+        inside = [missing_cell(m) if m.inside95 is None else Cell(percent_number(m.inside95, 1)) for m in nis]
         columns = [
             (
                 Column(f"NIS, {dofs} expected", "mean, verdict and 95 % interval", details=VERDICT),
@@ -299,7 +299,7 @@ def innovation_tables(result: Result) -> list[Table]:
             (Column("lag-1 autocorrelation", white, details=VERDICT), metric_cells(trackers, f"whiteness.{sensor}")),
         ]
         if any(metric.coverage is not None and metric.coverage < LEAST_COVERAGE for metric in nis):
-            columns.insert(1, (Column("taken in, %", taken_in), [Cell(_percents(m.coverage)) for m in nis]))
+            columns.insert(1, (Column("taken in, %", taken_in), [Cell(percent_number(m.coverage)) for m in nis]))
         tables.append(tracker_table(f"innovations-{number}", trackers, columns, f"Innovations of {sensor}"))
     return tables
 
@@ -373,49 +373,8 @@ def expectation_table(result: Result) -> Table:
     return Table("expectations", columns, tuple(rows))
 
 
-def sensor_table(result: Result) -> Table:
-    """The sensors, and how often each detected."""
-    table = result.summary.sensors
-    sensors = list(table.values())
-    single = Cell(NOT_AVAILABLE, reason="a single scan")
-    noise = "standard deviation of each component of a measurement"
-    pose = "pose on the observer: forward, to the left, counter-clockwise"
-    rates = "scans with a vehicle in the field of view that gave a measurement of it"
-    columns = [
-        (
-            Column("sensor", left=True, details="preset"),
-            [Cell(name, (sensor.preset,) if sensor.preset else ()) for name, sensor in table.items()],
-        ),
-        (Column("kind", left=True), [Cell(sensor.kind) for sensor in sensors]),
-        (Column("rate, Hz"), [Cell(f"{s.rate_hz:.4g}") if s.rate_hz is not None else single for s in sensors]),
-        (Column("noise", noise, left=True), [Cell(sensor.noise_in_words) for sensor in sensors]),
-        (
-            Column("field of view, deg", "horizontal, centred on the boresight"),
-            [Cell(f"{sensor.fov_deg:g}") for sensor in sensors],
-        ),
-        (
-            Column("range", "beyond it nothing is detected"),
-            [Cell(sensor.range_in_words) for sensor in sensors],
-        ),
-        (Column("mount", pose, left=True), [Cell(sensor.mount_in_words) for sensor in sensors]),
-    ]
-    if result.summary.truth.known:
-        columns.append((Column("detections, %", rates), [Cell(_percents(s.detection_rate)) for s in sensors]))
-    if any(sensor.effects for sensor in sensors):
-        differs = Column("effects", "how it differs from an ideal sensor with white noise", left=True)
-        columns.insert(4, (differs, [Cell(sensor.effects_in_words) for sensor in sensors]))
-    if any(sensor.latency_s[1] > 0 for sensor in sensors):
-        late = Column("latency, s", "from a measurement to its arrival at the trackers")
-        columns.insert(3, (late, [Cell(sensor.latency_in_words) for sensor in sensors]))
-    return Table.of_columns("sensors", columns)
-
-
 def value_text(value: float | str | None) -> str:
     """A value beside what was expected of it."""
     if value is None:
         return NOT_AVAILABLE
     return rounded(value, decimals([value])) if isinstance(value, float) else str(value)
-
-
-def _percents(share: float | None, places: int = 0) -> str:
-    return percent(share, places).removesuffix("\N{NO-BREAK SPACE}%")

@@ -1,12 +1,13 @@
-"""The findings of ``trackbench.truth.audit`` as sentences."""
+"""The truth and the sensors of a run: the findings of ``trackbench.truth.audit`` as sentences, and a table."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 from trackbench.base.errors import counted
-from trackbench.report.numbers import decimals, joined_names, rounded
-from trackbench.results import TruthAudit, TruthSummary
+from trackbench.document import Cell, Column, Table
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent_number, rounded
+from trackbench.results import Result, TruthAudit, TruthSummary
 
 #: m/s or m; what is smaller is not worth its digits.
 _NEGLIGIBLE = 0.001
@@ -130,3 +131,40 @@ def _of(scene: str) -> str:
 
 def _two_digits(value: float) -> str:
     return rounded(value, decimals([value], 2))
+
+
+def sensor_table(result: Result) -> Table:
+    """The sensors, and how often each detected."""
+    table = result.summary.sensors
+    sensors = list(table.values())
+    single = Cell(NOT_AVAILABLE, reason="a single scan")
+    noise = "standard deviation of each component of a measurement"
+    pose = "pose on the observer: forward, to the left, counter-clockwise"
+    rates = "scans with a vehicle in the field of view that gave a measurement of it"
+    columns = [
+        (
+            Column("sensor", left=True, details="preset"),
+            [Cell(name, (sensor.preset,) if sensor.preset else ()) for name, sensor in table.items()],
+        ),
+        (Column("kind", left=True), [Cell(sensor.kind) for sensor in sensors]),
+        (Column("rate, Hz"), [Cell(f"{s.rate_hz:.4g}") if s.rate_hz is not None else single for s in sensors]),
+        (Column("noise", noise, left=True), [Cell(sensor.noise_in_words) for sensor in sensors]),
+        (
+            Column("field of view, deg", "horizontal, centred on the boresight"),
+            [Cell(f"{sensor.fov_deg:g}") for sensor in sensors],
+        ),
+        (
+            Column("range", "beyond it nothing is detected"),
+            [Cell(sensor.range_in_words) for sensor in sensors],
+        ),
+        (Column("mount", pose, left=True), [Cell(sensor.mount_in_words) for sensor in sensors]),
+    ]
+    if result.summary.truth.known:
+        columns.append((Column("detections, %", rates), [Cell(percent_number(s.detection_rate)) for s in sensors]))
+    if any(sensor.effects for sensor in sensors):
+        differs = Column("effects", "how it differs from an ideal sensor with white noise", left=True)
+        columns.insert(4, (differs, [Cell(sensor.effects_in_words) for sensor in sensors]))
+    if any(sensor.latency_s[1] > 0 for sensor in sensors):
+        late = Column("latency, s", "from a measurement to its arrival at the trackers")
+        columns.insert(3, (late, [Cell(sensor.latency_in_words) for sensor in sensors]))
+    return Table.of_columns("sensors", columns)
