@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from tables import fill, markdown
 from trackbench.results import Result
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
+from trackbench.scenario.load import select_trackers
 from trackbench.scenario.truth import truths_of
 
 HERE = Path(__file__).resolve().parent
@@ -60,10 +62,11 @@ EKF = (
 )
 
 
-def result(name: str) -> Result:
-    """The result of one of the scenarios."""
-    path = SCENARIOS / f"{name}.yaml"
-    loaded = load_scenario(path)
+def result(name: str, trackers: Sequence[str] = ()) -> Result:
+    """The result of one of the scenarios, of all its trackers unless some are named."""
+    loaded = load_scenario(SCENARIOS / f"{name}.yaml")
+    if trackers:
+        loaded = select_trackers(loaded, trackers)
     return run_scenario(loaded, truths_of(loaded))
 
 

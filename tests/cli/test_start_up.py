@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,14 +67,14 @@ def test_a_run_waits_for_neither_pandas_nor_the_packages_of_scipy(tiny: Path, mo
 
 
 def test_a_check_waits_for_the_simulator_alone_and_only_where_the_truth_is_not_stored(
-    tiny: Path, monkeypatch: pytest.MonkeyPatch
+    tiny: Path, monkeypatch: pytest.MonkeyPatch, run_tiny: Callable[..., Any]
 ) -> None:
     monkeypatch.setenv("TRACKBENCH_CACHE", str(tiny.parent / "cache"))
     unused = {"pandas", "pyarrow", "matplotlib", "rerun", "scipy.stats", "llvmlite"}
     modules = loaded(tiny.parent, "check", "tiny.yaml")
     assert "highway_env" in modules
     assert not modules & unused
-    loaded(tiny.parent, "run", "tiny.yaml", "--no-recording", "--engine", "numpy")
+    run_tiny(folder=tiny.parent)
     modules = loaded(tiny.parent, "check", "tiny.yaml")
     assert "trackbench.scenario.check" in modules
     assert not modules & {*unused, "highway_env", "gymnasium"}
