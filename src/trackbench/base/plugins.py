@@ -217,16 +217,16 @@ class Registry(Generic[T]):
         return published[name][0]
 
     def _published(self) -> dict[str, list[EntryPoint]]:
-        return _entries(self.group, tuple(sys.path))
+        return _entries(tuple(sys.path)).get(self.group, {})
 
 
 @cache
-def _entries(group: str, _places: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
-    """The entry points of a group by name. To read the metadata of all packages takes as long as to read a scenario."""
-    plugin: dict[str, list[EntryPoint]] = {}
-    for entry in entry_points(group=group):
-        plugin.setdefault(entry.name, []).append(entry)
-    return plugin
+def _entries(_places: tuple[str, ...]) -> dict[str, dict[str, list[EntryPoint]]]:
+    """All entry points by group and name. To read the metadata of all packages takes as long as to read a scenario."""
+    published: dict[str, dict[str, list[EntryPoint]]] = {}
+    for entry in entry_points():
+        published.setdefault(entry.group, {}).setdefault(entry.name, []).append(entry)
+    return published
 
 
 def classes_at_hand(name: str, places: Iterable[str]) -> list[str]:
