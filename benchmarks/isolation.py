@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base.types import Scan
 from trackbench.driving.isolation import Isolation
-from trackbench.driving.remote import start
+from trackbench.driving.remote import start_stepper
 from trackbench.trackers.config import PluginConfig
 
 #: Members of a batch, and steps of which the median counts.
@@ -42,7 +42,7 @@ def measure() -> list[dict[str, Any]]:
 def _timed(batch: int, isolation: Isolation) -> tuple[float, float]:
     begin = time.perf_counter()
     config = PluginConfig(use="isolation:Constant")
-    stepper = start(config, Path(__file__).parent, batch, lambda given: given, isolation)
+    stepper = start_stepper(config, Path(__file__).parent, batch, lambda given: given, isolation)
     started = time.perf_counter() - begin
     ones = np.ones(batch)
     scan = Scan(0.0, "lidar", "lidar", np.ones((2, batch)), ones > 0, np.eye(2), np.zeros(3), np.zeros(2), 0.0)

@@ -25,7 +25,7 @@ from benchmarks.goal import at_most
 from benchmarks import engines
 from trackbench.base.types import Scan
 from trackbench.driving.isolation import Isolation
-from trackbench.driving.remote import start
+from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Stepper
 from trackbench.trackers.config import FilterConfig, PluginConfig
 
@@ -132,12 +132,12 @@ def _build(folder: Path) -> None:
 
 def _own(folder: Path, use: dict[str, Any], members: int) -> Stepper:
     config = PluginConfig.model_validate({"use": use})
-    return start(config, folder, members, lambda tracker: tracker, Isolation(in_process="library" in use))
+    return start_stepper(config, folder, members, lambda tracker: tracker, Isolation(in_process="library" in use))
 
 
 def _inside(engine: str, members: int) -> Stepper:
     config = FilterConfig.model_validate(INSIDE)
-    return start(config, None, members, lambda tracker: replace(tracker, engine=engine, lag_s=0.0), Isolation())
+    return start_stepper(config, None, members, lambda tracker: replace(tracker, engine=engine, lag_s=0.0), Isolation())
 
 
 def _estimates(stepper: Stepper, scans: Sequence[Scan]) -> np.ndarray:

@@ -184,7 +184,7 @@ def test_methods_stand_for_the_source_of_a_class_of_a_cell() -> None:
     def sha256(sigma: str, body: str) -> str:
         space: dict[str, Any] = {"__name__": "__main__"}
         exec(f"class Cell:\n    sigma = {sigma}\n    def step(self, state, scan):\n        return {body}\n", space)
-        text = at_hand.source_of(at_hand.reference_to(space["Cell"]))
+        text = at_hand.source_text(at_hand.reference_to(space["Cell"]))
         assert text
         return hashlib.sha256(text.encode()).hexdigest()
 

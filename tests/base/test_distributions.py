@@ -54,7 +54,7 @@ def test_no_command_waits_for_scipy_stats(tiny: Path) -> None:
 def _loaded(command: str, folder: Path) -> set[str]:
     """The modules that a command imports."""
     code = (
-        "import atexit, sys; from trackbench.cli.commands import main; "
+        "import atexit, sys; from trackbench.cli.commands import run_command_line as main; "
         f"atexit.register(lambda: print(*sys.modules)); sys.argv = {['trackbench', *command.split()]!r}; main()"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)

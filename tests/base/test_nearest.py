@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from trackbench.base.errors import LISTED, alike, nearest
+from trackbench.base.errors import LISTED, nearest_choices, similar_names
 
 FILTERS = ["ckf", "ekf", "iekf", "kf", "ukf"]
 MOTION = ["bicycle", "ca", "ct", "cv", "singer"]
@@ -39,13 +39,13 @@ FUNCTIONS = ["emergency_braking", "forward_collision_warning", "lane_change"]
     ],
 )
 def test_what_a_name_means(name: str, choices: list[str], meant: list[str]) -> None:
-    found = alike(name, choices)
+    found = similar_names(name, choices)
     assert found == meant if meant else set(found) <= {"range_rate_sigma"}
 
 
 def test_a_name_that_is_near_none_gets_the_choices_but_not_a_screen_of_them() -> None:
-    assert nearest("xyz", FILTERS) == "choose from: ckf, ekf, iekf, kf, ukf"
+    assert nearest_choices("xyz", FILTERS) == "choose from: ckf, ekf, iekf, kf, ukf"
     many = [f"metric_{i:02}" for i in range(LISTED + 1)]
-    assert nearest("xyz", many).startswith(f"choose from {LISTED + 1}, such as metric_")
-    assert nearest("rmse", METRICS) == "did you mean 'position_rmse' or 'velocity_rmse'?"
-    assert nearest("x", []) == "there is none to choose from"
+    assert nearest_choices("xyz", many).startswith(f"choose from {LISTED + 1}, such as metric_")
+    assert nearest_choices("rmse", METRICS) == "did you mean 'position_rmse' or 'velocity_rmse'?"
+    assert nearest_choices("x", []) == "there is none to choose from"

@@ -65,7 +65,7 @@ def installed(site: Path, trackbench: str, tmp_path: Path) -> Trackbench:
 #: Commands from stdin, each with its folder, one after the other; prints their statuses, outputs and messages.
 COMMANDS = """
 import json, os, sys, tempfile
-from trackbench.cli.commands import main
+from trackbench.cli.commands import run_command_line
 
 outcomes = []
 for folder, arguments in json.load(sys.stdin):
@@ -76,7 +76,7 @@ for folder, arguments in json.load(sys.stdin):
     for number, file in zip((1, 2), files):
         os.dup2(file.fileno(), number)
     try:
-        main()
+        run_command_line()
     except SystemExit as stop:
         status = stop.code
     sys.stdout.flush()

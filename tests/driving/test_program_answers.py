@@ -9,7 +9,7 @@ import msgpack
 import numpy as np
 
 from trackbench.base.types import Scan
-from trackbench.driving.frames import NotAFrame, each_of, packed_array, plain_estimate, unpacked
+from trackbench.driving.frames import NotAFrame, each_of, frame_message, packed_array, plain_estimate
 from trackbench.driving.program_steppers import answer_of
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM
 from trackbench.trackers.answers import TrackerFault
@@ -37,7 +37,7 @@ WHOLE = (PLAIN, MORE, TRACKS, LISTED, LISTED | {"given": packed_array([1, 0, 1])
 
 def outcome(content: bytes, listed: bool) -> str:
     try:
-        message = unpacked(content)
+        message = frame_message(content)
         if message.get("type") not in ("estimate", "tracks", "none"):
             return "refused"
         if plain_estimate([message], *([3] if listed else [])):

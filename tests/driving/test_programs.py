@@ -17,7 +17,7 @@ from trackbench.base.types import Scan
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.program import Program
-from trackbench.driving.remote import TrackerTrial, start
+from trackbench.driving.remote import TrackerTrial, start_stepper
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Lidar
 from trackbench.runner.run import run_scenario
@@ -89,7 +89,7 @@ def launch(tmp_path: Path) -> Iterator[Launch]:
             {"use": {"command": ["./program", *changes.pop("arguments", ())]}, **changes}
         )
         sensors = {"roof": Lidar(rate_hz=10, position_sigma_m=0.5)}
-        started.append(start(config, tmp_path, batch, lambda tracker: tracker, isolation, several, sensors))
+        started.append(start_stepper(config, tmp_path, batch, lambda tracker: tracker, isolation, several, sensors))
         return started[-1]
 
     yield launch

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from trackbench.cli.commands import main
+from trackbench.cli.commands import run_command_line
 
 
 def run_command(folder: Path, *arguments: str | Path) -> int:
@@ -19,6 +19,6 @@ def run_command(folder: Path, *arguments: str | Path) -> int:
         patch.setattr(signal, "signal", lambda *_: None)
         patch.setattr(sys, "argv", ["trackbench", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:
-            main()
+            run_command_line()
     assert isinstance(stop.value.code, int)
     return stop.value.code

@@ -87,7 +87,7 @@ def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
         use = tracker.reference if isinstance(tracker, PluginConfig) else ""
         own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(use).startswith("trackbench.")
         if own and use:
-            references.add(use if at_hand.source_of(use) else f"{TRACKERS.home_of(use)}:")
+            references.add(use if at_hand.source_text(use) else f"{TRACKERS.home_of(use)}:")
         sources = dict(filter(None, (_source(reference, folder) for reference in references)))
         if isinstance(tracker, PluginConfig) and not isinstance(tracker.use, str):
             sources |= {str(file): file.read_bytes() for file in tracker.use.files(folder)}
@@ -115,7 +115,7 @@ def _sha256(sources: Mapping[str, bytes]) -> str | None:
 
 def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
     """What a reference names, as a file and its content, or a class at hand and its text; nothing is imported."""
-    if text := at_hand.source_of(reference):
+    if text := at_hand.source_text(reference):
         return reference, text.encode()
     places, name, spec = None, "", None
     with searched(folder):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from trackbench import results
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.document import Cell, Document, Figure, Table
 from trackbench.document.files import document_text, files_by_ending, require_ending
 
@@ -46,7 +46,7 @@ class ReportableResult(results.Result):
         for figure in self._report.document.figures:
             if figure.name == name:
                 return ReportFigure(figure)
-        raise InputError(f"no figure {name!r} in this report; {nearest(name, self.figures)}")
+        raise InputError(f"no figure {name!r} in this report; {nearest_choices(name, self.figures)}")
 
     @cached_property
     def _report(self) -> Report:

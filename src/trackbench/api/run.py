@@ -101,5 +101,5 @@ def run(
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
     with executor(workers, cluster) as chosen:
         prepared = session.prepare(loaded, plan, chosen, listener)
-        finished = [ReportableResult.of(result) for result in session.run(prepared, plan, chosen, listener)]
+        finished = [ReportableResult.of(result) for result in session.run_prepared(prepared, plan, chosen, listener)]
     return finished if isinstance(scenario, list | tuple) else finished[0]

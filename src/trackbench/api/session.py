@@ -46,7 +46,7 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
     ]
 
 
-def run(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
+def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
     """The result of each scenario, saved where the plan says so; several are also compared there.
 
     Raises:

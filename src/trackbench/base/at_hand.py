@@ -72,7 +72,7 @@ def pickled() -> dict[str, bytes]:
     return dict(_pickled)
 
 
-def receive(classes: Mapping[str, bytes]) -> None:
+def receive_classes(classes: Mapping[str, bytes]) -> None:
     """Take those of another process."""
     _pickled.update(classes)
 
@@ -86,7 +86,7 @@ def class_at_hand(reference: str) -> Any | None:
     return _classes.get(reference)
 
 
-def source_of(reference: str) -> str | None:
+def source_text(reference: str) -> str | None:
     """The text of a class at hand: that of its definition, or of its methods and plain values; None of what is none."""
     plugin = class_at_hand(reference)
     if plugin is None:

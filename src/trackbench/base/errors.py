@@ -40,8 +40,10 @@ class InputError(TrackbenchError):
         return type(self)(self.message, key=self.key, file=self.file or file, line=self.line or line)
 
     def __str__(self) -> str:
-        place = ":".join(shortened(str(part)) for part in (self.file, self.line) if part is not None)
-        return ": ".join(part for part in (place, shortened(self.key or ""), shortened(self.message, 2000)) if part)
+        place = ":".join(shortened_text(str(part)) for part in (self.file, self.line) if part is not None)
+        return ": ".join(
+            part for part in (place, shortened_text(self.key or ""), shortened_text(self.message, 2000)) if part
+        )
 
 
 class InputErrors(InputError):
@@ -103,7 +105,7 @@ def _initials(name: str) -> str:
     return "".join(word[:1] for word in name.split("_"))
 
 
-def alike(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
+def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
     """The choices that a name may mean, the likeliest first: those of :func:`same_name`, else those that have all its
     words, else the one that is spelt most alike, as far as it is by ``cutoff``."""
     names = sorted(set(choices))
@@ -118,10 +120,10 @@ def alike(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
 LISTED = 30
 
 
-def nearest(name: str, choices: Iterable[str]) -> str:
+def nearest_choices(name: str, choices: Iterable[str]) -> str:
     """A sentence that names the nearest valid choices, or lists the choices when none is near."""
     names = sorted(set(choices))
-    if close := did_you_mean(alike(name, names)):
+    if close := did_you_mean(similar_names(name, names)):
         return close
     if len(names) > LISTED:
         return f"choose from {len(names)}, such as {', '.join(get_close_matches(name, names, n=5, cutoff=0.0))}"
@@ -134,14 +136,14 @@ def did_you_mean(names: Sequence[str]) -> str:
     return f"did you mean {' or '.join(filter(None, [', '.join(others), last]))}?" if names else ""
 
 
-def beside(missing: Path) -> str:
+def similar_path_hint(missing: Path) -> str:
     """ "; did you mean 'results/highway'?", of what is beside a missing path; empty where nothing is alike."""
     there = [entry.name for entry in missing.parent.iterdir()] if missing.parent.is_dir() else []
-    hint = did_you_mean([str(missing.parent / name) for name in alike(missing.name, there, 0.6)[:1]])
+    hint = did_you_mean([str(missing.parent / name) for name in similar_names(missing.name, there, 0.6)[:1]])
     return hint and f"; {hint}"
 
 
-def shortened(text: str, most: int = 200) -> str:
+def shortened_text(text: str, most: int = 200) -> str:
     """The start and the end of a text of more than ``most`` characters."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
 

@@ -20,11 +20,11 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar, cast
 
 from trackbench.base.at_hand import HOME, class_at_hand
-from trackbench.base.errors import InputError, alike, did_you_mean, nearest, printable, text_of
+from trackbench.base.errors import InputError, did_you_mean, nearest_choices, printable, similar_names, text_of
 from trackbench.base.supervised import at_work, tell_plugin
 
 
-def named(reference: str) -> Any:
+def load_reference(reference: str) -> Any:
     """What an option's ``"module:attribute"`` names, for a tracker that loads it while it starts.
 
     Raises:
@@ -32,7 +32,7 @@ def named(reference: str) -> Any:
     """
     if ":" not in reference:
         raise InputError(f'{reference!r} is no name in a module: write "module:name"')
-    with explained(reference, None):
+    with import_errors_explained(reference, None):
         return attribute(reference, _public)
 
 
@@ -49,12 +49,12 @@ def attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
     plugin: Any = importlib.import_module(module)
     for name in path.split("."):
         if not hasattr(plugin, name):
-            raise InputError(f"module {module!r} has no {name!r}: {nearest(name, choices(plugin))}")
+            raise InputError(f"module {module!r} has no {name!r}: {nearest_choices(name, choices(plugin))}")
         plugin = getattr(plugin, name)
     return plugin
 
 
-def classes(module: Any) -> list[str]:
+def class_names(module: Any) -> list[str]:
     """The names of the classes of a module."""
     return [name for name, value in vars(module).items() if isinstance(value, type) and not name.startswith("_")]
 
@@ -71,7 +71,7 @@ def searched(folder: Path | None) -> Iterator[None]:
 
 
 @contextmanager
-def explained(reference: str, folder: Path | None) -> Iterator[None]:
+def import_errors_explained(reference: str, folder: Path | None) -> Iterator[None]:
     """What goes wrong while ``reference`` is imported, as an ``InputError``."""
     try:
         yield
@@ -81,7 +81,7 @@ def explained(reference: str, folder: Path | None) -> Iterator[None]:
         first = folder or "the scenario's folder"
         where = f" (looked in {first}, the working directory and the installed packages)"
         here = {file.stem for place in {first, Path()} if Path(place).is_dir() for file in Path(place).glob("*.py")}
-        hint = did_you_mean(alike(error.name or "", here, 0.6))
+        hint = did_you_mean(similar_names(error.name or "", here, 0.6))
         problem = f"cannot import {reference!r}: no module named {error.name!r}{where}"
         raise InputError(f"{problem}; {hint}" if hint else problem) from error
     except KeyboardInterrupt:
@@ -148,10 +148,10 @@ class Registry(Generic[T]):
             InputError: there is no such name, it cannot be imported, or it is something else; says why.
         """
         own = not self.home_of(reference).startswith("trackbench.")
-        with searched(folder), explained(reference, folder), at_work(repr(reference) if own else ""):
+        with searched(folder), import_errors_explained(reference, folder), at_work(repr(reference) if own else ""):
             plugin = class_at_hand(reference)
             if plugin is None:
-                plugin = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
+                plugin = attribute(reference, class_names) if ":" in reference else self._entry(reference).load()
         if own:
             tell_plugin(reference)
         try:
@@ -208,7 +208,7 @@ class Registry(Generic[T]):
         published = self._published()
         if name not in published:
             meant = did_you_mean(classes_at_hand(name, sys.path))
-            hint = meant or f'{nearest(name, published)} (a class is named "module:Class")'
+            hint = meant or f'{nearest_choices(name, published)} (a class is named "module:Class")'
             raise InputError(f"no {self.what} is published as {name!r}: {hint}")
         values = sorted({entry.value for entry in published[name]})
         if len(values) > 1:
@@ -217,16 +217,22 @@ class Registry(Generic[T]):
         return published[name][0]
 
     def _published(self) -> dict[str, list[EntryPoint]]:
-        return _entries(tuple(sys.path)).get(self.group, {})
+        return _entries(self.group, tuple(sys.path))
 
 
 @cache
-def _entries(_places: tuple[str, ...]) -> dict[str, dict[str, list[EntryPoint]]]:
-    """All entry points by group and name. To read the metadata of all packages takes as long as to read a scenario."""
-    published: dict[str, dict[str, list[EntryPoint]]] = {}
-    for entry in entry_points():
-        published.setdefault(entry.group, {}).setdefault(entry.name, []).append(entry)
+def _entries(group: str, places: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
+    """The entry points of a group by name."""
+    published: dict[str, list[EntryPoint]] = {}
+    for entry in _of_all_groups(places).select(group=group):
+        published.setdefault(entry.name, []).append(entry)
     return published
+
+
+@cache
+def _of_all_groups(_places: tuple[str, ...]) -> Any:
+    """All entry points. To read the metadata of all packages takes as long as to read a scenario."""
+    return entry_points()
 
 
 def classes_at_hand(name: str, places: Iterable[str]) -> list[str]:
@@ -237,7 +243,7 @@ def classes_at_hand(name: str, places: Iterable[str]) -> list[str]:
             with suppress(SyntaxError, ValueError, OSError):
                 tree = ast.parse((Path(place) / f"{module.replace('.', '/')}.py").read_bytes())
                 names = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
-                return [f"{module}:{each}" for each in alike(wanted, names) or names]
+                return [f"{module}:{each}" for each in similar_names(wanted, names) or names]
     return []
 
 

@@ -80,7 +80,7 @@ def offered(kind: str) -> Iterator[tuple[str, Any]]:
         yield from getattr(subject, kind).items()
 
 
-def kind_of(file: str) -> str:
+def kind_of_file(file: str) -> str:
     """What a file of a subject holds, such as "an examination" for ``examination.json``."""
     stem = file.rpartition(".")[0]
     return f"{'an' if stem[0] in 'aeiou' else 'a'} {stem}"

@@ -14,10 +14,10 @@ def main() -> None:
     collect_rarely()
     # Before the commands are imported, so that the process which waits for them is small.
     if supervisor.wanted(sys.argv[1:]):
-        supervisor.start()
+        supervisor.start_supervised()
     # The commands take their time to import, in which Ctrl-C is as good as later.
     try:
-        from trackbench.cli.commands import main as run
+        from trackbench.cli.commands import run_command_line as run
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         end(INTERRUPTED)

@@ -21,15 +21,15 @@ from trackbench.base.errors import (
     InputError,
     OutputError,
     TrackbenchError,
-    alike,
     did_you_mean,
     printable,
-    shortened,
+    shortened_text,
+    similar_names,
     text_of,
 )
 from trackbench.base.files import is_utf8
 from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
-from trackbench.base.subjects import Offer, kind_of, offered, resolve
+from trackbench.base.subjects import Offer, kind_of_file, offered, resolve
 from trackbench.base.supervised import (
     end,
     if_interrupted,
@@ -102,7 +102,7 @@ def _abandon_streams() -> None:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-_WRITTEN = ["a result", "a report", *(kind_of(file) for file, _ in offered("artifacts"))]
+_WRITTEN = ["a result", "a report", *(kind_of_file(file) for file, _ in offered("artifacts"))]
 RUN_SUMMARY = f"Score every tracker; write {', '.join(_WRITTEN[:-1])} and {_WRITTEN[-1]}."
 COMMANDS = {
     "run": Offer("trackbench.cli.run:run_command", RUN_SUMMARY),
@@ -140,7 +140,7 @@ class Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
-            hint = did_you_mean(alike(args[0], COMMANDS, 0.6))
+            hint = did_you_mean(similar_names(args[0], COMMANDS, 0.6))
             raise click.UsageError(f"No such command {args[0]!r}. {hint[:1].upper()}{hint[1:]}".rstrip(), ctx)
         return super().resolve_command(ctx, args)
 
@@ -178,7 +178,7 @@ def cli() -> None:
     """
 
 
-def main() -> None:
+def run_command_line() -> None:
     """The console script. Exit status: see the README."""
     # A run that is told to end tidies up as one that is interrupted.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -192,7 +192,7 @@ def main() -> None:
     except BrokenPipeError:
         status = UNREAD
     except OSError as error:
-        where = "standard output" if error.filename is None else shortened(str(error.filename))
+        where = "standard output" if error.filename is None else shortened_text(str(error.filename))
         if error.errno == errno.EMFILE:
             status = _failed(
                 f"trackbench: too many open files; raise the limit (ulimit -n){_with_plugins()}", BAD_INPUT
@@ -228,7 +228,7 @@ def _run() -> int:
     except click.ClickException as error:
         if isinstance(error, click.NoSuchOption) and error.ctx is not None:
             names = {name.lstrip("-"): name for option in error.ctx.command.params for name in option.opts}
-            near = alike(error.option_name.lstrip("-"), names, 0.6)
+            near = similar_names(error.option_name.lstrip("-"), names, 0.6)
             error = click.NoSuchOption(error.option_name, possibilities=[names[name] for name in near], ctx=error.ctx)
         shown = io.StringIO()
         error.show(shown)

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 import yaml
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.subjects import TermPage, offered, resolve
 from trackbench.cli.listing import rows
 
@@ -187,7 +187,7 @@ def explain_command(term: str | None) -> None:
 
 
 def _nearest(term: str, subjects: Iterable[Iterable[TermPage]]) -> str:
-    hint = nearest(term.lower(), [entry.name for of in subjects for entry in of])
+    hint = nearest_choices(term.lower(), [entry.name for of in subjects for entry in of])
     return hint if hint.startswith("did") else "`trackbench explain` lists them"
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
-from trackbench.base.errors import InputError, alike, did_you_mean
+from trackbench.base.errors import InputError, did_you_mean, similar_names
 from trackbench.base.subjects import offered, resolve
 from trackbench.engine.choice import ENGINE_NAMES
 
@@ -58,7 +58,7 @@ class NearestChoice(click.Choice[str]):
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
         words = [str(choice) for choice in self.choices]
         begun = [word for word in words if word.startswith(str(value))]
-        hint = did_you_mean(begun[:1] or alike(str(value), words))
+        hint = did_you_mean(begun[:1] or similar_names(str(value), words))
         return f"{super().get_invalid_choice_message(value, ctx)} {hint[:1].upper()}{hint[1:]}".rstrip()
 
 
@@ -235,7 +235,7 @@ def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def check_options(scenarios: Sequence[Scenario], values: OptionValues) -> None:
+def check_run_options(scenarios: Sequence[Scenario], values: OptionValues) -> None:
     """Make sure that the options of all subjects fit the scenarios.
 
     Raises:

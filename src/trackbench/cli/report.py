@@ -13,7 +13,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError, counted
-from trackbench.base.subjects import kind_of, offered, resolve
+from trackbench.base.subjects import kind_of_file, offered, resolve
 from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice, github_option, write_suites
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 _SAVED = dict(offered("documents"))
-_KINDS = "".join(f" or of {kind_of(name)}," for name in _SAVED)
+_KINDS = "".join(f" or of {kind_of_file(name)}," for name in _SAVED)
 _NOTES = [offer.summary for offer in _SAVED.values() if offer.summary]
 _REPORT_HELP = f"""Write the report of a saved result in any format.
 

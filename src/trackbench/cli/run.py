@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem
 from trackbench import results
 from trackbench.api.plan import MAX_RUNS, RunPlan
 from trackbench.api.scenario import load_several
-from trackbench.api.session import prepare, run
+from trackbench.api.session import prepare, run_prepared
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
 from trackbench.cli.commands import RUN_SUMMARY
@@ -22,7 +22,7 @@ from trackbench.cli.options import (
     Share,
     Whole,
     artifact_options,
-    check_options,
+    check_run_options,
     engine_option,
     followers,
     github_option,
@@ -133,14 +133,14 @@ def run_command(
     if worlds is not None and not in_worlds:
         raise InputError(f"name at least one of {', '.join(WORLDS)}", key="--worlds")
     loaded, unchanged = load_several(files, settings, worlds=in_worlds, **options)
-    check_options(loaded, of_subjects)
+    check_run_options(loaded, of_subjects)
     output = RunOutput(as_json, quiet, out)
     for note in unchanged:
         output.note(note)
     with executor(workers, cluster) as chosen:
         prepared = prepare(loaded, plan, chosen, output)
         with followers(of_subjects) as output.followers:
-            finished = run(prepared, plan, chosen, output)
+            finished = run_prepared(prepared, plan, chosen, output)
             if junit is not None or github:
                 from trackbench.report.junit import suite_of_run
 

@@ -53,7 +53,7 @@ def wanted(arguments: Sequence[str]) -> bool:
     return bool(arguments) and not traced and not completed and UNSUPERVISED.isdisjoint(arguments)
 
 
-def start() -> None:
+def start_supervised() -> None:
     """Go on in a new process, which is supervised; the one that called this never returns."""
     here = os.getpid()
     # What is ignored, as by a script that starts it in the background, stays so.

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import one_blas_thread
 from trackbench.compare.comparability import (
     Comparability,
@@ -130,7 +130,7 @@ def compare_results(
     names = {name for item in sets for entry in item.entries for name in entry.trackers}
     for name in trackers or ():
         if name not in names:
-            raise InputError(f"no tracker {name!r} in these results; {nearest(name, names)}", key="--trackers")
+            raise InputError(f"no tracker {name!r} in these results; {nearest_choices(name, names)}", key="--trackers")
     compared = [cell for group in groups for cell in group.cells]
     chosen = {
         (cell.scenario, number): [name for name in entry.trackers if trackers is None or name in trackers]
@@ -241,7 +241,7 @@ def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Se
         limited = any(limit.metric == path for limit in limits)
         metrics = [own[path] for own in by_path if path in own]
         if not metrics:
-            hint = nearest(path, {name for own in by_path for name in own})
+            hint = nearest_choices(path, {name for own in by_path for name in own})
             raise InputError(f"{path!r} is not compared run by run; {hint}", key=OPTION if limited else "--metric")
         for metric in metrics if limited else ():
             require_directed(metric)

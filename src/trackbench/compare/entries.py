@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trackbench import results
 from trackbench.base.errors import InputError
-from trackbench.base.subjects import kind_of, offered
+from trackbench.base.subjects import kind_of_file, offered
 from trackbench.base.types import Array
 from trackbench.metrics import Interval, Metric, clustered
 from trackbench.metrics.intervals import FEWEST_SCENES
@@ -195,7 +195,7 @@ def find_results(path: Path) -> ResultSet:
         folders = sorted(file.parent for file in path.glob(f"[!.]*/{results.SUMMARY}"))
         for file, _ in offered("documents"):
             if (path / file).is_file():
-                raise InputError(f"{kind_of(file)} is not compared; `trackbench report` shows it", file=path)
+                raise InputError(f"{kind_of_file(file)} is not compared; `trackbench report` shows it", file=path)
         if not folders:
             raise InputError(f"no {results.SUMMARY} in this folder, nor in the folders in it", file=path)
     entries = tuple(Entry(str(folder), Result.load(folder)) for folder in folders)

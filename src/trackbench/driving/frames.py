@@ -38,7 +38,7 @@ def packed_array(value: Any) -> list[Any]:
     return [list(array.shape), array.tobytes()]
 
 
-def framed(message: Mapping[str, Any]) -> bytes:
+def message_frame(message: Mapping[str, Any]) -> bytes:
     """A message as a frame.
 
     Raises:
@@ -102,7 +102,7 @@ def _entry(name: str, shape: tuple[int, ...]) -> bytes:
     return array[: len(array) - size]
 
 
-def unpacked(content: bytes | bytearray) -> dict[str, Any]:
+def frame_message(content: bytes | bytearray) -> dict[str, Any]:
     """The message of a frame.
 
     Raises:
@@ -117,7 +117,7 @@ def unpacked(content: bytes | bytearray) -> dict[str, Any]:
     return message
 
 
-def array_of(message: Mapping[str, Any], name: str) -> Array:
+def message_array(message: Mapping[str, Any], name: str) -> Array:
     """An array of a message.
 
     Raises:
@@ -135,14 +135,14 @@ def array_of(message: Mapping[str, Any], name: str) -> Array:
     raise TrackerFault(f"its answer is wrong: {problem}")
 
 
-def estimate_of(message: Mapping[str, Any]) -> Estimate:
+def message_estimate(message: Mapping[str, Any]) -> Estimate:
     """The estimate of a message; of what is not told there is None.
 
     Raises:
         TrackerFault: an array is not of the right form.
     """
-    parts: dict[str, Any] = {name: array_of(message, name) for name in ("mean", "covariance")}
-    parts |= {name: array_of(message, name) for name in _OPTIONAL if message.get(name) is not None}
+    parts: dict[str, Any] = {name: message_array(message, name) for name in ("mean", "covariance")}
+    parts |= {name: message_array(message, name) for name in _OPTIONAL if message.get(name) is not None}
     if "repaired" in parts:
         parts["repaired"] = parts["repaired"] != 0
     return Estimate(**parts)
@@ -154,8 +154,8 @@ def tracks_of(message: Mapping[str, Any]) -> Tracks:
     Raises:
         TrackerFault: an array is not of the right form.
     """
-    parts: dict[str, Any] = {name: array_of(message, name) for name in ("ids", "mean", "covariance")}
-    parts |= {name: array_of(message, name) for name in ("existence", "used") if message.get(name) is not None}
+    parts: dict[str, Any] = {name: message_array(message, name) for name in ("ids", "mean", "covariance")}
+    parts |= {name: message_array(message, name) for name in ("existence", "used") if message.get(name) is not None}
     return Tracks(**parts)
 
 
@@ -168,7 +168,7 @@ def each_of(message: Mapping[str, Any], count: int) -> list[dict[str, Any]]:
     if message["type"] != "estimate":
         return [{"type": message["type"]}] * count
     names = {"mean", "covariance", "given", *_OPTIONAL}
-    arrays = {name: array_of(message, name) for name in names if message.get(name) is not None}
+    arrays = {name: message_array(message, name) for name in names if message.get(name) is not None}
     for name, array in arrays.items():
         if array.shape[-1:] != (count,):
             raise TrackerFault(f"{name} has the shape {array.shape} in an answer for {count} trackers")

@@ -76,7 +76,7 @@ class _Guard:
             os.dup2(self._printing, 2)
             if self._launch.command:
                 execute.become(descriptors, self._launch)
-            host.serve(socket.socket(fileno=descriptors[0]), descriptors[1], self._launch.name)
+            host.serve_bench(socket.socket(fileno=descriptors[0]), descriptors[1], self._launch.name)
         for descriptor in (*descriptors, self._printing):
             os.close(descriptor)
 

@@ -26,7 +26,7 @@ from trackbench.base.types import Estimate, FieldOfView, Progress, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
 from trackbench.driving.steppers import Stepper, local, refuse_truth
-from trackbench.driving.wire import Arrays, receive, send_answer
+from trackbench.driving.wire import Arrays, receive_message, send_answer
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -49,7 +49,7 @@ class Host:
         arguments = {key: value for key, value in request.items() if key not in PROCESS_KEYS}
         if "path" in request:
             sys.path[:] = request["path"]
-            at_hand.receive(request["classes"])
+            at_hand.receive_classes(request["classes"])
             with suppress(OSError):
                 os.chdir(request["cwd"] or ".")
         for number in request["drop"]:
@@ -156,7 +156,7 @@ def _folder(path: str) -> Path | None:
     return Path(path) if path else None
 
 
-def serve(connection: socket.socket, dump: int, name: str) -> NoReturn:
+def serve_bench(connection: socket.socket, dump: int, name: str) -> NoReturn:
     """Answer the bench until it ends.
 
     Args:
@@ -174,7 +174,7 @@ def serve(connection: socket.socket, dump: int, name: str) -> NoReturn:
     host = Host(progress)
     while True:
         try:
-            request = receive(connection)
+            request = receive_message(connection)
         except (EOFError, OSError):
             os._exit(0)
         except BaseException:

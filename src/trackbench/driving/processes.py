@@ -28,7 +28,7 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import TrackFault, raise_reported
 from trackbench.driving.isolation import GIGABYTE, Isolation
-from trackbench.driving.wire import REPORT_SIZE, Launch, Malformed, ProcessReport, framed, receive
+from trackbench.driving.wire import REPORT_SIZE, Launch, Malformed, ProcessReport, exchange_frame, receive_message
 
 TEMPLATE = "trackbench.driving.template"
 #: Whether messages keep their bounds, which macOS does not offer. Nothing here needs them: one launch is under way at a
@@ -272,7 +272,7 @@ class TrackerProcess(GuardedProcess):
             with suppress(FileNotFoundError):
                 request["cwd"] = os.getcwd()
         try:
-            content = framed(request)
+            content = exchange_frame(request)
         except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"its process cannot be told this: {error}") from None
         self._until = time.monotonic() + self.timeout
@@ -280,12 +280,12 @@ class TrackerProcess(GuardedProcess):
             self._socket.settimeout(self.timeout)
             self._socket.sendall(content)
             self.dropped = []
-            answer = receive(self)
+            answer = receive_message(self)
             while "progress" in answer["values"]:
                 done, expected = map(float, answer["values"]["progress"])
                 self._until = time.monotonic() + self.timeout
                 self._progress(done, expected)
-                answer = receive(self)
+                answer = receive_message(self)
             values, arrays = answer["values"], answer["arrays"]
             if values["exchange"] != self._exchange or not all(
                 isinstance(each, np.ndarray | np.generic) for each in arrays.values()

@@ -12,11 +12,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from trackbench.base.errors import InputError, printable, shortened
+from trackbench.base.errors import InputError, printable, shortened_text
 from trackbench.base.types import Scan
 from trackbench.driving import frames
 from trackbench.driving.faults import Kind, TrackFault
-from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, framed
+from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, message_frame
 from trackbench.driving.isolation import Isolation, lacking
 from trackbench.driving.processes import ENDING, GLANCE, GuardedProcess
 from trackbench.driving.wire import Launch
@@ -90,19 +90,19 @@ class Program(GuardedProcess):
     def start(self) -> int:
         """The number of a fresh tracker."""
         self._numbers += 1
-        self._unsent += framed({"type": "start", "id": self._numbers})
+        self._unsent += message_frame({"type": "start", "id": self._numbers})
         return self._numbers
 
     def copy(self, number: int) -> int:
         """The number of a copy of a tracker, with its state."""
         self._numbers += 1
-        self._unsent += framed({"type": "copy", "id": self._numbers, "of": number})
+        self._unsent += message_frame({"type": "copy", "id": self._numbers, "of": number})
         return self._numbers
 
     def end(self, number: int) -> None:
         """A tracker is no longer needed."""
         if self.fault is None:
-            self._unsent += framed({"type": "end", "id": number})
+            self._unsent += message_frame({"type": "end", "id": number})
 
     def send(self, messages: Sequence[bytes]) -> None:
         """Send frames; the answers are to be received one by one.
@@ -144,7 +144,7 @@ class Program(GuardedProcess):
         content = self._received[LENGTH.size : end]
         del self._received[:end]
         try:
-            answer = frames.unpacked(content)
+            answer = frames.frame_message(content)
         except NotAFrame as error:
             raise self.failed(f"its answer is {error}; it begins with {_text(content)}") from None
         kind = answer.get("type")
@@ -250,7 +250,7 @@ def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str
         "options": config.options,
     }
     try:
-        return framed(hello)
+        return message_frame(hello)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"a program cannot be told these options: {error}", key="options") from None
 
@@ -265,7 +265,7 @@ def _pipe() -> tuple[int, int]:
 
 
 def _line(text: str) -> str:
-    return shortened(" ".join(printable(text).split()))
+    return shortened_text(" ".join(printable(text).split()))
 
 
 def _text(content: bytes | bytearray) -> str:
@@ -274,7 +274,7 @@ def _text(content: bytes | bytearray) -> str:
 
 
 def _said(value: Any) -> str:
-    return shortened(repr(value), SHOWN)
+    return shortened_text(repr(value), SHOWN)
 
 
 def _last_words(content: bytes) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.frames import ScanFrames, each_of, estimate_of, id_of, ids_of, plain_estimate, tracks_of
+from trackbench.driving.frames import ScanFrames, each_of, id_of, ids_of, message_estimate, plain_estimate, tracks_of
 from trackbench.driving.program import Program
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, Stepper, Traits
 from trackbench.trackers.answers import KEPT_THERE, OF_ONE, TrackerFault, require_kept
@@ -28,7 +28,7 @@ def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
         return None
     if (kind == "tracks") != several:
         raise TrackerFault(OF_ONE if several else "it gave tracks; with known identities an estimate is needed")
-    return tracks_of(message) if several else estimate_of(message)
+    return tracks_of(message) if several else message_estimate(message)
 
 
 class ProgramStepper(Stepper):

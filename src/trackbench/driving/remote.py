@@ -59,7 +59,9 @@ class TrackerTrial:
         """
         several = several and not isinstance(self._config.use, str)
         if self._process is None:
-            start(self._config, self._folder, 1, lambda tracker: tracker, self._isolation, several, sensors).close()
+            start_stepper(
+                self._config, self._folder, 1, lambda tracker: tracker, self._isolation, several, sensors
+            ).close()
         else:
             RemoteStepper(self._process, self._config, self._folder, 1, several)
 
@@ -69,7 +71,7 @@ class TrackerTrial:
             self._process.close()
 
 
-def start(
+def start_stepper(
     config: FilterConfig | PluginConfig,
     folder: Path | None,
     batch: int,

@@ -20,7 +20,7 @@ from trackbench.driving.wire import INSIDE, LONGEST_LAUNCH, Launch, ProcessRepor
 ORPHANED = 2.0
 
 
-def main(descriptor: int) -> None:
+def _main(descriptor: int) -> None:
     """Copy this process for each pair of descriptors that comes, until the bench ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ[INSIDE] = "1"
@@ -70,5 +70,5 @@ def main(descriptor: int) -> None:
 if __name__ == "__main__":
     # The bench may end, or be killed, before it is told what has become of a copy.
     with suppress(BrokenPipeError):
-        main(int(sys.argv[1]))
+        _main(int(sys.argv[1]))
     end_descendants()

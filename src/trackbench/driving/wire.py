@@ -99,7 +99,7 @@ class Malformed(Exception):
     """The bytes received are no valid answer."""
 
 
-def framed(message: Mapping[str, Any]) -> bytes:
+def exchange_frame(message: Mapping[str, Any]) -> bytes:
     """A message as a frame, in which values may be arrays.
 
     Raises:
@@ -111,7 +111,7 @@ def framed(message: Mapping[str, Any]) -> bytes:
 
 def send_answer(to: socket.socket, values: Mapping[str, Any], arrays: Arrays) -> None:
     """Send values, and arrays of float, bool or int."""
-    to.sendall(framed({"values": values, "arrays": arrays}))
+    to.sendall(exchange_frame({"values": values, "arrays": arrays}))
 
 
 class Source(Protocol):
@@ -120,7 +120,7 @@ class Source(Protocol):
     def recv_into(self, buffer: memoryview) -> int: ...
 
 
-def receive(source: Source) -> dict[str, Any]:
+def receive_message(source: Source) -> dict[str, Any]:
     """The next message.
 
     Raises:

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.engine.equations import Compute, EngineUsed, by_numpy
 from trackbench.engine.machine import unavailable
 
@@ -33,7 +33,7 @@ def require_engine(name: str) -> None:
         InputError: there is none of this name, or it is the fused one, which cannot be had here; says why.
     """
     if name not in ENGINE_NAMES:
-        raise InputError(f"no engine {name!r}; {nearest(str(name), ENGINE_NAMES)}", key="engine")
+        raise InputError(f"no engine {name!r}; {nearest_choices(str(name), ENGINE_NAMES)}", key="engine")
     reason = unavailable() if name == "fused" else None
     if reason is not None:
         raise InputError(f"the fused engine cannot be used: {reason}", key="engine")

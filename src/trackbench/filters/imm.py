@@ -98,7 +98,7 @@ def _yaw_left_open(own: Gaussian, names: tuple[str, ...], other: Gaussian, carte
     c, s = cos_sin(own.mean[yaw])
     slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s]])
     mean, covariance = other.mean.copy(), np.zeros_like(other.covariance)
-    mean[places] = linalg.apply(slope, cartesian.mean)
+    mean[places] = linalg.matvec(slope, cartesian.mean)
     mean[yaw] = own.mean[yaw]
     covariance[np.ix_(places, places)] = linalg.rounded_up(linalg.quadratic(slope, cartesian.covariance))
     covariance[yaw, yaw] = own.covariance[yaw, yaw]
@@ -155,12 +155,12 @@ class Future(NamedTuple):
         scaled = linalg.matmul(np.swapaxes(root, 0, 1), linalg.matmul(self.information, root))
         m = linalg.ensure_definite(linalg.symmetrise(scaled) + linalg.expand(np.eye(size), scaled))
         after = m.factor.whiten(np.swapaxes(root, 0, 1))
-        slope = self.gradient - linalg.apply(self.information, away)
-        step = linalg.apply(after, slope)
+        slope = self.gradient - linalg.matvec(self.information, away)
+        step = linalg.matvec(after, slope)
         logarithm = np.einsum("i...,i...->...", self.gradient + slope, away) + np.einsum("i...,i...->...", step, step)
         determinant = np.log(np.prod(np.stack(m.factor.inverse_diagonal), axis=0))
         lower = self.factor.lower()
-        mean = self.mean + linalg.apply(lower, away + linalg.apply_transposed(after, step))
+        mean = self.mean + linalg.matvec(lower, away + linalg.apply_transposed(after, step))
         covariance = linalg.gram(linalg.matmul_transposed(after, lower))
         return Gaussian(wrap_components(mean, self.angular), covariance), 0.5 * logarithm + determinant, m.repaired
 
@@ -175,7 +175,7 @@ def _future(before: Gaussian, after: Gaussian, angular: tuple[int, ...]) -> Futu
     change = factor.whiten(difference(after.mean, before.mean, angular))
     unit = np.broadcast_to(linalg.expand(np.eye(len(change)), spread), spread.shape)
     inverse = linalg.gram(linalg.cholesky(spread).whiten(unit))
-    information, gradient = inverse - unit, linalg.apply(inverse, change)
+    information, gradient = inverse - unit, linalg.matvec(inverse, change)
     # What overflows is wider.
     with np.errstate(over="ignore", invalid="ignore"):
         wider = ~linalg.cholesky((1.0 + ROUNDING) * unit - spread).positive
@@ -184,7 +184,7 @@ def _future(before: Gaussian, after: Gaussian, angular: tuple[int, ...]) -> Futu
         inverses = np.where(values < 1.0, 1.0 / np.maximum(values, ROUNDING), 0.0)[:, None]
         across = np.swapaxes(vectors, 1, 2)
         information[..., wider] = np.moveaxis(vectors * np.maximum(inverses - 1.0, 0.0) @ across, 0, -1)
-        gradient[..., wider] = linalg.apply(np.moveaxis(vectors * inverses @ across, 0, -1), change[..., wider])
+        gradient[..., wider] = linalg.matvec(np.moveaxis(vectors * inverses @ across, 0, -1), change[..., wider])
     return Future(before.mean, factor, information, gradient, angular)
 
 
@@ -230,7 +230,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         """The belief of a track that starts where ``state_of`` says, in the state of each motion model."""
         modes = tuple(filter.begin(state_of) for filter in self.filters)
         batch = modes[0].mean.shape[1:]
-        probability = linalg.expand(linalg.vector(self.initial_probabilities), modes[0].mean)
+        probability = linalg.expand(linalg.vector_of(self.initial_probabilities), modes[0].mean)
         return MultiModelBelief(np.broadcast_to(probability, (len(modes), *batch)), modes)
 
     def predict(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
@@ -333,7 +333,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
     @cached_property
     def _stays(self) -> tuple[list[list[float]], Indices]:
         """The different mean times of a batch, and which of them each of it has."""
-        stay = linalg.vector(self.stay_s)
+        stay = linalg.vector_of(self.stay_s)
         distinct, place = np.unique(stay.reshape(len(stay), -1), axis=1, return_inverse=True)
         return distinct.T.tolist(), place.reshape(stay.shape[1:])
 

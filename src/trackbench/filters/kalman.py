@@ -99,7 +99,7 @@ class KalmanFilter(LinearisedFilter):
         h = gain + linalg.expand(np.eye(2, len(p)), gain)
         seen = linalg.matmul(h, factor)
         spread, cross = linalg.matmul_transposed(seen, seen), linalg.matmul_transposed(seen, factor)
-        return PredictedMeasurement(linalg.apply(h, belief.mean), spread, cross), seen
+        return PredictedMeasurement(linalg.matvec(h, belief.mean), spread, cross), seen
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
         for number in range(self.iterations):
             expected, h = observe(self.motion, sensor, at, scan)
             back = difference(belief.mean, at, angular)
-            innovation = difference(scan.measurement, expected, sensor.angular) - linalg.apply(h, back)
+            innovation = difference(scan.measurement, expected, sensor.angular) - linalg.matvec(h, back)
             seen = linalg.matmul(h, factor)
             cross, spread = linalg.matmul_transposed(seen, factor), linalg.matmul_transposed(seen, seen)
             s = spread + linalg.expand(noise, cross)
@@ -153,7 +153,7 @@ def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> 
     if errors is None:
         return expected, h
     gain = errors.gain
-    return expected + linalg.apply(gain, x), linalg.expand(h, gain) + linalg.expand(gain, h)
+    return expected + linalg.matvec(gain, x), linalg.expand(h, gain) + linalg.expand(gain, h)
 
 
 def factor_of(belief: Belief) -> Array:
@@ -251,7 +251,7 @@ class SigmaPointFilter(SingleModelFilter):
         seen = sensor.measure(motion.to_cartesian(points), scan.sensor_pose, scan.sensor_velocity)
         errors = motion.sensor_errors(scan)
         if errors is not None:
-            seen = seen + linalg.apply(linalg.expand(errors.gain[:, :, None], points[None]), points)
+            seen = seen + linalg.matvec(linalg.expand(errors.gain[:, :, None], points[None]), points)
         deviations = difference(seen, seen[:, :1], sensor.angular)
         shift = weight * deviations.sum(axis=1)
         deviations -= shift[:, None]

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.results import Result, Tables
 
@@ -77,7 +77,7 @@ def function_events(
     """
     labels = function_labels(path for item in result.summary.trackers for path in item.metrics)
     if function not in labels:
-        hint = nearest(function, labels) if labels else "it has none"
+        hint = nearest_choices(function, labels) if labels else "it has none"
         raise InputError(f"no function {function!r} in this run; {hint}", key="--function")
     rows = _rows(result.tables.if_there("function_events"), function=function, tracker=tracker, run=run, object=vehicle)
     events = [FunctionEvent(**{**row, "run": int(row["run"]), "delay_s": _known(row["delay_s"])}) for row in rows]

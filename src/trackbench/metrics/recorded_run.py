@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array, Mask
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST
@@ -211,7 +211,7 @@ def require_name(name: str, known: Iterable[str], what: str) -> str:
     """
     names = list(known)
     if name not in names:
-        raise InputError(f"no {what} {name!r} in this recording; {nearest(name, names)}", key=f"--{what}")
+        raise InputError(f"no {what} {name!r} in this recording; {nearest_choices(name, names)}", key=f"--{what}")
     return name
 
 

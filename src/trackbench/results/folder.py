@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pydantic_core
 
-from trackbench.base.errors import InputError, OutputError, TrackbenchError, nearest, shortened
+from trackbench.base.errors import InputError, OutputError, TrackbenchError, nearest_choices, shortened_text
 from trackbench.base.files import require_regular
 from trackbench.base.process import locked
 from trackbench.base.supervised import return_to_folder, tell_scratch, tell_written
@@ -81,8 +81,8 @@ def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -
     for column in texts:
         for value in table[column].unique().to_pylist():
             if value is None or value not in names.get(column, (value,)):
-                hint = nearest(str(value), names.get(column, ()))
-                raise InputError(f"{column} {shortened(str(value), 40)!r} is none of this run; {hint}", file=file)
+                hint = nearest_choices(str(value), names.get(column, ()))
+                raise InputError(f"{column} {shortened_text(str(value), 40)!r} is none of this run; {hint}", file=file)
     if declared.series:
         _require_times(name, table, texts, layout.repeated, file)
     if name == "runs":

@@ -16,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.files import read_json
 
 Json = dict[str, Any]
@@ -181,7 +181,7 @@ class MetricsByPath(dict[str, MetricValue]):
 
     def __missing__(self, path: str) -> MetricValue:
         """Raise InputError: there is none of this name."""
-        raise InputError(f"no metric {path!r} of this tracker; {nearest(str(path), self)}")
+        raise InputError(f"no metric {path!r} of this tracker; {nearest_choices(str(path), self)}")
 
 
 def flat_metrics(nested: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:

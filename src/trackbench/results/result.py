@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trackbench.base.errors import InputError, beside, counted, nearest
+from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
 from trackbench.base.files import read_json
 from trackbench.results.declared import SHARED
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, write_file
@@ -113,7 +113,7 @@ class Result:
             InputError: there is none of this name.
         """
         if tracker not in self._by_name:
-            raise InputError(f"no tracker {tracker!r} in this result; {nearest(str(tracker), self)}")
+            raise InputError(f"no tracker {tracker!r} in this result; {nearest_choices(str(tracker), self)}")
         return self._by_name[tracker]
 
     @cached_property
@@ -219,7 +219,7 @@ class Result:
                 for path, value in tracker.metrics.items()
             )
         if table not in self.tables:
-            raise InputError(f"no table {table!r} in this result; {nearest(table, self.tables)}")
+            raise InputError(f"no table {table!r} in this result; {nearest_choices(table, self.tables)}")
         return self.tables[table].to_pandas()
 
     def save(self, folder: Path | str, artifacts: Mapping[str, Callable[[Path], None]] | None = None) -> None:
@@ -267,7 +267,7 @@ class Result:
         file = path if path.name == SUMMARY and not path.is_dir() else path / SUMMARY
         if not file.parent.is_dir():
             other = f"not the folder of a run, nor its {SUMMARY}"
-            there = other if path.exists() else f"there is no such folder{beside(path)}"
+            there = other if path.exists() else f"there is no such folder{similar_path_hint(path)}"
             hint = "; a scenario is run first: `trackbench run`" if path.suffix in (".yaml", ".yml") else ""
             raise InputError(there + hint, file=path)
         try:

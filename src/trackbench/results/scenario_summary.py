@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, JsonValue
 
-from trackbench.base.config.key_units import in_words
+from trackbench.base.config.key_units import option_in_words
 from trackbench.base.errors import counted
 from trackbench.results.metric_value import ResultModel, by_value
 
@@ -239,7 +239,7 @@ def _options_in_words(options: Mapping[str, object]) -> Iterator[str]:
         if isinstance(value, Mapping):
             yield from _options_in_words(value)
         elif key != "type" and value is not None:
-            yield in_words(key, value)
+            yield option_in_words(key, value)
 
 
 class ReferenceSummary(ResultModel):

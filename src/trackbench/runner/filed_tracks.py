@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, shortened
+from trackbench.base.errors import InputError, shortened_text
 from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.trackers.answers import NO_TRACK
@@ -53,7 +53,8 @@ def why_other_scans(own: TrackRows, fingerprint: str) -> str | None:
     if stated == [""]:
         return "rows without a fingerprint, where others have one"
     remedy = "they were made of other scans (name, seed, sensors or truth of the scenario are others): export them anew"
-    return f"the tracks have the fingerprint {shortened(stated[-1], 40)!r}, the measurements {fingerprint!r}; {remedy}"
+    theirs = shortened_text(stated[-1], 40)
+    return f"the tracks have the fingerprint {theirs!r}, the measurements {fingerprint!r}; {remedy}"
 
 
 def inside(rows: TrackRows, shift: float, first: float, last: float) -> Mask:

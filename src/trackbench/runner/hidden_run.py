@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.types import Array, Indices, Tracks, of_runs, scan_of_run
 from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.remote import start
+from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.evaluate import MetricSums, accumulators
 from trackbench.metrics.functions import functions_at_work
@@ -113,7 +113,7 @@ class HiddenRun(TrackerRun[Tracks]):
         self._batch, self._hidden = batch, batch.measurements
         steps, scans = scene.due.steps, self._hidden.scans
         drive = TrackerDrive[Tracks](
-            lambda: start(
+            lambda: start_stepper(
                 work.driven(name),
                 work.folder,
                 batch.runs,

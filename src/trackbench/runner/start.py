@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
 from trackbench.driving.isolation import plugged_in
-from trackbench.driving.remote import start
+from trackbench.driving.remote import start_stepper
 from trackbench.driving.second_drive import Company, SecondDrive
 from trackbench.driving.steppers import Offline, Stepper, Traits
 from trackbench.models.motion import Kinematics
@@ -45,7 +45,7 @@ def stepper_of(
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
         return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
     batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
-    return start(entry, work.folder, batch, prepare, work.isolation, sensors=work.sensors)
+    return start_stepper(entry, work.folder, batch, prepare, work.isolation, sensors=work.sensors)
 
 
 def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
@@ -125,7 +125,7 @@ class SecondDrives:
                 [(np.arange(objects) * runs + run) for run in chosen] + [members + np.arange(objects)]
             )[::-1]
         with_engine = partial(replace, engine=work.engine_here)
-        stepper = start(config, work.folder, len(order), with_engine, work.isolation, several, work.sensors)
+        stepper = start_stepper(config, work.folder, len(order), with_engine, work.isolation, several, work.sensors)
         company = Company(order, members, self._others(other_runs))
         stepper.restart(company.before())
         return SecondDrive(stepper, company, traits.batched)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.config.key_units import in_words
+from trackbench.base.config.key_units import option_in_words
 from trackbench.base.types import Array, Indices
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics import Evaluation, Interval, health, no_metrics, ratio
@@ -118,7 +118,7 @@ def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
             parts.append(f"constant Q {_diagonal(tracker.process_noise_diag)}")
         parts += [f"{sensor} taken for a {kind}" for sensor, kind in tracker.sensor_models.items()]
         for sensor, sigmas in tracker.measurement_noise.items():
-            parts += [f"{sensor} with {in_words(key, value)}" for key, value in sigmas.items()]
+            parts += [f"{sensor} with {option_in_words(key, value)}" for key, value in sigmas.items()]
         for sensor, effects in tracker.assume.items():
             parts.append(f"{sensor} with {' and '.join(effects.names)} assumed")
         parts += [_initial(tracker), _late(tracker, late)]
@@ -149,7 +149,7 @@ def _late(tracker: FilterConfig, late: Collection[str]) -> str:
 def _option(name: str, value: Any) -> str:
     if name == "covariance_diag":
         return f"covariance {_diagonal(value)}"
-    return in_words(name, " + ".join(value) if name == "sensors" else value)
+    return option_in_words(name, " + ".join(value) if name == "sensors" else value)
 
 
 def _diagonal(variances: Sequence[float]) -> str:

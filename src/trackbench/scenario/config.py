@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema, InitErrorDetails
 from trackbench.base.config import Config, KeyPath, Name, NonNegative, Positive, Problem, chosen_by, problem_error
 from trackbench.base.config.explain import explain
 from trackbench.base.config.plugin import Plugin, PluginName
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.plugins import one_line
 from trackbench.base.subjects import offered, resolve
 from trackbench.functions import FUNCTIONS, Function
@@ -36,7 +36,7 @@ def _made(value: Any, info: ValidationInfo) -> Metric:
         raise problem_error('a name, a "module:Class" or a mapping with use is needed')
     unknown = next((str(key) for key in entry if key not in KEYS), None)
     if unknown is not None:
-        raise _at([((unknown,), f"is not known here; {nearest(unknown, KEYS)}")])
+        raise _at([((unknown,), f"is not known here; {nearest_choices(unknown, KEYS)}")])
     options = entry.get("options") or {}
     if not isinstance(options, dict):
         raise _at([(("options",), "a mapping of keys to values is needed")])

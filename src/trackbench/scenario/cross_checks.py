@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import nearest, same_name
+from trackbench.base.errors import nearest_choices, same_name
 from trackbench.metrics import Field
 from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
@@ -55,7 +55,7 @@ def scenario_problems(scenario: ScenarioConfig) -> Iterator[Problem]:
         yield Problem(("recording", "run"), f"must be from 0 to {runs - 1}, because monte_carlo.runs is {runs}")
     baseline = scenario.score.baseline
     if baseline is not None and baseline not in scenario.trackers:
-        message = f"the scenario has no tracker {baseline!r}; {nearest(baseline, scenario.trackers)}"
+        message = f"the scenario has no tracker {baseline!r}; {nearest_choices(baseline, scenario.trackers)}"
         yield Problem(("score", "baseline"), message)
     metrics = _metrics(scenario) if scenario.expect else {}
     for index, expectation in enumerate(scenario.expect):
@@ -204,7 +204,7 @@ def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iter
         options = list(dict.fromkeys(SENSOR_MODELS[kind].sigma_options))
         for key in sigmas:
             if key not in options:
-                yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest(key, options)}")
+                yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest_choices(key, options)}")
 
 
 def _first_velocity(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
@@ -248,14 +248,14 @@ def _not_read(scenario: ScenarioConfig, tracker: FilterConfig, sensor: str) -> s
 
 
 def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:
-    return f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
+    return f"the scenario has no sensor {sensor!r}; {nearest_choices(sensor, scenario.sensors)}"
 
 
 def _expectation(scenario: ScenarioConfig, expectation: Expectation, metrics: Mapping[str, Field]) -> Iterator[Problem]:
     tracker = scenario.trackers.get(expectation.tracker)
     if tracker is None:
         message = f"the scenario has no tracker {expectation.tracker!r}"
-        yield Problem(("tracker",), f"{message}; {nearest(expectation.tracker, scenario.trackers)}")
+        yield Problem(("tracker",), f"{message}; {nearest_choices(expectation.tracker, scenario.trackers)}")
     metric = metrics.get(expectation.metric)
     if metric is None:
         identities = scenario.sensing.identities
@@ -264,7 +264,7 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation, metrics: Ma
         if expectation.metric in others and not same_name(expectation.metric, metrics):
             hint = f"it is one of {'hidden' if hidden else 'known'} identities, and sensing.identities is {identities}"
         else:
-            hint = nearest(expectation.metric, metrics)
+            hint = nearest_choices(expectation.metric, metrics)
         yield Problem(("metric",), f"there is no metric {expectation.metric!r}; {hint}")
         return
     sensor = expectation.metric.split(".")[1] if metric.per_sensor else None
@@ -293,11 +293,11 @@ def _limit(
     if word is not None and not metric.words:
         yield Problem(("is",), f"{expectation.metric} is a number, not a word; use below or above")
     elif word is not None and word not in metric.words:
-        yield Problem(("is",), f"{expectation.metric} is never {word!r}; {nearest(word, metric.words)}")
+        yield Problem(("is",), f"{expectation.metric} is never {word!r}; {nearest_choices(word, metric.words)}")
     if rival is None:
         return
     if rival not in scenario.trackers:
-        message = f"the scenario has no tracker {rival!r}; {nearest(rival, scenario.trackers)}"
+        message = f"the scenario has no tracker {rival!r}; {nearest_choices(rival, scenario.trackers)}"
         yield Problem(("better_than",), message)
     elif rival == expectation.tracker:
         yield Problem(("better_than",), "a tracker cannot be better than itself; name another one")

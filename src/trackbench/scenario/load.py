@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from trackbench.base import files
 from trackbench.base.config import KeyPath
 from trackbench.base.config.explain import explain
-from trackbench.base.errors import InputError, InputErrors, counted, nearest
+from trackbench.base.errors import InputError, InputErrors, counted, nearest_choices
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps
 from trackbench.scenario.shipped import find_scenario
@@ -171,7 +171,9 @@ def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
     config = loaded.config
     for name in names:
         if name not in config.trackers and name not in loaded.sweeps:
-            problem = f"no tracker {name!r} in this scenario; {nearest(name, [*config.trackers, *loaded.sweeps])}"
+            problem = (
+                f"no tracker {name!r} in this scenario; {nearest_choices(name, [*config.trackers, *loaded.sweeps])}"
+            )
             raise InputError(problem, key="--trackers", file=loaded.path)
     wanted = {point for name in names for point in loaded.sweeps.get(name, (name,))}
     kept = {name: tracker for name, tracker in config.trackers.items() if name in wanted}
@@ -195,7 +197,7 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
     """
     for index, world in enumerate(worlds):
         if world not in WORLDS:
-            raise InputError(f"no world {world!r}; {nearest(world, WORLDS)}", key="--worlds")
+            raise InputError(f"no world {world!r}; {nearest_choices(world, WORLDS)}", key="--worlds")
         if world in worlds[:index]:
             raise InputError(f"{world} is named twice; remove one", key="--worlds")
     own = loaded.config.world

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import yaml
 
 from trackbench.base.config import KeyPath
-from trackbench.base.errors import InputError, did_you_mean, nearest
+from trackbench.base.errors import InputError, did_you_mean, nearest_choices
 from trackbench.base.files import path_from
 from trackbench.scenario.source import Origin, YamlDocument, dotted, parse_yaml
 
@@ -62,7 +62,7 @@ def _require_entry(root: Any, parts: Sequence[str], origin: Origin) -> None:
     if not isinstance(entries, dict) or name in entries or key in NAMED[section]:
         return
     of_type = [other for other, entry in entries.items() if isinstance(entry, dict) and name in entry.values()]
-    hint = did_you_mean(of_type) or nearest(name, map(str, entries))
+    hint = did_you_mean(of_type) or nearest_choices(name, map(str, entries))
     raise InputError(f"there is no {name!r} in {section}; {hint}", key=dotted((section, name)), file=origin.file)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import nearest
+from trackbench.base.errors import nearest_choices
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.trackers.config import FilterConfig
@@ -53,7 +53,7 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
     for name, columns in truth.measurements.items():
         at = ("truth", "readings", name)
         if name not in kinds:
-            yield Problem(at, f"the scenario has no sensor {name!r}; {nearest(name, kinds)}")
+            yield Problem(at, f"the scenario has no sensor {name!r}; {nearest_choices(name, kinds)}")
             continue
         model = SENSOR_MODELS[kinds[name]]
         needed = columns.of_sensor(model.components)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from trackbench.base.errors import InputError, alike
+from trackbench.base.errors import InputError, similar_names
 
 FOLDER = Path(__file__).parents[1] / "scenarios"
 #: Endings ``.yaml`` and ``.yml``.
@@ -90,8 +90,8 @@ def _nearest(missing: Path, files: Iterable[str]) -> str:
     there = missing.parent.iterdir() if os.path.isdir(missing.parent) else ()
     # The ending, which most share, makes no name alike.
     beside = {entry.stem: entry.name for entry in there if _holds_scenarios(entry)}
-    result = [repr(str(missing.parent / beside[stem])) for stem in alike(missing.stem, beside, 0.6)[:1]]
-    for last in alike(missing.stem, names, 0.6)[:1]:
+    result = [repr(str(missing.parent / beside[stem])) for stem in similar_names(missing.stem, beside, 0.6)[:1]]
+    for last in similar_names(missing.stem, names, 0.6)[:1]:
         result.append(f"{names[last]!r}, which comes with trackbench")
     if not result:
         return " here; `trackbench list scenarios` shows those that come with trackbench"

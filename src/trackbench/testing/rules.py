@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Estimate, Scan, Tracks
 from trackbench.trackers.answers import unpack
 
@@ -26,7 +26,7 @@ OF_OTHER_KIND: Mapping[Identities, str] = {
 def require_identities(identities: str) -> None:
     """Refuse what is neither of the two."""
     if identities not in OF_OTHER_KIND:
-        raise InputError(f"{identities!r} is not known; {nearest(identities, OF_OTHER_KIND)}", key="identities")
+        raise InputError(f"{identities!r} is not known; {nearest_choices(identities, OF_OTHER_KIND)}", key="identities")
 
 
 def gives_reports(reports: Callable[[], Iterable[bool]]) -> bool:

@@ -12,7 +12,7 @@ from pydantic import Field
 from trackbench.base import linalg
 from trackbench.base.config import Config, NonNegative, Positive, Problem, problem_error
 from trackbench.base.config.key_units import in_si, split_key
-from trackbench.base.errors import nearest
+from trackbench.base.errors import nearest_choices
 from trackbench.base.types import Array, Scan
 from trackbench.filters import ErrorState
 from trackbench.models.sensors import SENSOR_MODELS
@@ -82,7 +82,7 @@ class AssumedEffects(Config):
         if self.correlated_errors is not None:
             for i, name in enumerate(self.correlated_errors.components):
                 if name not in sensor.components:
-                    wrong = f"a {kind} measures no {name!r}; {nearest(name, sensor.components)}"
+                    wrong = f"a {kind} measures no {name!r}; {nearest_choices(name, sensor.components)}"
                     yield Problem(("correlated_errors", "components", i), wrong)
                 elif name in self.correlated_errors.components[:i]:
                     yield Problem(("correlated_errors", "components", i), f"{name} is named twice; remove one")

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma, chosen_by
-from trackbench.base.config.key_units import in_words
+from trackbench.base.config.key_units import option_in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
@@ -306,7 +306,7 @@ def _words(motion: MotionModel, unused: tuple[str, ...] = ()) -> list[str]:
     # A form of the noise is named where it is not the usual one, an option where it has a value.
     usual = {name for name, value in options.items() if value is None or (name, str(value)) == ("noise", "piecewise")}
     shown = {name: value for name, value in options.items() if name not in usual}
-    return [_name(motion), *(in_words(name, value) for name, value in shown.items())]
+    return [_name(motion), *(option_in_words(name, value) for name, value in shown.items())]
 
 
 def _language(value: Any) -> str | None:

@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import Field
 
 from trackbench.base.config import Config
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 
 LIBRARIES = (".so", ".dylib", ".dll")
 
@@ -101,7 +101,7 @@ def _executable(name: str, folder: Path) -> Path:
 def _not_there(what: str, path: Path, fits: Callable[[Path], bool]) -> str:
     place = path.parent
     choices = [file.name for file in place.iterdir() if fits(file)] if place.is_dir() else []
-    hint = nearest(path.name, choices) if choices else f"no {what} is there"
+    hint = nearest_choices(path.name, choices) if choices else f"no {what} is there"
     sources = [(place / path.stem.removeprefix("lib")).with_suffix(ending) for ending in (".c", ".cpp")]
     if not hint.startswith("did you mean") and any(source.is_file() for source in sources):
         hint = f"make {path.name} builds it"
@@ -114,5 +114,5 @@ def _can_run(file: Path) -> bool:
 
 def _nearest_on_path(name: str) -> str:
     places = (Path(place) for place in os.get_exec_path() if place)
-    hint = nearest(name, {file.name for place in places if place.is_dir() for file in place.iterdir()})
+    hint = nearest_choices(name, {file.name for place in places if place.is_dir() for file in place.iterdir()})
     return hint if hint.startswith("did you mean") else "a path has a /, such as ./my_tracker"

@@ -156,7 +156,7 @@ def retrodicted(filter: SingleModelFilter, beliefs: Retrodiction, scan: Scan) ->
     # What the equivalent measurement says: its information, and with it its innovation.
     information = linalg.matmul(linalg.matmul(inverse, ahead.covariance - now.covariance), inverse)
     noise = _noise(motion, now, (scan.time, *beliefs.times))
-    pushed = linalg.apply(linalg.matmul(noise, inverse), gained)
+    pushed = linalg.matvec(linalg.matmul(noise, inverse), gained)
     noise_covariance = noise - linalg.quadratic(noise, information)
     shared = noise - linalg.matmul(linalg.matmul(ahead.covariance, information), noise)
     f = np.broadcast_to(linalg.expand(motion.jacobian(now.mean, -back), now.covariance), now.covariance.shape)

@@ -10,7 +10,7 @@ from typing import Any, get_type_hints
 from pydantic import BaseModel, ValidationError
 
 from trackbench.base.config.explain import explain
-from trackbench.base.errors import InputError, InputErrors, alike, did_you_mean
+from trackbench.base.errors import InputError, InputErrors, did_you_mean, similar_names
 from trackbench.base.plugins import Registry, one_line, searched
 from trackbench.trackers.answers import Tracker
 
@@ -80,7 +80,7 @@ def _bind(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
     except TypeError as error:
         takes = ", ".join(name for name in signature.parameters) or "none"
         unknown = [name for name in options if name not in signature.parameters]
-        near = did_you_mean(alike(unknown[0], signature.parameters, 0.6)) if unknown else ""
+        near = did_you_mean(similar_names(unknown[0], signature.parameters, 0.6)) if unknown else ""
         hint = f"; {near}" if near else ""
         raise InputError(f"{use!r} does not start with these options: {error} (it takes: {takes}){hint}") from None
 

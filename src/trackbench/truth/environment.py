@@ -12,7 +12,7 @@ import numpy as np
 from highway_env.utils import not_zero, wrap_to_pi
 from highway_env.vehicle.controller import ControlledVehicle
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array, Mask, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.truth.frames import Frames
@@ -38,7 +38,7 @@ def complete(
     for key, value in config.items():
         path = f"{at}.{key}"
         if key not in defaults:
-            raise InputError(f"unknown key; {nearest(str(key), defaults)}", key=path)
+            raise InputError(f"unknown key; {nearest_choices(str(key), defaults)}", key=path)
         if key in variants:
             result[key] = _variant(value, defaults[key], key, variants, path)
         else:
@@ -52,12 +52,14 @@ def _variant(value: Any, default: Mapping[str, Any], name: str, variants: Varian
         raise InputError(f"must be a mapping, not {value!r}", key=at)
     kind = value.get("type", default.get("type"))
     if kind not in variants[name]:
-        raise InputError(f"unknown {name} type {kind!r}; {nearest(str(kind), variants[name])}", key=f"{at}.type")
+        raise InputError(
+            f"unknown {name} type {kind!r}; {nearest_choices(str(kind), variants[name])}", key=f"{at}.type"
+        )
     usual = default if kind == default.get("type") else {}
     accepted = {"type", *variants[name][kind], *usual}
     for key, inner in value.items():
         if key not in accepted:
-            raise InputError(f"unknown key; {nearest(str(key), accepted)}", key=f"{at}.{key}")
+            raise InputError(f"unknown key; {nearest_choices(str(key), accepted)}", key=f"{at}.{key}")
         if usual.get(key) is not None:
             _check(key, inner, usual[key], f"{at}.{key}")
     merged = {**usual, **value}

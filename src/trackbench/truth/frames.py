@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
@@ -145,7 +145,8 @@ def target_bodies(
         for name in targets.ids:
             if name not in by_name:
                 raise InputError(
-                    f"there is no vehicle {name!r} in this scene; {nearest(name, by_name)}", key="truth.targets.ids"
+                    f"there is no vehicle {name!r} in this scene; {nearest_choices(name, by_name)}",
+                    key="truth.targets.ids",
                 )
         bodies = sorted({by_name[name] for name in targets.ids})
     elif isinstance(targets, NearestTargets):

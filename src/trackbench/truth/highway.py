@@ -17,7 +17,7 @@ import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
 from trackbench.base.deferred import imported_when_used
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
 from trackbench.truth.audit import Reported, audited_truth, by_euler
@@ -172,7 +172,7 @@ def prepare_env(config: HighwayOptions, render_mode: str | None = None) -> Abstr
     """The environment, reset and with the ego's driver in place."""
     ids = list_envs()
     if config.env not in ids:
-        raise InputError(f"unknown highway-env id {config.env!r}; {nearest(config.env, ids)}", key="truth.env")
+        raise InputError(f"unknown highway-env id {config.env!r}; {nearest_choices(config.env, ids)}", key="truth.env")
     # Some environments of highway-env take no render mode, and some no configuration.
     options: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
     constructor = load_env_creator(str(gymnasium.spec(config.env).entry_point))

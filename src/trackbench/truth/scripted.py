@@ -142,7 +142,7 @@ def _drawn(
     states = [model.from_kinematics(state)]
     for drive in noise[:-1]:
         x = states[-1]
-        states.append(model.transition(x, dt) + linalg.apply(model.noise_gain(x, dt), drive))
+        states.append(model.transition(x, dt) + linalg.matvec(model.noise_gain(x, dt), drive))
     path = model.to_kinematics(np.stack(states, axis=1), np.swapaxes(noise, 0, 1), state.course)
     return path, model.to_kinematics(states[-1], np.zeros_like(noise[0]), path.course[-1])
 

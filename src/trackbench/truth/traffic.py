@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, counted, nearest
+from trackbench.base.errors import InputError, counted, nearest_choices
 from trackbench.base.types import RecordedNoise, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.truth.audit import audited_truth
@@ -201,7 +201,7 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
     number = {name: body for body, name in enumerate(frames.ids)}
     for name in config.vehicles:
         if name not in number:
-            message = f"there is no vehicle {name!r} in this recording; {nearest(name, number)}"
+            message = f"there is no vehicle {name!r} in this recording; {nearest_choices(name, number)}"
             raise InputError(message, key="truth.observer.vehicle")
     carriers: list[int | None] = [number[name] for name in config.vehicles]
     carriers = carriers or [None] * config.number_of_scenes

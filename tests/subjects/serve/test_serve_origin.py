@@ -14,7 +14,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.serve.server import refusal, require_origin
+from trackbench.subjects.serve.server import request_refusal, require_origin
 
 LOOPBACK = ["127.0.0.1:4567", "localhost:4567", "LOCALHOST", "[::1]:4567", "127.0.0.2"]
 #: Of a page elsewhere, of a sandboxed frame, and what is no origin.
@@ -31,23 +31,23 @@ FOREIGN = [
 
 @pytest.mark.parametrize("host", LOOPBACK)
 def test_programs_of_this_machine(host: str) -> None:
-    assert refusal([], [host], "127.0.0.1", ()) is None
-    assert refusal([f"http://{host}"], [host], "127.0.0.1", ()) is None
+    assert request_refusal([], [host], "127.0.0.1", ()) is None
+    assert request_refusal([f"http://{host}"], [host], "127.0.0.1", ()) is None
 
 
 @pytest.mark.parametrize("origin", FOREIGN)
 def test_pages_from_elsewhere(origin: str) -> None:
-    cause = refusal([origin], ["localhost:4567"], "127.0.0.1", ())
+    cause = request_refusal([origin], ["localhost:4567"], "127.0.0.1", ())
     assert cause is not None
     assert "--allow-origin" in cause
-    assert refusal(["http://localhost", origin], ["localhost:4567"], "127.0.0.1", ()) is not None
+    assert request_refusal(["http://localhost", origin], ["localhost:4567"], "127.0.0.1", ()) is not None
 
 
 def test_a_page_that_is_named() -> None:
     allowed = [require_origin("http://Viewer.example:8000")]
-    assert refusal(["http://viewer.example:8000"], ["localhost"], "127.0.0.1", allowed) is None
+    assert request_refusal(["http://viewer.example:8000"], ["localhost"], "127.0.0.1", allowed) is None
     for other in ("https://viewer.example:8000", "http://viewer.example", "http://viewer.example:80000"):
-        assert refusal([other], ["localhost"], "127.0.0.1", allowed) is not None
+        assert request_refusal([other], ["localhost"], "127.0.0.1", allowed) is not None
 
 
 @pytest.mark.parametrize("origin", ["viewer.example", "http://viewer.example/", "http://", "*", "http://a b/c"])
@@ -58,7 +58,7 @@ def test_what_is_no_origin(origin: str) -> None:
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:4567", "192.0.2.7:4567", "127.0.0.1.evil.example", ""])
 def test_names_that_were_made_to_point_here(host: str) -> None:
-    cause = refusal([], [host], "127.0.0.1", ())
+    cause = request_refusal([], [host], "127.0.0.1", ())
     assert cause is not None
     assert "--host" in cause
 
@@ -66,9 +66,9 @@ def test_names_that_were_made_to_point_here(host: str) -> None:
 def test_a_server_that_is_open_to_others() -> None:
     for bound in ("0.0.0.0", "::"):
         for host in ("192.0.2.7:4567", "[2001:db8::7]:4567", socket.gethostname()):
-            assert refusal([], [host], bound, ()) is None
-        assert refusal([], ["evil.example"], bound, ()) is not None
-    assert refusal([], ["bench.example:4567"], "bench.example", ()) is None
+            assert request_refusal([], [host], bound, ()) is None
+        assert request_refusal([], ["evil.example"], bound, ()) is not None
+    assert request_refusal([], ["bench.example:4567"], "bench.example", ()) is None
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from trackbench.base.types import Scan, scan_of_member
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.frames import ScanFrames, id_of, ids_of
 from trackbench.driving.isolation import Isolation
-from trackbench.driving.remote import TrackerTrial, start
+from trackbench.driving.remote import TrackerTrial, start_stepper
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.scans import ideal_sensors, sense_known
@@ -67,7 +67,9 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> list[Scan]:
 def estimates(folder: Path, entry: Any, scans: Sequence[Scan], in_process: bool = False) -> list[Any]:
     config = (FilterConfig if "filter" in entry else PluginConfig).model_validate(entry)
     batch = scans[0].valid.size
-    with closing(start(config, folder, batch, lambda tracker: tracker, Isolation(in_process), sensors={})) as stepper:
+    with closing(
+        start_stepper(config, folder, batch, lambda tracker: tracker, Isolation(in_process), sensors={})
+    ) as stepper:
         return [stepper.step(scan) for scan in scans]
 
 
@@ -197,7 +199,7 @@ def test_batches_and_several_objects(folder: Path, scans: list[Scan]) -> None:
         (estimate,) = estimates(folder, uses[0], [labelled])
         np.testing.assert_array_equal(estimate.mean, np.vstack([labelled.measurement] * 2))
         config = PluginConfig.model_validate(uses[1])
-        with closing(start(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
+        with closing(start_stepper(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
             tracks = stepper.step(hidden)
         np.testing.assert_array_equal(tracks.ids, [[0, 0], [1, -1], [2, -1]])
         np.testing.assert_array_equal(tracks.mean[:2], measurement)

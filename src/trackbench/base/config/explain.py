@@ -11,22 +11,22 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from trackbench.base.config import PROBLEM, KeyPath
-from trackbench.base.config.key_units import Unit, convert, read_number, show, split_key, unit_of
+from trackbench.base.config.key_units import Unit, convert, find_unit, read_number, show, split_key
 from trackbench.base.config.places import (
     Beside,
     Place,
-    find,
+    config_classes,
+    find_place,
     forms,
     keyed_fields,
     longest,
     marked,
     members,
-    models,
     whole,
     words,
 )
 from trackbench.base.config.plugin import plugin_options
-from trackbench.base.errors import alike, did_you_mean, nearest, same_name
+from trackbench.base.errors import did_you_mean, nearest_choices, same_name, similar_names
 
 
 class Advice(NamedTuple):
@@ -82,10 +82,10 @@ def _advise(key: str, value: Any, keys: list[str], model: type[BaseModel], root:
     if split_key(key)[1] is not None:
         # No key measures this quantity, so one that is spelt alike would mislead.
         return Advice(f"unknown key; choose from: {', '.join(keys)}", None)
-    close = alike(key, keys, cutoff=0.7)
+    close = similar_names(key, keys, cutoff=0.7)
     if close and split_key(close[0])[1] is not None:
         return Advice(f"unknown key; {_use(close[0], None, value)}", close[0])
-    return Advice(f"unknown key; {nearest(key, keys)}", close[0] if close else None)
+    return Advice(f"unknown key; {nearest_choices(key, keys)}", close[0] if close else None)
 
 
 def _same_quantity(key: str, keys: list[str]) -> str | None:
@@ -98,7 +98,9 @@ def _same_quantity(key: str, keys: list[str]) -> str | None:
         known_stem, known_unit = split_key(candidate)
         if known_unit is not None and (unit is None or unit.quantity == known_unit.quantity):
             stems[known_stem] = candidate
-    close = alike(stem, stems, 0.8) if unit else same_name(stem, stems) or get_close_matches(stem, stems, 1, 0.9)
+    close = (
+        similar_names(stem, stems, 0.8) if unit else same_name(stem, stems) or get_close_matches(stem, stems, 1, 0.9)
+    )
     return stems[close[0]] if close else None
 
 
@@ -142,7 +144,7 @@ def explain(errors: list[ErrorDetails], root: type[BaseModel]) -> list[tuple[Key
     result = []
     advised: set[KeyPath] = set()
     for error in errors:
-        place = find(root, error["loc"])
+        place = find_place(root, error["loc"])
         if error["type"] == "extra_forbidden" and place.model is not None:
             key, value = str(place.path[-1]), error["input"]
             if place.beside is not None:
@@ -153,7 +155,7 @@ def explain(errors: list[ErrorDetails], root: type[BaseModel]) -> list[tuple[Key
             if advice.key is not None:
                 advised.add((*place.path[:-1], advice.key))
     for error in errors:
-        place = find(root, error["loc"])
+        place = find_place(root, error["loc"])
         # A key under a wrong name is one mistake: that the right one is missing follows from it.
         if error["type"] != "extra_forbidden" and not (error["type"] == "missing" and place.path in advised):
             result.append(_explain(error, place))
@@ -169,7 +171,7 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case "union_tag_not_found":
             return (*path, _discriminator(context)), f"missing; choose from: {', '.join(members(place.annotation))}"
         case "union_tag_invalid":
-            hint = nearest(context["tag"], members(place.annotation))
+            hint = nearest_choices(context["tag"], members(place.annotation))
             return (*path, _discriminator(context)), f"{context['tag']!r} is not known; {hint}"
         case "missing" if marked(place.annotation) is not None and place.model is None:
             return path, f"missing; choose from: {', '.join(words(place.annotation))}"
@@ -182,7 +184,7 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case "literal_error":
             choices = words(place.annotation)
             if isinstance(value, str):
-                return path, f"{value!r} is not known; {nearest(value, choices)}"
+                return path, f"{value!r} is not known; {nearest_choices(value, choices)}"
             return path, f"must be a word, not {_show(value)}; choose from: {', '.join(choices)}"
         case "extra_forbidden":
             return path, "unknown key"
@@ -257,7 +259,7 @@ def _number(value: Any, key: str, *, whole: bool) -> str:
     if read is None:
         return f"{needed}, not {_show(value)}"
     number, given = read
-    given_unit = unit_of(given)
+    given_unit = find_unit(given)
     if given == "%":
         number /= 100
     elif given_unit is not None and unit is not None:
@@ -271,7 +273,7 @@ def _number(value: Any, key: str, *, whole: bool) -> str:
 
 
 def _mapping(value: Any, place: Place) -> str:
-    inside = models(place.annotation)
+    inside = config_classes(place.annotation)
     keys = f" (keys: {', '.join(keyed_fields(inside[0]))})" if len(inside) == 1 else ""
     return f"a mapping of keys to values is needed, not {_show(value)}{keys}"
 

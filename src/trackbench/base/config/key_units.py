@@ -83,7 +83,7 @@ SPELLINGS = {
 _NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d[\d_]*(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
 
 
-def unit_of(name: str) -> Unit | None:
+def find_unit(name: str) -> Unit | None:
     """The unit of this name or spelling, in any case."""
     low = name.lower()
     return UNITS.get(SPELLINGS.get(low, low))
@@ -92,7 +92,7 @@ def unit_of(name: str) -> Unit | None:
 def split_key(key: str) -> tuple[str, Unit | None]:
     """A key without its unit, and the unit: ``range_sigma_m`` gives ``range_sigma`` and metres."""
     stem, _, last = key.rpartition("_")
-    unit = unit_of(last) if stem else None
+    unit = find_unit(last) if stem else None
     return (stem, unit) if unit else (key, None)
 
 
@@ -121,7 +121,7 @@ def show(value: float) -> str:
     return f"{value:.4g}" if abs(value) < 1e4 and value != round(value) else f"{value:.10g}"
 
 
-def in_words(key: str, value: object) -> str:
+def option_in_words(key: str, value: object) -> str:
     """An option in a few words: "acceleration sigma 3 m/s^2"."""
     stem, unit = split_key(key)
     shown = f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)

@@ -41,7 +41,7 @@ class Beside(NamedTuple):
     """The class that the key belongs to; within a mapping the plug-in's own."""
 
 
-def find(root: type[BaseModel], location: tuple[str | int, ...]) -> Place:
+def find_place(root: type[BaseModel], location: tuple[str | int, ...]) -> Place:
     """Follow a location of pydantic, which names members of unions beside keys, through the types."""
     path: KeyPath = ()
     model: type[BaseModel] | None = None
@@ -107,13 +107,13 @@ def words(annotation: Any) -> list[str]:
     return [word for member in _union(bare) for word in words(member)]
 
 
-def models(annotation: Any) -> list[type[BaseModel]]:
+def config_classes(annotation: Any) -> list[type[BaseModel]]:
     """The configuration classes that a type mentions, at any depth; of a plug-in, the published ones."""
     return [model for model, _ in forms(annotation)]
 
 
 def forms(annotation: Any) -> list[tuple[type[BaseModel], tuple[str, str] | None]]:
-    """As ``models``, each with the key and the word that tell it from the others: ``("type", "radar")``."""
+    """As ``config_classes``, each with the key and the word that tell it from the others: ``("type", "radar")``."""
     plugin = marked(annotation)
     if isinstance(plugin, Plugin):
         return [(result, (plugin.key, name)) for name, result in plugin.registry.loaded().items()]

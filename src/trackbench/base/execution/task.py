@@ -85,7 +85,7 @@ class _SentTask:
     """Those that no process can import."""
 
     def __call__(self, *args: Any) -> _Result:
-        at_hand.receive(self.classes)
+        at_hand.receive_classes(self.classes)
         with _ONE_AT_A_TIME, redirect_stdout(sys.stderr), one_blas_thread(), _modules_of(self.places):
             try:
                 return _Result(at_hand.dumps(self.function(pickle.loads(self.content), *args)))

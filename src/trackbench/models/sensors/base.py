@@ -28,7 +28,7 @@ from trackbench.base.config import (
 )
 from trackbench.base.config.key_units import in_si, split_key
 from trackbench.base.config.plugin import Plugin
-from trackbench.base.errors import nearest
+from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
@@ -143,7 +143,7 @@ class Sensor(Config, ABC):
         of_kind = {name: preset for name, preset in presets().items() if preset.kind == kind}
         preset = of_kind.get(data["preset"])
         if preset is None:
-            problem = f"no {kind} preset has the name {data['preset']!r}; {nearest(data['preset'], of_kind)}"
+            problem = f"no {kind} preset has the name {data['preset']!r}; {nearest_choices(data['preset'], of_kind)}"
             reject(cls.__name__, [Problem(("preset",), problem)])
             return data
         return {"type": kind, **preset.values, **data}
@@ -216,7 +216,7 @@ class Sensor(Config, ABC):
         """
         own = np.sqrt(np.diag(covariance))
         other = [in_si(name, sigmas[name]) if name in sigmas else own[i] for i, name in enumerate(cls.sigma_options)]
-        ratio = linalg.vector([sigma / own[i] for i, sigma in enumerate(other)])
+        ratio = linalg.vector_of([sigma / own[i] for i, sigma in enumerate(other)])
         return np.asarray(linalg.expand(covariance, ratio[None]) * (ratio[:, None] * ratio[None]))
 
     @classmethod

@@ -13,7 +13,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from trackbench.base.config import problem_error
-from trackbench.base.errors import nearest
+from trackbench.base.errors import nearest_choices
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Words:
 
 def _require_word(value: Any) -> Any:
     if isinstance(value, str):
-        message = f"{value!r} is not known; {nearest(value, WORDS)}, or a list of effects"
+        message = f"{value!r} is not known; {nearest_choices(value, WORDS)}, or a list of effects"
         raise problem_error(message)
     return value
 

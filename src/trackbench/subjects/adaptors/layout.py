@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import TrackbenchError, nearest
+from trackbench.base.errors import TrackbenchError, nearest_choices
 from trackbench.base.types import COMMON_STATE, Array, Gaussian, Scan
 from trackbench.base.units import difference
 from trackbench.models.motion import ConstantAcceleration, ConstantTurnRateAcceleration, MotionModel, turning
@@ -27,7 +27,7 @@ def problem(names: Sequence[str]) -> str | None:
     known_names = dict.fromkeys([*CARTESIAN.components, *TURNING.components, OTHER])
     for name in names:
         if name not in known_names:
-            return f"there is no component {name!r}: {nearest(name, known_names)}"
+            return f"there is no component {name!r}: {nearest_choices(name, known_names)}"
         if name != OTHER and names.count(name) > 1:
             return f"{name} is named twice"
     form = CARTESIAN if "vx" in names or "vy" in names else TURNING
@@ -110,7 +110,7 @@ class Reader(NamedTuple):
         read = SENSOR_MODELS[scan.kind].components
         for name in self.take or ():
             if name not in (*read, ELEVATION):
-                raise TrackbenchError(f"the {scan.kind} {scan.sensor} reads no {name}: {nearest(name, read)}")
+                raise TrackbenchError(f"the {scan.kind} {scan.sensor} reads no {name}: {nearest_choices(name, read)}")
         return read if self.take is None else tuple(self.take)
 
     def measurement(self, scan: Scan) -> Gaussian:

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from trackbench.base import plugins
 from trackbench.base.config import Config, Positive, Problem, problem_error
-from trackbench.base.errors import InputError, TrackbenchError, nearest
+from trackbench.base.errors import InputError, TrackbenchError, nearest_choices
 from trackbench.base.types import Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.adaptors import layout
@@ -49,7 +49,7 @@ class SensorOptions(Config):
         readable = (*readable_components(), ELEVATION)
         for index, name in enumerate(self.measurement):
             if name not in readable:
-                yield Problem(("measurement", index), f"no sensor reads {name!r}: {nearest(name, readable)}")
+                yield Problem(("measurement", index), f"no sensor reads {name!r}: {nearest_choices(name, readable)}")
         if not self.measurement:
             yield Problem(("measurement",), f"empty; name components, or {POSITION}")
         if ELEVATION in self.measurement and self.R != OWN:
@@ -66,7 +66,7 @@ def _start(value: Any) -> Any:
     if value == OWN:
         return None
     if value is None or (isinstance(value, str) and value not in STARTS):
-        raise problem_error(nearest(str(value), [OWN, *STARTS]))
+        raise problem_error(nearest_choices(str(value), [OWN, *STARTS]))
     return {"from": "two_measurements", **value} if isinstance(value, dict) else value
 
 
@@ -113,7 +113,7 @@ def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
             read = (*SENSOR_MODELS[name].components, ELEVATION)
             for index, component in enumerate(sensor.measurement):
                 if component not in read and component in readable_components():
-                    hint = nearest(component, read)
+                    hint = nearest_choices(component, read)
                     yield Problem(("sensors", name, "measurement", index), f"a {name} reads no {component}: {hint}")
 
 
@@ -126,7 +126,7 @@ def entry_of_sensor(sensors: Mapping[str, Entry], scan: Scan) -> Entry:
     for key in (scan.sensor, scan.kind):
         if key in sensors:
             return sensors[key]
-    hint = nearest(scan.sensor, sensors)
+    hint = nearest_choices(scan.sensor, sensors)
     raise TrackbenchError(f"options.sensors has no entry for {scan.sensor} ({scan.kind}), by its name or kind: {hint}")
 
 
@@ -137,7 +137,7 @@ def import_named(option: str, reference: str) -> Any:
         InputError: it cannot be imported.
     """
     try:
-        return plugins.named(reference)
+        return plugins.load_reference(reference)
     except InputError as error:
         raise InputError(f"{option}: {error.message}") from error
 
@@ -206,7 +206,7 @@ class FilterPySensor(SensorOptions):
         yield from super().problems()
         for index, name in enumerate(self.args):
             if name not in Scan._fields:
-                yield Problem(("args", index), f"a scan has no {name!r}: {nearest(name, Scan._fields)}")
+                yield Problem(("args", index), f"a scan has no {name!r}: {nearest_choices(name, Scan._fields)}")
         for key in ("HJacobian", "residual", "z_mean", "args"):
             if key in self.model_fields_set and self.hx is None:
                 yield Problem((key,), "not used without hx")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trackbench.base.errors import InputError, alike, did_you_mean
+from trackbench.base.errors import InputError, did_you_mean, similar_names
 from trackbench.subjects.doctor.findings import (
     CHECKS,
     CheckResult,
@@ -91,6 +91,6 @@ def require_known_checks(
         valid += [name, *(f"{name}.{sensor}" for sensor in of_sensors if question.each_sensor)]
     for name in names:
         if name not in valid:
-            hints = filter(None, [did_you_mean(alike(name, valid)), "`trackbench list checks` shows all"])
+            hints = filter(None, [did_you_mean(similar_names(name, valid)), "`trackbench list checks` shows all"])
             message = f"there is no check {name!r}: {' '.join(hints)}"
             raise InputError(message, key=key)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.driving.remote import fresh, fresh_tracks
 from trackbench.models.sensors import Lidar, Radar, Sensor
@@ -146,7 +146,7 @@ def _of_scenario(
 ) -> ExaminedTracker:
     config, path = loaded.config, loaded.path
     if name not in config.trackers:
-        raise InputError(f"there is no tracker {name!r} in it: {nearest(name, config.trackers)}", file=path)
+        raise InputError(f"there is no tracker {name!r} in it: {nearest_choices(name, config.trackers)}", file=path)
     if options:
         raise InputError("--option goes with a class; the scenario has the options of its trackers", file=path)
     tracker = config.driven(name)

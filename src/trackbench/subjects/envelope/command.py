@@ -10,7 +10,7 @@ from click.shell_completion import CompletionItem
 from rich.console import Console
 
 from trackbench.api.scenario import load
-from trackbench.base.errors import InputError, alike
+from trackbench.base.errors import InputError, similar_names
 from trackbench.base.execution import executor
 from trackbench.base.subjects import resolve
 from trackbench.base.supervised import tell_resumable
@@ -62,7 +62,7 @@ class EnvelopeGroup(click.Group):
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
-            close = alike(first, WORDS, 0.6)
+            close = similar_names(first, WORDS, 0.6)
             if close and "extra argument" in error.message:
                 problem = f"a scenario stands alone, and {first!r} is no command. Did you mean {close[0]!r}?"
                 raise click.UsageError(problem, ctx) from None

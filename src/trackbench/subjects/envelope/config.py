@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from trackbench.base.config import Config, Name, NonNegative, Positive, Problem
-from trackbench.base.config.key_units import convert, split_key, unit_of
+from trackbench.base.config.key_units import convert, find_unit, split_key
 from trackbench.metrics.bounds import FEWEST_RUNS
 
 #: What an axis may be given by; exactly one of these.
@@ -112,7 +112,7 @@ class Axis(Config):
 
     def _factor(self, key: str) -> float:
         """From the unit that the axis states to that of a key which takes its values as they are; 1 if not known."""
-        own, unit = split_key(key)[1], unit_of(self.unit)
+        own, unit = split_key(key)[1], find_unit(self.unit)
         plain = key == self.key or (key in self.keys and abs(self.keys[key].factor) == 1)
         return (plain and own and unit and convert(1, unit, own)) or 1
 

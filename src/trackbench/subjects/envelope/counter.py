@@ -218,7 +218,9 @@ class CounterMaker:
         names = [tracker, *([requirement.other] if requirement is not None and requirement.other else [])]
         loaded = changed_scenario(cell.loaded, changes, names)
         plan, executor = RunPlan(isolation=self._made.isolation, engine=self._made.engine_choice), self._made.executor
-        (result,) = session.run(session.prepare([loaded], plan, executor, Listener()), plan, executor, Listener())
+        (result,) = session.run_prepared(
+            session.prepare([loaded], plan, executor, Listener()), plan, executor, Listener()
+        )
         self.shown[folder] = ShownExample(loaded, result)
         return result
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pyarrow as pa
 
 from trackbench.api.scenario import Named, loaded_scenario
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Progress, no_progress
 from trackbench.results import require_replaceable, require_writable
 from trackbench.results.folder import save_files
@@ -106,7 +106,7 @@ def export(
         TrackbenchError: a folder cannot be written to its end.
     """
     if format not in FORMATS:
-        raise InputError(f"there is no format {format!r}; {nearest(format, FORMATS)}", key="format")
+        raise InputError(f"there is no format {format!r}; {nearest_choices(format, FORMATS)}", key="format")
     folders = [Path(folder) for folder in (scans, truth) if folder is not None]
     _require_apart(folders)
     for folder in folders:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array, Observer, Tracks
 
 COORDINATES = ("x", "y", "vx", "vy")
@@ -51,7 +51,7 @@ class ObservationLayout:
             raise InputError(f"must be a whole number from 2 to 1000, not {self.rows!r}", key="rows")
         for name in self.features:
             if name not in FEATURES:
-                raise InputError(f"unknown feature {name!r}; {nearest(str(name), FEATURES)}", key="features")
+                raise InputError(f"unknown feature {name!r}; {nearest_choices(str(name), FEATURES)}", key="features")
         if not self.features or len(set(self.features)) < len(self.features):
             raise InputError("name each feature once, and at least one", key="features")
         limits = [self._limits(name) for name in self.features]

@@ -9,7 +9,7 @@ from copy import deepcopy
 from typing import Any, get_args
 
 from trackbench.api.scenario import Named, load
-from trackbench.base.errors import InputError, InputErrors, nearest
+from trackbench.base.errors import InputError, InputErrors, nearest_choices
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.trackers.associate import AssociationMethod
@@ -117,7 +117,7 @@ def _entry(tracker: str | Mapping[str, Any], named: Mapping[str, Any]) -> Any:
     if ":" in tracker:
         return {"use": tracker}
     raise InputError(
-        f"no tracker {tracker!r}; {nearest(tracker, [TRUTH, DETECTIONS, *named, *METHODS])}", key="tracker"
+        f"no tracker {tracker!r}; {nearest_choices(tracker, [TRUTH, DETECTIONS, *named, *METHODS])}", key="tracker"
     )
 
 

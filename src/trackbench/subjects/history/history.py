@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import Field
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import one_blas_thread
 from trackbench.compare.limits import Limit
 from trackbench.metrics import Metric
@@ -147,7 +147,7 @@ def history_of(
     names = list(places)
     for name in trackers or ():
         if name not in names:
-            raise InputError(f"no tracker {name!r} in these results; {nearest(name, names)}", key="--trackers")
+            raise InputError(f"no tracker {name!r} in these results; {nearest_choices(name, names)}", key="--trackers")
     names = [name for name in names if trackers is None or name in trackers]
     stretches = stretches_of(entries, names, chosen)
     return History(
@@ -170,7 +170,7 @@ def _metrics(last: PastResult, wanted: Sequence[str], options: Mapping[str, str]
         raise InputError("a recording without a truth: there are no errors to look at", file=last.label)
     for path in wanted:
         if path not in last.metrics:
-            problem = f"{path!r} has no value in each run; {nearest(path, last.metrics)}"
+            problem = f"{path!r} has no value in each run; {nearest_choices(path, last.metrics)}"
             raise InputError(problem, key=options.get(path, "--metric"))
     return [last.metrics[path] for path in wanted or [last.result.summary.headline]]
 

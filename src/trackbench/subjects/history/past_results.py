@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackbench.base.errors import InputError, counted, nearest
+from trackbench.base.errors import InputError, counted, nearest_choices
 from trackbench.compare.comparability import compared_metrics
 from trackbench.compare.entries import Entry
 from trackbench.metrics import Interval, Metric
@@ -98,7 +98,9 @@ def results_of_scenario(folders: Sequence[Path], scenario: str | None = None) ->
     entries = [PastResult(str(file.parent), Result.load(file)) for file in files.values()]
     numbers = Counter(entry.result.name for entry in entries)
     if scenario is not None and scenario not in numbers:
-        raise InputError(f"no result of the scenario {scenario!r}; {nearest(scenario, numbers)}", key="--scenario")
+        raise InputError(
+            f"no result of the scenario {scenario!r}; {nearest_choices(scenario, numbers)}", key="--scenario"
+        )
     chosen = scenario or max(numbers, key=numbers.__getitem__)
     own = sorted((entry for entry in entries if entry.result.name == chosen), key=lambda entry: entry.time)
     return PastResults(chosen, own, list(_notes(chosen, own, numbers)))

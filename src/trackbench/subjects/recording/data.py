@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from trackbench.base.errors import InputError, beside
+from trackbench.base.errors import InputError, similar_path_hint
 from trackbench.base.files import require_regular
 from trackbench.results import EXAMINATION, SUMMARY, Result, Tables, summary_of
 from trackbench.results.declared import FUNCTION_TABLES
@@ -132,7 +132,7 @@ def _version(path: Path) -> str | None:
             file.seek(max(0, size - END_BYTES))
             tail = file.read()
     except FileNotFoundError as error:
-        raise InputError(f"no such recording{beside(path)}", file=path) from error
+        raise InputError(f"no such recording{similar_path_hint(path)}", file=path) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
     if not head.startswith(MAGIC):

@@ -68,7 +68,7 @@ def score_command(
     failed, 4 cannot write
     """
     from trackbench.api.plan import RunPlan
-    from trackbench.api.session import prepare, run
+    from trackbench.api.session import prepare, run_prepared
     from trackbench.base.errors import InputError
     from trackbench.base.execution import InProcess
     from trackbench.base.files import write_whole
@@ -95,7 +95,7 @@ def score_command(
     plan, executor = RunPlan(out, left_out=left_out), InProcess()
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())
-    (result,) = run(prepared, plan, executor, output)
+    (result,) = run_prepared(prepared, plan, executor, output)
     judgements = gates_kept.judgements
     cases = [item.case(result.name) for item in judgements]
     suite = suite_of_run(result)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import click
 
 from trackbench.api.plan import Listener
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.compare.comparison import GateOutcome
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report.junit import Case
@@ -38,7 +38,7 @@ class Gate(NamedTuple):
         if not colon:
             raise InputError(f"write METRIC:VALUE or METRIC:PERCENT%, such as gospa:2%, not {text!r}", key=OPTION)
         if metric not in TRACK_METRICS:
-            raise InputError(f"no metric {metric!r}; {nearest(metric, TRACK_METRICS)}", key=OPTION)
+            raise InputError(f"no metric {metric!r}; {nearest_choices(metric, TRACK_METRICS)}", key=OPTION)
         if TRACK_METRICS[metric].better is None:
             raise InputError(f"neither a larger nor a smaller {metric} is better", key=OPTION)
         relative = number.endswith("%")

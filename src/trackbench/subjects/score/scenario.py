@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from pydantic_core import PydanticCustomError
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
@@ -64,7 +64,7 @@ def scoring_scenario(
     for file in files:
         if not file.is_file():
             beside = [each.name for each in file.parent.iterdir()] if file.parent.is_dir() else []
-            raise InputError(f"there is no such file; {nearest(file.name, beside)}", file=file)
+            raise InputError(f"there is no such file; {nearest_choices(file.name, beside)}", file=file)
     _require_known(options.columns, files, options)
     boxes = _entry(truth, options, folder)
     form = TRAFFIC_FORMATS[boxes["format"]]
@@ -120,7 +120,7 @@ def _format(file: Path, options: FileOptions) -> str:
         if options.format is None:
             raise InputError(error.message().replace("name it in format", "give --format"), file=file) from None
         if options.format not in TRAFFIC_FORMATS.names():
-            message = f"no format {options.format!r}; {nearest(options.format, TRAFFIC_FORMATS.names())}"
+            message = f"no format {options.format!r}; {nearest_choices(options.format, TRAFFIC_FORMATS.names())}"
             raise InputError(message, key="--format") from None
         return options.format
 
@@ -164,6 +164,6 @@ def _require_known(columns: Sequence[tuple[str, str]], files: Sequence[Path], op
     names = list(dict.fromkeys(name for file, form in tables for name in read_header(file, form)))
     for key, text in columns:
         if key not in QUANTITIES:
-            raise InputError(f"no column is called {key!r}; {nearest(key, QUANTITIES)}", key="--map")
+            raise InputError(f"no column is called {key!r}; {nearest_choices(key, QUANTITIES)}", key="--map")
         if _column(text, names) not in names:
-            raise InputError(f"no file has a column {text!r}; {nearest(text, names)}", key="--map")
+            raise InputError(f"no file has a column {text!r}; {nearest_choices(text, names)}", key="--map")

@@ -86,7 +86,7 @@ def udacity_command(
         raise InputError("is empty; 127.0.0.1 is this machine alone, 0.0.0.0 opens the server to others", key="--host")
     import asyncio
 
-    from trackbench.subjects.serve.server import require_origin, serve
+    from trackbench.subjects.serve.server import require_origin, serve_udacity
     from trackbench.subjects.serve.session import served
 
     try:
@@ -102,7 +102,7 @@ def udacity_command(
         shown = f"[{address}]" if ":" in address else address
         click.echo(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
 
-    if asyncio.run(serve(tracker_served, host, port, ready, allowed)) == signal.SIGINT:
+    if asyncio.run(serve_udacity(tracker_served, host, port, ready, allowed)) == signal.SIGINT:
         raise click.exceptions.Exit(INTERRUPTED)
 
 

@@ -39,7 +39,7 @@ CLOSING = 2
 REASON = 123
 
 
-async def serve(
+async def serve_udacity(
     served: Served, host: str, port: int, ready: Callable[[str, int], None], origins: Collection[str] = ()
 ) -> signal.Signals:
     """Serve until a signal ends it; every client is told goodbye. A second signal interrupts at once.
@@ -80,7 +80,7 @@ async def serve(
         log.info("%s: left", name)
 
     def admit(connection: ServerConnection, request: Request) -> Response | None:
-        cause = refusal(request.headers.get_all("Origin"), request.headers.get_all("Host"), host, origins)
+        cause = request_refusal(request.headers.get_all("Origin"), request.headers.get_all("Host"), host, origins)
         if cause is None:
             return None
         log.warning("refused %s: %s", (connection.remote_address or ("nowhere",))[0], cause)
@@ -230,7 +230,7 @@ def require_origin(origin: str) -> str:
     return origin.lower()
 
 
-def refusal(origins: list[str], hosts: list[str], bound: str, allowed: Collection[str]) -> str | None:
+def request_refusal(origins: list[str], hosts: list[str], bound: str, allowed: Collection[str]) -> str | None:
     """Why a request is refused; None if it is not.
 
     Args:

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array, Estimate, Observer, Scan
 from trackbench.base.units import wrap_angle
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.remote import start
+from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Stepper
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
@@ -65,7 +65,7 @@ class Served:
         Raises:
             InputError: it starts from the truth, or is a plug-in that does not start.
         """
-        return start(self.config, self.folder, 1, _refuse_truth, self.isolation)
+        return start_stepper(self.config, self.folder, 1, _refuse_truth, self.isolation)
 
 
 def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Served:
@@ -76,7 +76,9 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
     """
     config, folder = loaded.config, loaded.folder
     if name not in config.trackers:
-        raise InputError(f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}", file=loaded.path)
+        raise InputError(
+            f"no tracker {name!r} in this scenario; {nearest_choices(name, config.trackers)}", file=loaded.path
+        )
     tracker = config.driven(name)
     if loaded.config.sensing.identities == "hidden":
         message = "hidden, and the simulator's client asks for one object; serve a tracker of known identities"

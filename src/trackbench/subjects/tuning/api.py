@@ -13,7 +13,7 @@ from trackbench.api.plan import Counter, Listener
 from trackbench.api.result import Report
 from trackbench.api.run import Several
 from trackbench.api.scenario import Named, listed, loaded_scenario
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
@@ -67,7 +67,7 @@ def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
         name = "tgospa" if hidden else "likelihood"
     objectives = {**metric_objectives(scenarios[0]), **OBJECTIVES} if scenarios else OBJECTIVES
     if name not in objectives:
-        raise InputError(f"no objective {name!r}; {nearest(name, objectives)}", key="--objective")
+        raise InputError(f"no objective {name!r}; {nearest_choices(name, objectives)}", key="--objective")
     return objectives[name]
 
 

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.api.scenario import load_several
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import executor
 from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import (
@@ -102,7 +102,7 @@ def tune_command(
 
     loaded, notes = load_several(files_of_scenarios(scenarios), settings)
     if trackers is None:
-        there = nearest("", (name for scenario in loaded for name in scenario.config.trackers))
+        there = nearest_choices("", (name for scenario in loaded for name in scenario.config.trackers))
         raise InputError(f"name those to tune; {there}", key="--trackers")
     plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, Split(**split), isolation, engine)
     names = names_in(trackers)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, Tag
 
 from trackbench.base.config import LIST, MAPPING, Config, NonNegative, Positive, Problem, chosen_by
-from trackbench.base.errors import nearest
+from trackbench.base.errors import nearest_choices
 from trackbench.truth.config.logs import Paths
 from trackbench.truth.jumps import Position
 
@@ -58,11 +58,13 @@ def unit_problems(units: Mapping[str, str], quantities: Mapping[str, str | None]
     for key, unit in units.items():
         quantity = quantities.get(key)
         if key not in quantities:
-            yield Problem(("units", key), f"no column is given for {key!r}; {nearest(key, quantities)}")
+            yield Problem(("units", key), f"no column is given for {key!r}; {nearest_choices(key, quantities)}")
         elif quantity is None:
             yield Problem(("units", key), f"{key} is read as it is; remove")
         elif unit not in UNITS[quantity]:
-            yield Problem(("units", key), f"{unit!r} is no unit of {quantity}; {nearest(unit, UNITS[quantity])}")
+            yield Problem(
+                ("units", key), f"{unit!r} is no unit of {quantity}; {nearest_choices(unit, UNITS[quantity])}"
+            )
 
 
 class MotionColumns(Config):

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from pydantic import Field, Tag
 
 from trackbench.base.config import LIST, WORD, chosen_by, text_or_list
-from trackbench.base.errors import InputError, nearest, shortened
+from trackbench.base.errors import InputError, nearest_choices, shortened_text
 
 #: The ending of the files of each format.
 ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet", "mcap": ".mcap"}
@@ -64,11 +64,11 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
         if os.path.exists(place):
             return place
     if _PATTERN.search(path):
-        raise InputError(f"no file has a name like {shortened(str(expanded))}", key=key)
+        raise InputError(f"no file has a name like {shortened_text(str(expanded))}", key=key)
     place = folder / expanded
     names = [entry.name for entry in place.parent.iterdir() if entry.is_file()] if os.path.isdir(place.parent) else []
-    hint = f"; {nearest(place.name, names)}" if names else ""
-    raise InputError(f"there is no file {shortened(str(expanded))}{hint}", key=key)
+    hint = f"; {nearest_choices(place.name, names)}" if names else ""
+    raise InputError(f"there is no file {shortened_text(str(expanded))}{hint}", key=key)
 
 
 def files_of(path: Any, folder: Path, form: Any) -> Any:

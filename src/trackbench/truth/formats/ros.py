@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.errors import InputError, nearest, shortened
+from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.files import LARGE, read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
@@ -136,7 +136,7 @@ class RosBag(RowsFormat):
             if "no type definitions" in str(error):
                 message = "the bag has no definitions of its messages: name a version of ROS, typestore: ros2_humble"
                 raise InputError(message, file=file) from None
-            raise InputError(f"not a ROS bag that can be read: {shortened(one_line(error))}", file=file) from None
+            raise InputError(f"not a ROS bag that can be read: {shortened_text(one_line(error))}", file=file) from None
 
     def _default_types(self, file: Path) -> Any:
         from rosbags.typesys import Stores, get_typestore
@@ -145,12 +145,14 @@ class RosBag(RowsFormat):
             return None
         stores = {store.value: store for store in Stores}
         if self.typestore not in stores:
-            raise InputError(f"there is no typestore {self.typestore!r}; {nearest(self.typestore, stores)}", file=file)
+            raise InputError(
+                f"there is no typestore {self.typestore!r}; {nearest_choices(self.typestore, stores)}", file=file
+            )
         return get_typestore(stores[self.typestore])
 
     def _topic(self, types: dict[str, str], file: Path) -> str:
         if self.topic is not None and self.topic not in types:
-            problem = f"there is no topic {self.topic!r} with tracks; {nearest(self.topic, types)}"
+            problem = f"there is no topic {self.topic!r} with tracks; {nearest_choices(self.topic, types)}"
             raise InputError(problem, file=file)
         if self.topic is not None:
             return self.topic
@@ -176,13 +178,13 @@ def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:
         problem = (
             f"tracks are in several frames, and one that is fixed to the ground is needed: {', '.join(frames[:5])}"
         )
-        raise InputError(shortened(problem, 300), file=file)
+        raise InputError(shortened_text(problem, 300), file=file)
     first = min(row.stamp.sec for row in tracked)
     start = first if first > FROM_ZERO_S else 0
     numbers = np.array([_numbers(row, start) for row in tracked]).T
     wrong = ~(np.abs(numbers[:4]) < 1e300).all(axis=0)
     if wrong.any():
-        message = f"{shortened(tracked[int(np.argmax(wrong))].id, 40)}: a position, rotation or time is not finite"
+        message = f"{shortened_text(tracked[int(np.argmax(wrong))].id, 40)}: a position, rotation or time is not finite"
         raise InputError(message, file=file)
     time, px, py, heading, vx, vy, length, width, existence = numbers
     covariance = np.stack([_covariance(row, angle) for row, angle in zip(tracked, heading, strict=True)], axis=-1)

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
@@ -134,7 +134,7 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str], required: It
         if key not in columns:
             others = [name for name in header if name not in columns.values()]
             none = f"there is no column {key!r}, nor a usual name of it ({', '.join(NAMES[key])})"
-            raise InputError(f"{none}; {nearest(key, others or header)}")
+            raise InputError(f"{none}; {nearest_choices(key, others or header)}")
     return ColumnLayout(columns, units)
 
 
@@ -167,12 +167,12 @@ def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | Non
     units = UNITS.get(QUANTITIES[key] or "", {})
     if stated in header or not colon:
         if stated not in header:
-            raise InputError(f"there is no column {stated!r} for {key}; {nearest(stated, header)}")
+            raise InputError(f"there is no column {stated!r} for {key}; {nearest_choices(stated, header)}")
         return stated, _unit(stated, key)
     if name not in header:
-        raise InputError(f"there is no column {name!r} for {key}; {nearest(name, header)}")
+        raise InputError(f"there is no column {name!r} for {key}; {nearest_choices(name, header)}")
     if unit not in units:
-        raise InputError(f"{unit!r} is no unit of {key}; {nearest(unit, units)}")
+        raise InputError(f"{unit!r} is no unit of {key}; {nearest_choices(unit, units)}")
     return name, unit
 
 
@@ -274,7 +274,7 @@ class TableFormat(RowsFormat):
     def problems(self) -> Iterator[Problem]:
         for key in self.columns:
             if key not in QUANTITIES:
-                yield Problem(("columns", key), f"no column of traffic; {nearest(key, QUANTITIES)}")
+                yield Problem(("columns", key), f"no column of traffic; {nearest_choices(key, QUANTITIES)}")
 
     def rows(self, file: Path) -> TrackRows:
         try:

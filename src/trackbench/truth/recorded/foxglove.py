@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest, shortened
+from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.types import Array
 from trackbench.truth.tracks import COVARIANCE
 
@@ -130,7 +130,7 @@ def columns_of_frame(frame: str, transforms: Sequence[Any], file: Path) -> dict[
     while chain[-1] in moves and len(chain) < 100:
         chain.append(moves[chain[-1]][0][0])
     if len(chain) == 1:
-        raise InputError(f"no transform has the child frame {frame!r}; {nearest(frame, moves)}", file=file)
+        raise InputError(f"no transform has the child frame {frame!r}; {nearest_choices(frame, moves)}", file=file)
     # A mount is stated once, or rarely.
     stamps = sorted({move[1] for move in max((moves[child] for child in chain[:-1]), key=len)})
     place, _ = _in_fixed_frame(np.zeros((3, len(stamps))), stamps, [frame] * len(stamps), moves, file)
@@ -158,7 +158,7 @@ def _points_in(message: Any) -> Iterator[tuple[int, dict[str, Any]]]:
     if any(pose["position"][key] for key in "xyz") or _yaw(pose["orientation"]):
         raise ValueError("its points have a pose of their own, which is not read: give them in the frame of the sensor")
     if unknown := [field["type"] for field in fields if field["type"] not in NUMERIC]:
-        raise ValueError(f"{shortened(str(unknown[0]), 40)} is no foxglove.NumericType")
+        raise ValueError(f"{shortened_text(str(unknown[0]), 40)} is no foxglove.NumericType")
     names = [str(_plain(field["name"])) for field in fields]
     layout: Any = {
         "names": names,
@@ -200,7 +200,7 @@ def _boxes_in(message: Any) -> Iterator[Box]:
         if not cubes:
             continue
         if len(cubes) > 1:
-            raise ValueError(f"entity {shortened(str(entity['id']), 40)} has {len(cubes)} cubes; a box has one")
+            raise ValueError(f"entity {shortened_text(str(entity['id']), 40)} has {len(cubes)} cubes; a box has one")
         pose, size = cubes[0]["pose"], cubes[0]["size"]
         stated = {str(pair["key"]): str(pair["value"]) for pair in _sequence(entity.get("metadata", []))}
         for key in VELOCITY:
@@ -273,7 +273,7 @@ def _seconds(stamp: int) -> Decimal:
 
 def first_names(names: Collection[str]) -> str:
     """The first of some names."""
-    return ", ".join(shortened(name, 40) for name in sorted(names)[:5])
+    return ", ".join(shortened_text(name, 40) for name in sorted(names)[:5])
 
 
 def _yaw(quaternion: Mapping[str, Any]) -> float:
@@ -286,7 +286,7 @@ def _yaw(quaternion: Mapping[str, Any]) -> float:
 
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-        raise ValueError(f"{shortened(str(value), 40)} is not a finite number")
+        raise ValueError(f"{shortened_text(str(value), 40)} is not a finite number")
     return float(value)
 
 
@@ -294,19 +294,19 @@ def _whole(value: Any) -> int:
     # Some write the numbers of 64 bits as text, as the JSON of Protocol Buffers does.
     number = int(value) if isinstance(value, str) and value.isdecimal() and len(value) < 20 else value
     if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 10**15:
-        raise ValueError(f"{shortened(str(value), 40)} is no whole number of seconds or nanoseconds")
+        raise ValueError(f"{shortened_text(str(value), 40)} is no whole number of seconds or nanoseconds")
     return number
 
 
 def _plain(value: Any) -> str | int:
     if isinstance(value, bool) or not isinstance(value, str | int):
-        raise ValueError(f"{shortened(str(value), 40)} is no name")
+        raise ValueError(f"{shortened_text(str(value), 40)} is no name")
     return value
 
 
 def _sequence(value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise ValueError(f"{shortened(str(value), 40)} is no list")
+        raise ValueError(f"{shortened_text(str(value), 40)} is no list")
     return value
 
 

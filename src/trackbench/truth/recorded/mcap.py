@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from trackbench.base.errors import InputError, counted, nearest, shortened
+from trackbench.base.errors import InputError, counted, nearest_choices, shortened_text
 from trackbench.base.files import read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.truth.recorded import foxglove
@@ -68,7 +68,7 @@ def of_topic(messages: Sequence[Message], schemas: Collection[str], part: LogPar
     what, topic = part
     topics = {message.topic: message.schema for message in messages if message.schema in schemas}
     if topic is not None and topic not in topics:
-        raise InputError(f"there is no topic {topic!r} with {what}; {nearest(topic, topics)}", file=file)
+        raise InputError(f"there is no topic {topic!r} with {what}; {nearest_choices(topic, topics)}", file=file)
     if topic is not None:
         topics = {topic: topics[topic]}
     schema = next((schema for schema in schemas if schema in topics.values()), None)
@@ -100,7 +100,9 @@ def messages_of(file: Path, schemas: set[str]) -> list[Message]:
                 if schema is not None and schema.name in schemas
             ]
         except Exception as error:  # The reader of MCAP lets whatever a damaged length leads to through.
-            raise InputError(f"not an MCAP file that can be read: {shortened(one_line(error))}", file=file) from None
+            raise InputError(
+                f"not an MCAP file that can be read: {shortened_text(one_line(error))}", file=file
+            ) from None
 
 
 def decoded(messages: Sequence[Message], file: Path) -> list[object]:

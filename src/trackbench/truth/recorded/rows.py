@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest, shortened
+from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.files import read_text
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
@@ -206,8 +206,8 @@ def _require(names: list[str], header: list[str], file: Path, line: int | None) 
         raise InputError(f"this is no row of column names; expected {', '.join(names)}", file=file, line=line)
     for name in names:
         if name not in header:
-            names_there = [shortened(column, 40) for column in header]
-            raise InputError(f"there is no column {name!r}; {nearest(name, names_there)}", file=file, line=line)
+            names_there = [shortened_text(column, 40) for column in header]
+            raise InputError(f"there is no column {name!r}; {nearest_choices(name, names_there)}", file=file, line=line)
         if header.count(name) > 1:
             raise InputError(f"there are {header.count(name)} columns {name!r}", file=file, line=line)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import KINEMATICS, Array, Indices, Observer, Truth
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
@@ -290,5 +290,5 @@ def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str], *, b
     number |= {"": -1} if blank else {}
     for row in rows.tolist():
         if names[row] not in number:
-            raise table.error(row, f"the truth has no object {names[row]!r}; {nearest(names[row], ids)}")
+            raise table.error(row, f"the truth has no object {names[row]!r}; {nearest_choices(names[row], ids)}")
     return np.array([number[names[row]] for row in rows], dtype=np.intp)

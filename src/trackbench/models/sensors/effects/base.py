@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from trackbench.base.config import Config, Problem
-from trackbench.base.config.key_units import in_si, split_key, unit_of
-from trackbench.base.errors import nearest
+from trackbench.base.config.key_units import find_unit, in_si, split_key
+from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array, Indices, Mask, of_runs
@@ -174,7 +174,7 @@ def by_component(sizes: Mapping[str, float], sensor: Sensor) -> Array:
 
 def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor | type[Sensor]) -> Iterator[Problem]:
     """Keys that are no component of the sensor with a unit of its quantity."""
-    units = dict(zip(sensor.components, map(unit_of, sensor.units), strict=True))
+    units = dict(zip(sensor.components, map(find_unit, sensor.units), strict=True))
     usual = {"length": "m", "angle": "deg", "speed": "mps"}
     names = [f"{name}_{usual[unit.quantity]}" for name, unit in units.items() if unit]
     first: dict[str, str] = {}
@@ -182,7 +182,9 @@ def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor | ty
         component, unit = split_key(name)
         measured = units.get(component)
         if unit is None or measured is None or measured.quantity != unit.quantity:
-            yield Problem((key, name), f"is no component of a {sensor.kind()} with its unit; {nearest(name, names)}")
+            yield Problem(
+                (key, name), f"is no component of a {sensor.kind()} with its unit; {nearest_choices(name, names)}"
+            )
         elif first.setdefault(component, name) != name:
             yield Problem((key, name), f"the {component} is stated by {first[component]} already; remove one of them")
 
