@@ -18,7 +18,7 @@ from typing import Any
 STAGES = {
     "scenario": ["trackbench.scenario.load:load_scenario", "trackbench.scenario.check:check_plugins"],
     "truth": ["trackbench.scenario.truth:PendingTruths.__init__", "trackbench.scenario.truth:PendingTruths.collect"],
-    "sensing": ["trackbench.sensing.scans:sense", "trackbench.sensing.scans:ideal_sensors"],
+    "sensing": ["trackbench.sensing.scans:sense_known", "trackbench.sensing.scans:ideal_sensors"],
     "tracking": ["trackbench.runner.labelled_run:LabelledRun.advance"],
     "scoring": [
         "trackbench.metrics.conditions:condition_classes",
@@ -39,10 +39,10 @@ STAGES = {
     "figures": ["trackbench.document.drawing:svg_in_page", "trackbench.document.drawing:svg_file"],
     "recording": ["trackbench.subjects.recording.writer:write"],
     "tracing": ["trackbench.engine.trace:trace"],
-    "emitting": ["trackbench.engine.vector_code:function"],
+    "emitting": ["trackbench.engine.vector_code:kernel_text"],
     "compiling": ["trackbench.engine.machine:Processor.object_code"],
     "loading kernels": ["trackbench.engine.machine:Processor.function"],
-    "comparison": ["trackbench.compare.assembly:compare", "trackbench.report.comparison.document:batch_files"],
+    "comparison": ["trackbench.compare.assembly:compare_results", "trackbench.report.comparison.document:batch_files"],
 }
 IMPORTS, REST = "imports", "the rest"
 
