@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 import sys
 import time
 from collections import defaultdict
@@ -53,6 +54,10 @@ class StageClock:
     def __init__(self) -> None:
         self.spent: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
         self._running = [REST]
+        self._since = (time.process_time(), time.perf_counter())
+
+    def go_on_in_child(self) -> None:
+        """In a process that is forked, whose processor time begins at zero."""
         self._since = (time.process_time(), time.perf_counter())
 
     def _switch(self) -> None:
@@ -111,6 +116,7 @@ def owner_of(module: Any, path: str) -> tuple[Any, str]:
 def main(file: str, command: list[str]) -> None:
     clock = StageClock()
     clock.watch()
+    os.register_at_fork(before=clock.stop, after_in_child=clock.go_on_in_child)
     from trackbench.cli import main as trackbench
 
     sys.argv = ["trackbench", *command]

@@ -30,6 +30,7 @@ EFFORT = 1
 OPTION = "-enable-misched=false"
 
 
+@cache
 def unavailable() -> str | None:
     """Why no machine code can be made here; None where it can."""
     try:
@@ -49,7 +50,6 @@ def unavailable() -> str | None:
     return _no_executable_memory()
 
 
-@cache
 def _no_executable_memory() -> str | None:
     """LLVM ends the process where memory cannot be made executable, so it is tried before."""
     try:
