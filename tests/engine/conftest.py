@@ -1,5 +1,7 @@
 """What the tests of the fused engine share: kernels, where there can be any."""
 
+from collections.abc import Iterator
+
 import pytest
 
 from trackbench.engine.kernels import Kernels
@@ -13,3 +15,11 @@ def kernels() -> Kernels:
     if reason is not None:
         pytest.skip(reason)
     return Kernels()
+
+
+@pytest.fixture(autouse=True)
+def asked_anew() -> Iterator[None]:
+    """Some tests take llvmlite away: whether machine code can be made is asked again in each test, and after it."""
+    unavailable.cache_clear()
+    yield
+    unavailable.cache_clear()

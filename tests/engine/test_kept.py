@@ -265,7 +265,7 @@ def test_processes_that_compile_at_once_do_no_harm(kernels: Kernels, tmp_path: P
 
 def test_without_llvmlite_there_are_no_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
-    assert machine.unavailable.__wrapped__() == "llvmlite is not installed: pip install 'trackbench[fast]'"
+    assert machine.unavailable() == "llvmlite is not installed: pip install 'trackbench[fast]'"
 
 
 def test_a_broken_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -275,7 +275,7 @@ def test_a_broken_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
         raise OSError("libllvmlite.so: cannot open shared object file")
 
     monkeypatch.setattr(llvm, "parse_assembly", broken)
-    assert machine.unavailable.__wrapped__() == "llvmlite cannot be loaded: libllvmlite.so: cannot open shared object file"
+    assert machine.unavailable() == "llvmlite cannot be loaded: libllvmlite.so: cannot open shared object file"
 
 
 def test_an_old_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,7 +285,7 @@ def test_an_old_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
         raise RuntimeError("LLVM IR parsing error: expected type")
 
     monkeypatch.setattr(llvm, "parse_assembly", old)
-    assert "too old" in str(machine.unavailable.__wrapped__())
+    assert "too old" in str(machine.unavailable())
 
 
 class Library:
@@ -320,7 +320,7 @@ def test_without_executable_memory_there_are_no_kernels(
 ) -> None:
     pytest.importorskip("llvmlite")
     monkeypatch.setattr(machine.ctypes, "CDLL", library)
-    assert words in str(machine.unavailable.__wrapped__())
+    assert words in str(machine.unavailable())
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no pipes and links of POSIX")
