@@ -12,12 +12,12 @@ from tests.support.places import ROOT
 PACKAGE = ROOT / "src" / "trackbench"
 FILES = sorted(PACKAGE.rglob("*.py"))
 #: Largest share of the code's lines in one folder.
-LARGEST_SHARE = 0.18
+LARGEST_SHARE = 0.16
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 98_300
-MOST_FILES = 565
+MOST_LINES = 98_000
+MOST_FILES = 513
 
 
 def lines_of(file: Path) -> int:
