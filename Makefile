@@ -20,11 +20,11 @@ demo: $(VENV)/.installed
 # What a change is tried with. Tests that need Chromium or a Vulkan driver are skipped where it is missing.
 test: $(VENV)/.installed-dev
 	$(MAKE) -j2 lint types contracts docs
-	$(BIN)/pytest -n auto -m "not docs_pages and not slow"
+	$(BIN)/pytest -n auto --dist worksteal -m "not docs_pages and not slow"
 
 # The slow tests, and the commands of the documentation's pages as they are printed; PART=0 to 11 takes one of twelve parts.
 test-long: $(VENV)/.installed-dev
-	$(BIN)/pytest -n auto -m "docs_pages or slow" $(if $(PART),--part $(PART))
+	$(BIN)/pytest -n auto --dist worksteal -m "docs_pages or slow" $(if $(PART),--part $(PART))
 
 # The outputs that README and docs/ print, made anew; read the difference before it is committed.
 printed: $(VENV)/.installed-dev

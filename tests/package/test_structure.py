@@ -7,10 +7,8 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
-from tests.support.places import ROOT
+from tests.support.places import FILES, PACKAGE, ROOT, syntax_tree
 
-PACKAGE = ROOT / "src" / "trackbench"
-FILES = sorted(PACKAGE.rglob("*.py"))
 #: Largest share of the code's lines in one folder.
 LARGEST_SHARE = 0.16
 #: Largest number of lines of one file.
@@ -28,7 +26,7 @@ def lines_of(file: Path) -> int:
 def test_no_two_public_names_are_the_same(kind: type[ast.ClassDef | ast.FunctionDef]) -> None:
     places: dict[str, set[str]] = defaultdict(set)
     for file in FILES:
-        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        for node in syntax_tree(file).body:
             if isinstance(node, kind) and not node.name.startswith("_"):
                 # Overloads of one function are in one file.
                 places[node.name].add(str(file.relative_to(PACKAGE)))

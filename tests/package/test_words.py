@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 from markdown_it import MarkdownIt
-from tests.support.places import DOCS, ROOT
+from tests.support.places import DOCS, FILES, ROOT, syntax_tree
 
-FILES = sorted((ROOT / "src" / "trackbench").rglob("*.py"))
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 
 REPLACED = {
@@ -76,7 +75,7 @@ def test_no_replaced_name_is_defined() -> None:
     defined = [
         (file.name, name, REPLACED[name.removeprefix("_")])
         for file in FILES
-        for name in definitions(ast.parse(file.read_text(encoding="utf-8")))
+        for name in definitions(syntax_tree(file))
         if name.removeprefix("_") in REPLACED
     ]
     assert not defined, "file, replaced name, name of today"
@@ -97,9 +96,7 @@ def test_a_vague_name_is_seen() -> None:
 
 
 def test_vague_names_become_fewer() -> None:
-    counts = Counter(
-        {str(file.relative_to(ROOT)): len(vague_names(ast.parse(file.read_text("utf-8")))) for file in FILES}
-    )
+    counts = Counter({str(file.relative_to(ROOT)): len(vague_names(syntax_tree(file))) for file in FILES})
     most = [f"{file} {count}" for file, count in counts.most_common() if count]
     assert counts.total() <= MOST_VAGUE, (
         f"{counts.total()} assignments to {', '.join(sorted(VAGUE))}, of {MOST_VAGUE} at most: name what the value is. "
