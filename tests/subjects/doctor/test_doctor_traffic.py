@@ -160,11 +160,16 @@ def test_an_examination_for_the_table() -> None:
     assert "identities" in seen.words
 
 
+#: A third of the subjects, those that the doctor was made with in three shares.
+OWN = range(0, len(rates.MADE_WITH), 3)
+SHARES = {"first": OWN[::3], "second": OWN[1::3], "third": OWN[2::3]}
+SHARES["held out"] = range(len(rates.MADE_WITH), len(rates.SUBJECTS), 3)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("held_out", [False, True])
-def test_nine_of_ten_faults_are_named_first_and_sound_trackers_have_none(held_out: bool) -> None:
-    numbers = range(len(rates.SUBJECTS))[len(rates.MADE_WITH) if held_out else 0 :][::3]
-    seen = [rates.examine(number) for number in numbers if (number >= len(rates.MADE_WITH)) == held_out]
+@pytest.mark.parametrize("share", SHARES)
+def test_nine_of_ten_faults_are_named_first_and_sound_trackers_have_none(share: str) -> None:
+    seen = [rates.examine(number) for number in SHARES[share]]
     faulty = [one for one in seen if one.subject.fault]
     assert np.mean([one.right for one in faulty]) >= 0.9, [one.subject.name for one in faulty if not one.right]
     assert [one.subject.name for one in seen if not one.subject.fault and one.found] == []
