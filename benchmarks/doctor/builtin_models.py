@@ -28,14 +28,14 @@ class RadarByArctan(Radar):
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         r, azimuth, rate = super().measure(target, pose, velocity)
-        return linalg.vector_of([r, np.arctan(np.tan(azimuth)), rate])
+        return linalg.vector([r, np.arctan(np.tan(azimuth)), rate])
 
 
 class RadarInDegrees(Radar):
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         r, azimuth, rate = super().measure(target, pose, velocity)
-        return linalg.vector_of([r, np.degrees(azimuth), rate])
+        return linalg.vector([r, np.degrees(azimuth), rate])
 
 
 class RadarRateNegated(Radar):
@@ -44,7 +44,7 @@ class RadarRateNegated(Radar):
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         r, azimuth, rate = super().measure(target, pose, velocity)
-        return linalg.vector_of([r, azimuth, -rate])
+        return linalg.vector([r, azimuth, -rate])
 
 
 class RadarOfSpeed(SpeedRadar):
@@ -67,7 +67,7 @@ class RadarWithoutGuard(Radar):
         _, azimuth, rate = super().measure(target, pose, velocity)
         distance = np.hypot(target[0] - pose[0], target[1] - pose[1])
         with np.errstate(invalid="ignore"):
-            return linalg.vector_of([distance, azimuth, rate * np.divide(distance, distance)])
+            return linalg.vector([distance, azimuth, rate * np.divide(distance, distance)])
 
 
 def radar_with_jacobian(fault: type[RadarRow]) -> type[Radar]:
@@ -137,7 +137,7 @@ class CourseNotWrapped(ConstantTurnRateVelocity):
 
     def transition(self, x: Array, dt: float) -> Array:
         later = super().transition(x, dt)
-        return linalg.vector_of([*later[:3], wrap_angle(later[3]), later[4]])
+        return linalg.vector([*later[:3], wrap_angle(later[3]), later[4]])
 
 
 class TurnNotGuarded(ConstantTurnRateVelocity):
@@ -149,7 +149,7 @@ class TurnNotGuarded(ConstantTurnRateVelocity):
         with np.errstate(divide="ignore", invalid="ignore"):
             radius = np.divide(v, w)
             dx, dy = radius * (np.sin(later) - np.sin(yaw)), radius * (np.cos(yaw) - np.cos(later))
-        return linalg.vector_of([px + dx, py + dy, v, later, w])
+        return linalg.vector([px + dx, py + dy, v, later, w])
 
 
 class CourseByArctan(ConstantTurnRateVelocity):
@@ -157,7 +157,7 @@ class CourseByArctan(ConstantTurnRateVelocity):
 
     def from_cartesian(self, belief: Gaussian, spread: InitialSigmas) -> Gaussian:
         x, p = super().from_cartesian(belief, spread)
-        return Gaussian(linalg.vector_of([x[0], x[1], x[2], np.arctan(np.tan(x[3])), x[4]]), p)
+        return Gaussian(linalg.vector([x[0], x[1], x[2], np.arctan(np.tan(x[3])), x[4]]), p)
 
 
 @dataclass(frozen=True)

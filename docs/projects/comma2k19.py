@@ -42,7 +42,7 @@ class AlongRoad(Radar):
         polar = Radar.measure(target, pose, velocity)
         c, s = cos_sin(pose[2])
         along = c * (target[2] - velocity[0]) + s * (target[3] - velocity[1])
-        return linalg.vector_of([polar[0], polar[1], along])
+        return linalg.vector([polar[0], polar[1], along])
 
     @classmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:

@@ -50,10 +50,10 @@ def test_gram_is_symmetric_to_the_last_bit(n, m, batch, seed):
 
 def test_matrices_and_vectors_from_numbers_and_arrays():
     batch = np.array([1.0, 2.0])
-    np.testing.assert_array_equal(linalg.vector_of([batch, 3]), [[1, 2], [3, 3]])
+    np.testing.assert_array_equal(linalg.vector([batch, 3]), [[1, 2], [3, 3]])
     np.testing.assert_array_equal(linalg.matrix([[batch, 0], [5, -batch]]), [[[1, 2], [0, 0]], [[5, 5], [-1, -2]]])
     assert linalg.matrix([[1, 2, 3]]).shape == (1, 3)
-    np.testing.assert_array_equal(linalg.vector_of([np.float32(0.5), batch, 3]), [[0.5, 0.5], [1, 2], [3, 3]])
+    np.testing.assert_array_equal(linalg.vector([np.float32(0.5), batch, 3]), [[0.5, 0.5], [1, 2], [3, 3]])
 
 
 def test_symmetrise_and_expand():

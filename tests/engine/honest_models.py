@@ -209,7 +209,7 @@ class Turning(ConstantTurnRateVelocity):
 
     def transition(self, x: Array, dt: float) -> Array:
         y = super().transition(x, dt)
-        return linalg.vector_of([y[0], y[1], y[2], wrap_angle(y[3]), y[4] * 0.99])
+        return linalg.vector([y[0], y[1], y[2], wrap_angle(y[3]), y[4] * 0.99])
 
 
 class WrittenOut(MotionModel):
@@ -223,7 +223,7 @@ class WrittenOut(MotionModel):
     def transition(self, x: Array, dt: float) -> Array:
         a = np.exp(-dt / self.tau_s)
         px, py, vx, vy = x
-        return linalg.vector_of([px + self.tau_s * (1 - a) * vx, py + self.tau_s * (1 - a) * vy, a * vx, a * vy])
+        return linalg.vector([px + self.tau_s * (1 - a) * vx, py + self.tau_s * (1 - a) * vy, a * vx, a * vy])
 
     def jacobian(self, x: Array, dt: float) -> Array:
         a = np.exp(-dt / self.tau_s)
@@ -309,7 +309,7 @@ class RungeKutta(Base):
             k4 = self._rate([s + h * k for s, k in zip(state, k3, strict=True)])
             parts = zip(state, k1, k2, k3, k4, strict=True)
             state = [s + h / 6 * (a + 2 * b + 2 * c + d) for s, a, b, c, d in parts]
-        return linalg.vector_of(state)
+        return linalg.vector(state)
 
 
 class Tyre(BaseModel):
@@ -425,7 +425,7 @@ class Bicycle(ConstantTurnRateVelocity):
         px, py, v, yaw, rate = x
         beta = self._slip()
         turned = yaw + v / self.lr * math.sin(beta) * dt
-        return linalg.vector_of([px + v * np.cos(yaw + beta) * dt, py + v * np.sin(yaw + beta) * dt, v, turned, rate])
+        return linalg.vector([px + v * np.cos(yaw + beta) * dt, py + v * np.sin(yaw + beta) * dt, v, turned, rate])
 
 
 class RoadGrid(Base):

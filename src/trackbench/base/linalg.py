@@ -24,11 +24,11 @@ _NUMBERS = frozenset({float, int, bool, np.float64, np.int64, np.ndarray})
 
 def matrix(rows: Sequence[Sequence[Array | float]]) -> Array:
     """A matrix ``(n, m, ...)`` from its entries, each a number or an array over the batch."""
-    flat = vector_of([entry for row in rows for entry in row])
+    flat = vector([entry for row in rows for entry in row])
     return flat.reshape(len(rows), len(rows[0]), *flat.shape[1:])
 
 
-def vector_of(entries: Sequence[Array | float]) -> Array:
+def vector(entries: Sequence[Array | float]) -> Array:
     """A vector ``(n, ...)`` from its entries, each a number or an array over the batch."""
     if not _NUMBERS.issuperset(map(type, entries)):
         return np.stack(np.broadcast_arrays(*entries))
@@ -146,7 +146,7 @@ class Cholesky(NamedTuple):
             for j in range(i):
                 rest = rest - row[j] * solved[j]
             solved.append(rest * self.inverse_diagonal[i])
-        return vector_of(solved)
+        return vector(solved)
 
     def whiten_transposed(self, b: Array) -> Array:
         """``L^-T B`` for a vector or a matrix ``b`` of ``n`` rows."""
@@ -156,7 +156,7 @@ class Cholesky(NamedTuple):
             for j in range(i + 1, size):
                 solved[i] = solved[i] - self.rows[j][i] * solved[j]
             solved[i] = solved[i] * self.inverse_diagonal[i]
-        return vector_of(solved)
+        return vector(solved)
 
 
 def cholesky(p: Array) -> Cholesky:

@@ -62,7 +62,7 @@ class MotionWithErrors(MotionModel):
         return (*self.motion.noise_sigma, *(1.0 for error in self.errors if error.rate))
 
     def transition(self, x: Array, dt: float) -> Array:
-        kept = linalg.expand(linalg.vector_of(self._decays(dt)), x)
+        kept = linalg.expand(linalg.vector(self._decays(dt)), x)
         return np.concatenate([self.motion.transition(self._own(x), dt), kept * x[self._size :]])
 
     def jacobian(self, x: Array, dt: float) -> Array:

@@ -230,7 +230,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         """The belief of a track that starts where ``state_of`` says, in the state of each motion model."""
         modes = tuple(filter.begin(state_of) for filter in self.filters)
         batch = modes[0].mean.shape[1:]
-        probability = linalg.expand(linalg.vector_of(self.initial_probabilities), modes[0].mean)
+        probability = linalg.expand(linalg.vector(self.initial_probabilities), modes[0].mean)
         return MultiModelBelief(np.broadcast_to(probability, (len(modes), *batch)), modes)
 
     def predict(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
@@ -333,7 +333,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
     @cached_property
     def _stays(self) -> tuple[list[list[float]], Indices]:
         """The different mean times of a batch, and which of them each of it has."""
-        stay = linalg.vector_of(self.stay_s)
+        stay = linalg.vector(self.stay_s)
         distinct, place = np.unique(stay.reshape(len(stay), -1), axis=1, return_inverse=True)
         return distinct.T.tolist(), place.reshape(stay.shape[1:])
 

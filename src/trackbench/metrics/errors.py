@@ -73,7 +73,7 @@ def _rows(mean: Array, covariance: Array, truth: Array, reference: Array, finite
     squares = error * error
     moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
     course = course_error(mean, truth)
-    rows = linalg.vector_of(
+    rows = linalg.vector(
         [
             1.0,
             *squares,
@@ -93,13 +93,13 @@ def _rows(mean: Array, covariance: Array, truth: Array, reference: Array, finite
 def _scores(values: Values) -> Values:
     mean, covariance, truth = (values[name] for name in ("mean", "covariance", "truth"))
     rows, definite = _rows(mean, covariance, truth, values["reference"], np.ones((), dtype=bool))
-    squares = linalg.vector_of([rows[1] + rows[2], rows[3] + rows[4]])
+    squares = linalg.vector([rows[1] + rows[2], rows[3] + rows[4]])
     bounded = ~values["expected"] | (rows.max(axis=0) < OVERFLOW)
     rows = np.where(values["due"], rows, 0.0)
     beyond = [np.where(rows[ERROR["nees"]] > point, 1.0, 0.0) for point in beyond_points(4)]
     return {
         "per_step": rows,
-        "by_class": np.concatenate([rows, linalg.vector_of(beyond)]),
+        "by_class": np.concatenate([rows, linalg.vector(beyond)]),
         "squares": np.where(values["expected"], squares, 0.0),
         "definite": definite & np.isfinite(mean.sum(axis=0)),
         "bounded": bounded,

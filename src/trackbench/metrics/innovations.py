@@ -23,7 +23,7 @@ def _innovation(values: Values) -> Values:
     nis = np.einsum("m...,m...->...", white, white)
     inside, missing = used & (nis < values["point95"]), values["due"] & ~used
     product = np.einsum("m...,m...->...", white, values["white_before"])
-    return {"rows": linalg.vector_of([used, nis, inside, pair, product, np.where(pair, nis, 0.0), missing])}
+    return {"rows": linalg.vector([used, nis, inside, pair, product, np.where(pair, nis, 0.0), missing])}
 
 
 #: Of a whitened innovation ``white`` and the one before it, which are zero unless they are ``used``: ``rows`` as

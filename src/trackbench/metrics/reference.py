@@ -226,7 +226,7 @@ def _measured(values: Values) -> Values:
 
 def _bound(covariance: Array, begun: Mask) -> Values:
     variances = [covariance[0, 0] + covariance[1, 1], covariance[2, 2] + covariance[3, 3]]
-    return {"covariance": covariance, "bound": np.where(begun, linalg.vector_of(variances), 0.0)}
+    return {"covariance": covariance, "bound": np.where(begun, linalg.vector(variances), 0.0)}
 
 
 #: A prediction of the bound by ``motion`` where something is ``begun``.

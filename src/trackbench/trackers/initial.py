@@ -301,7 +301,7 @@ def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
     apart = distance > 0.0
     ahead = linalg.expand(np.array([1.0, 0.0]), sight)
     sight = np.where(apart, sight / np.where(apart, distance, 1.0), ahead)
-    normal = linalg.vector_of([-sight[1], sight[0]])
+    normal = linalg.vector([-sight[1], sight[0]])
     aside = normal / np.maximum(distance, MIN_RANGE)
     turned = np.einsum("i...,ij...,j...->...", aside, belief.covariance[:2, :2], aside)
     covariance, across = belief.covariance.copy(), belief.covariance[2, 2]

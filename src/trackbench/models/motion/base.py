@@ -145,7 +145,7 @@ class MotionModel(Config, ABC):
             "ay": tangential * s + normal * c,
             "yaw_rate": motion.yaw_rate,
         }
-        return linalg.vector_of([values.get(name, np.zeros_like(motion.px)) for name in self.components])
+        return linalg.vector([values.get(name, np.zeros_like(motion.px)) for name in self.components])
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
         """The motion of a body in the state ``x``, whose rates that the state does not have are driven by noise.
@@ -183,7 +183,7 @@ def pad_state(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gau
 
 def scaled_noise_gain(model: MotionModel, x: Array, dt: float) -> Array:
     """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``: ``G diag(sigma)``."""
-    sigma = linalg.vector_of(model.noise_sigma)
+    sigma = linalg.vector(model.noise_sigma)
     gain = linalg.expand(model.noise_gain(x, dt), sigma[None])
     return gain * linalg.expand(sigma, gain[0])
 

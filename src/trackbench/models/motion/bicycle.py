@@ -45,7 +45,7 @@ class KinematicBicycle(turning.SpeedAndYaw):
         px, py, v, yaw, slip = x
         w = v * cos_sin(slip)[1] / self.rear_axle_m
         path = turning.arc(yaw, w, v, None, dt)
-        return linalg.vector_of([px + path.dx, py + path.dy, v, yaw + w * dt, slip])
+        return linalg.vector([px + path.dx, py + path.dy, v, yaw + w * dt, slip])
 
     def jacobian(self, x: Array, dt: float) -> Array:
         _, _, v, yaw, slip = x
@@ -74,7 +74,7 @@ class KinematicBicycle(turning.SpeedAndYaw):
         most = np.abs(motion.speed)
         across = np.clip(self.rear_axle_m * motion.yaw_rate, -most, most)
         slip = np.arcsin(across / np.where(most > 0.0, motion.speed, 1.0))
-        return linalg.vector_of([motion.px, motion.py, motion.speed, motion.course, slip])
+        return linalg.vector([motion.px, motion.py, motion.speed, motion.course, slip])
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
         px, py, v, yaw, slip = x

@@ -18,7 +18,7 @@ from trackbench.models.motion.turning import bessel0, bessel1
 def turned(velocity: Array, angle: Array) -> Array:
     """``(2, ...)`` a vector turned counter-clockwise."""
     c, s = cos_sin(angle)
-    return linalg.vector_of([c * velocity[0] - s * velocity[1], s * velocity[0] + c * velocity[1]])
+    return linalg.vector([c * velocity[0] - s * velocity[1], s * velocity[0] + c * velocity[1]])
 
 
 class TurnKnown(MotionModel):

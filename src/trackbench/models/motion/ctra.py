@@ -33,7 +33,7 @@ class ConstantTurnRateAcceleration(turning.SpeedAndYaw):
         px, py, v, yaw, w, a = x
         gain = a * (0.5 * dt)
         path = turning.arc(yaw, w, v + gain, gain, dt)
-        return linalg.vector_of([px + path.dx, py + path.dy, v + a * dt, yaw + w * dt, w, a])
+        return linalg.vector([px + path.dx, py + path.dy, v + a * dt, yaw + w * dt, w, a])
 
     def jacobian(self, x: Array, dt: float) -> Array:
         _, _, v, yaw, w, a = x

@@ -34,7 +34,7 @@ class ConstantTurnRateVelocity(turning.SpeedAndYaw):
     def transition(self, x: Array, dt: float) -> Array:
         px, py, v, yaw, w = x
         path = turning.arc(yaw, w, v, None, dt)
-        return linalg.vector_of([px + path.dx, py + path.dy, v, yaw + w * dt, w])
+        return linalg.vector([px + path.dx, py + path.dy, v, yaw + w * dt, w])
 
     def jacobian(self, x: Array, dt: float) -> Array:
         _, _, v, yaw, w = x

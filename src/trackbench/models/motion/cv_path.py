@@ -40,7 +40,7 @@ class PathConstantVelocity(MotionModel):
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
         c, s = _direction(x)
         along, across = noise
-        return super().to_kinematics(x, linalg.vector_of([c * along - s * across, s * along + c * across]), resting)
+        return super().to_kinematics(x, linalg.vector([c * along - s * across, s * along + c * across]), resting)
 
 
 def _direction(x: Array) -> tuple[Array, Array]:

@@ -87,7 +87,7 @@ def to_cartesian(x: Array) -> Array:
     """px, py, v, yaw, ... to px, py, vx, vy."""
     px, py, v, yaw = x[:4]
     c, s = cos_sin(yaw)
-    return linalg.vector_of([px, py, v * c, v * s])
+    return linalg.vector([px, py, v * c, v * s])
 
 
 def cartesian_jacobian(x: Array) -> Array:
@@ -119,7 +119,7 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
     result[:2, 2:] = linalg.matmul_transposed(p[:2, 2:4], to_velocity)
     result[2:, :2] = np.swapaxes(result[:2, 2:], 0, 1)
     result[2:, 2:] = linalg.quadratic(to_velocity, p[2:4, 2:4]) + second
-    return Gaussian(linalg.vector_of([x[0], x[1], v * c, v * s]), linalg.rounded_up(result))
+    return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), linalg.rounded_up(result))
 
 
 def _cartesian_moments(belief: Gaussian) -> Gaussian:
@@ -143,7 +143,7 @@ def _cartesian_moments(belief: Gaussian) -> Gaussian:
     result[2, 2] = 0.5 * (length + square.real) - mean.real**2
     result[3, 3] = 0.5 * (length - square.real) - mean.imag**2
     result[2, 3] = result[3, 2] = 0.5 * square.imag - mean.real * mean.imag
-    return Gaussian(linalg.vector_of([x[0], x[1], mean.real, mean.imag]), result)
+    return Gaussian(linalg.vector([x[0], x[1], mean.real, mean.imag]), result)
 
 
 class SpeedAndYaw(MotionModel):
@@ -177,7 +177,7 @@ class SpeedAndYaw(MotionModel):
         p = linalg.quadratic(slope, belief.covariance)
         scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
         p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
-        mean = linalg.vector_of([px, py, speed, np.arctan2(vy, vx)])
+        mean = linalg.vector([px, py, speed, np.arctan2(vy, vx)])
         return pad_state(self, Gaussian(mean, linalg.rounded_up(p)), sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
@@ -189,7 +189,7 @@ class SpeedAndYaw(MotionModel):
             "yaw_rate": motion.yaw_rate,
             "a": motion.acceleration,
         }
-        return linalg.vector_of([values.get(name, np.zeros_like(motion.px)) for name in self.components])
+        return linalg.vector([values.get(name, np.zeros_like(motion.px)) for name in self.components])
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
         px, py, speed, yaw, yaw_rate = x[:5]

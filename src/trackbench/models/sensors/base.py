@@ -216,7 +216,7 @@ class Sensor(Config, ABC):
         """
         own = np.sqrt(np.diag(covariance))
         other = [in_si(name, sigmas[name]) if name in sigmas else own[i] for i, name in enumerate(cls.sigma_options)]
-        ratio = linalg.vector_of([sigma / own[i] for i, sigma in enumerate(other)])
+        ratio = linalg.vector([sigma / own[i] for i, sigma in enumerate(other)])
         return np.asarray(linalg.expand(covariance, ratio[None]) * (ratio[:, None] * ratio[None]))
 
     @classmethod

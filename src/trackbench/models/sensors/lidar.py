@@ -43,7 +43,7 @@ class Lidar(Sensor):
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         dx, dy = target[0] - pose[0], target[1] - pose[1]
         c, s = np.cos(pose[2]), np.sin(pose[2])
-        return linalg.vector_of([c * dx + s * dy, c * dy - s * dx])
+        return linalg.vector([c * dx + s * dy, c * dy - s * dx])
 
     @classmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
@@ -57,4 +57,4 @@ class Lidar(Sensor):
         x, y = scan.measurement
         rotation = linalg.matrix([[c, -s], [s, c]])
         covariance = linalg.rounded_up(linalg.quadratic(rotation, scan.noise_covariance))
-        return Gaussian(linalg.vector_of([sx + c * x - s * y, sy + s * x + c * y]), covariance)
+        return Gaussian(linalg.vector([sx + c * x - s * y, sy + s * x + c * y]), covariance)

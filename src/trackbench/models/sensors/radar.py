@@ -41,7 +41,7 @@ class Polar(Sensor):
         shrink = np.exp(-var_a / 2)
         angle = azimuth + scan.sensor_pose[2]
         c, s = cos_sin(angle)
-        mean = linalg.vector_of([scan.sensor_pose[0] + r * c / shrink, scan.sensor_pose[1] + r * s / shrink])
+        mean = linalg.vector([scan.sensor_pose[0] + r * c / shrink, scan.sensor_pose[1] + r * s / shrink])
         loss = -0.5 * exp_minus_one(-2.0 * var_a)
         along = r * r * (exp_minus_one(var_a) - loss) + var_r * (1.0 - loss)
         across = (r * r + var_r) * loss
@@ -82,7 +82,7 @@ class Radar(Polar):
         c, s = np.cos(pose[2]), np.sin(pose[2])
         azimuth = np.arctan2(c * dy - s * dx, c * dx + s * dy)
         rate = (dx * (target[2] - velocity[0]) + dy * (target[3] - velocity[1])) / r
-        return linalg.vector_of([r, azimuth, rate])
+        return linalg.vector([r, azimuth, rate])
 
     @classmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
@@ -96,10 +96,10 @@ class Radar(Polar):
     @classmethod
     def radial_velocity(cls, scan: Scan) -> Array:
         along = along_sight(scan)
-        return linalg.vector_of([along[0] + scan.sensor_velocity[0], along[1] + scan.sensor_velocity[1]])
+        return linalg.vector([along[0] + scan.sensor_velocity[0], along[1] + scan.sensor_velocity[1]])
 
 
 def along_sight(scan: Scan) -> Array:
     """``(2, ...)`` the third component of a measurement as a vector along the line of sight, in the fixed frame."""
     c, s = cos_sin(scan.measurement[1] + scan.sensor_pose[2])
-    return linalg.vector_of([scan.measurement[2] * c, scan.measurement[2] * s])
+    return linalg.vector([scan.measurement[2] * c, scan.measurement[2] * s])

@@ -33,7 +33,7 @@ class SpeedRadar(Polar):
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         r, azimuth, _ = Radar.measure(target, pose, velocity)
-        return linalg.vector_of([r, azimuth, np.hypot(target[2], target[3])])
+        return linalg.vector([r, azimuth, np.hypot(target[2], target[3])])
 
     @classmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:

@@ -58,7 +58,7 @@ class CountLogic(_Untimed):
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         missed = np.where(judged.hit, 0.0, evidence[2] + judged.in_view)
-        return linalg.vector_of([evidence[0] + judged.hit, evidence[1] + judged.in_view, missed])
+        return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view, missed])
 
     def confirms(self, evidence: Array) -> Mask:
         result: Mask = evidence[0] >= self.needed
@@ -88,7 +88,7 @@ class ScoreLogic(_Untimed):
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         score = evidence[0] + judged.log_ratio
-        return linalg.vector_of([score, np.maximum(score, evidence[1])])
+        return linalg.vector([score, np.maximum(score, evidence[1])])
 
     def confirms(self, evidence: Array) -> Mask:
         result: Mask = evidence[0] >= self.threshold
@@ -166,7 +166,7 @@ class CountedExistence:
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         existence, counted = judged.existence, self.count.after_scan(self._counted(evidence), judged)
         assert existence is not None
-        return linalg.vector_of([existence[0], existence[1], counted[0], counted[1], counted[2]])
+        return linalg.vector([existence[0], existence[1], counted[0], counted[1], counted[2]])
 
     def confirms(self, evidence: Array) -> Mask:
         return self.count.confirms(self._counted(evidence))
@@ -177,7 +177,7 @@ class CountedExistence:
         return result
 
     def _counted(self, evidence: Array) -> Array:
-        return linalg.vector_of([evidence[2], evidence[3], evidence[4]])
+        return linalg.vector([evidence[2], evidence[3], evidence[4]])
 
 
 #: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
