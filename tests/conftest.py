@@ -11,6 +11,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from tests.support.places import DOCS
 from tests.support.slow_tests import PARTS, listed, part
 from tests.support.udacity import data_folder
 
+from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.results import Result
@@ -96,16 +98,30 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if item not in set(left_out)]
 
 
-#: Whether there is a driver for the viewer.
-viewer_draws = functools.cache(viewer.draws)
-
-
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what needs a program that is not here, and say which."""
     if item.get_closest_marker("browser") and CHROMIUM is None:
         pytest.skip("Chromium is not installed (apt-get install chromium)")
     if item.get_closest_marker("viewer") and not viewer_draws():
         pytest.skip(viewer.NO_DRIVER)
+
+
+@functools.cache
+def viewer_draws() -> bool:
+    """Whether there is a driver for the viewer, which starts without one too; it fails for no other cause."""
+    with ExitStack() as stack:
+        try:
+            started = viewer.start_viewer("--headless")
+            stack.callback(started.stop)
+            started.wait().take_screenshot()
+            return True
+        except InputError as error:
+            cause = error
+        except (ConnectionError, RuntimeError):
+            started.process.wait(viewer.PATIENCE)
+            cause = viewer.ended(started.log)
+    assert str(cause) == viewer.NO_DRIVER
+    return False
 
 
 @pytest.fixture(scope="session", autouse=True)
