@@ -208,6 +208,8 @@ def made_elsewhere(result: Result) -> list[str]:
             sentences.append(
                 f"{tracker.name}: no track in {counted(tracker.filed.silent_runs, 'run')}: all missed there"
             )
+        if tracker.filed is not None:
+            sentences += [f"{tracker.name}: {remark}" for remark in tracker.filed.remarks]
         sentences += _time_offset(tracker)
     return sentences
 

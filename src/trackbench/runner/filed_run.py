@@ -64,7 +64,7 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
     if not len(chosen) or not truth.ids:
         return np.zeros((4, 0))
     stamp, place = stamp[chosen], np.stack([rows.px[chosen], rows.py[chosen]])
-    near = _Nearest(truth, run, stamp, place)
+    near = NearestObject(truth, run, stamp, place)
     fast = float(np.percentile(np.hypot(truth.vx, truth.vy)[truth.alive], 95))
     tried = np.linspace(-FARTHEST_S, FARTHEST_S, 2 * int(np.clip(FARTHEST_S * 2 * fast / cutoff, 1, 100)) + 1)
     costs = [np.minimum(near.at(each)[1], cutoff**2).mean() for each in tried.tolist()]
@@ -86,7 +86,7 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
     return pairs
 
 
-class _Nearest:
+class NearestObject:
     """The nearest object of each row, with the time stamps moved."""
 
     def __init__(self, truth: Truth, run: int, stamp: Array, place: Array) -> None:

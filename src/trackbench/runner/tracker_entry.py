@@ -17,6 +17,7 @@ from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.results import FiledRows, Health, TrackerResult
 from trackbench.runner.evaluated import Evaluated, metrics_of_truth
+from trackbench.runner.filed_frames import FEW, why_nothing_matches
 from trackbench.runner.filed_run import offset_of
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.work import Work
@@ -26,6 +27,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.raw import BASELINE
 from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.tracks import TrackRows
 
 
@@ -64,17 +66,19 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
             offset = offset_of(np.concatenate(pairs, axis=1))
             entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
             entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
-            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name])
+            few = (evaluation.values["matched_share"].value or 0.0) < FEW
+            remarks = contradicted_velocity(work.filed[name]), why_nothing_matches(work, name) if few else None
+            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name], tuple(filter(None, remarks)))
         reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
         return TrackerResult(**entry, health=Health(reused_ids=reused))
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
 
 
-def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:
+def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores], remarks: tuple[str, ...]) -> FiledRows:
     read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
     # Scenes of one file without runs share its rows.
     outside = (len(rows) if rows.run is None else read) - there
-    return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent)
+    return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent, remarks=remarks)
 
 
 def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:

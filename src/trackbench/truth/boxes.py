@@ -11,8 +11,10 @@ import numpy as np
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array, Mask, Truth
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.config.traffic import BoxesOptions
 from trackbench.truth.formats.tables import TableFormat
+from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
@@ -33,8 +35,13 @@ from trackbench.truth.tracks import (
 LARGEST = 20_000_000
 
 
-def load_boxes(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ...]]:
-    """The truth, and how the file was read, a line.
+def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Truth, tuple[str, ...]]:
+    """Return the truth, and lines on how the file was read and on what contradicts itself in it.
+
+    Args:
+        config: the ``truth`` of a scenario.
+        folder: where relative paths start.
+        sensors: whether the scenario has sensors, which stand at the observer.
 
     Raises:
         InputError: the file cannot be read or is damaged, or has no object.
@@ -77,12 +84,18 @@ def load_boxes(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ..
         kinds=kinds,
         start=rows.start + Decimal(repr(first)),
     )
+    if not config.has_observer and not sensors:
+        # Nothing is measured from there: it is where the pictures look from.
+        middle = FixedObserver(x=float(np.round(rows.px.mean())), y=float(np.round(rows.py.mean())))
+        config = config.model_copy(update={"observer": middle})
     truth = with_scored_region(truth_on_grid(config, drive, grid(drive, {})), config.reference, drive)
     beside = _beside(drive, truth) & ~truth.alive
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
     if config.stretches is not None:
         require_long_enough(truth, {}, config.stretches)
-    return truth, (f"truth: {', '.join(rows.notes)}",) if rows.notes else ()
+    contradiction = contradicted_velocity(rows)
+    notes = [*([", ".join(rows.notes)] if rows.notes else []), *([contradiction] if contradiction else [])]
+    return truth, tuple(f"truth: {note}" for note in notes)
 
 
 def _dont_care(config: BoxesOptions, rows: TrackRows, file: Path) -> Mask:

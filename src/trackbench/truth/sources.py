@@ -74,8 +74,8 @@ class RecordingTruth(_Recorded, RecordingOptions):
 class BoxesTruth(_Recorded, BoxesOptions):
     """Boxes of a file, against which tracks of other files are scored."""
 
-    def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
-        truth, notes = boxes.load_boxes(self, folder)
+    def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
+        truth, notes = boxes.load_boxes(self, folder, sensors=bool(sensors))
         return LoadedTruth(truth, notes=notes)
 
 

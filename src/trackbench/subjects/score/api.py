@@ -18,6 +18,7 @@ def score(
     columns: Mapping[str, str] | None = None,
     format: str | None = None,
     rate_hz: float | None = None,
+    origin: tuple[float, float] | None = None,
     time_offset_s: float = 0.0,
     out: Path | str | None = None,
 ) -> ReportableResult:
@@ -29,6 +30,7 @@ def score(
         columns: the column of some keys, where its name does not tell: ``{"x": "pos_x", "time": "stamp:ns"}``.
         format: of files whose ending does not tell it.
         rate_hz: frames per second of files that count frames, Hz.
+        origin: latitude and longitude, degrees, of a point nearby, for tables with latitudes and longitudes.
         time_offset_s: added to the time stamps of the tracks, s.
         out: a folder in which the result gets one, beside the scenario that it is. Nothing is written unless given.
 
@@ -36,7 +38,7 @@ def score(
         InputError: a file cannot be read, or it is not known what its columns are.
     """
     files = [tracks] if isinstance(tracks, Path | str) else tracks
-    options = FileOptions(list((columns or {}).items()), format, rate_hz)
+    options = FileOptions(list((columns or {}).items()), format, rate_hz, origin)
     folder = Path() if out is None else Path(out)
     loaded = scoring_scenario([Path(file) for file in files], Path(truth), options, folder, time_offset_s=time_offset_s)
     if out is not None:

@@ -27,6 +27,13 @@ from trackbench.cli.terminal import quiet_option
     "--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
 )
 @click.option(
+    "--origin",
+    type=click.FloatRange(-180, 180),
+    nargs=2,
+    metavar="LAT LON",
+    help="Degrees of a point nearby, for columns of latitude and longitude.",
+)
+@click.option(
     "--time-offset", type=click.FloatRange(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
 )
 @click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="As gospa:0.8, or gospa:2% of the first.")
@@ -43,6 +50,7 @@ def score_command(
     columns: tuple[str, ...],
     form: str | None,
     rate: float | None,
+    origin: tuple[float, float] | None,
     time_offset: float,
     gates: tuple[str, ...],
     settings: tuple[str, ...],
@@ -87,7 +95,7 @@ def score_command(
     stated = [(key, column) for key, _, column in (text.partition("=") for text in columns)]
     if junit is not None:
         results.require_file(junit, "--junit")
-    options = FileOptions(stated, form, rate)
+    options = FileOptions(stated, form, rate, origin)
     loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
     output = RunOutput(as_json, quiet)
     gates_kept = GateOutput(limits, as_json)

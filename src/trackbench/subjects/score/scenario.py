@@ -36,6 +36,8 @@ class FileOptions(NamedTuple):
     """Of files whose ending does not tell it."""
     rate_hz: float | None = None
     """Of files that count frames."""
+    origin: tuple[float, float] | None = None
+    """Of tables with latitude and longitude, those of the point that becomes x = y = 0, degrees."""
 
 
 def scoring_scenario(
@@ -81,7 +83,6 @@ def scoring_scenario(
             "source": "recorded-boxes",
             **boxes,
             **cut,
-            "observer": {"x": float(np.round(rows.px.mean())), "y": float(np.round(rows.py.mean()))},
         },
         "sensing": {"identities": "hidden"},
         "trackers": {
@@ -146,7 +147,10 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
     columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
-    return {**entry, "columns": columns}
+    origin = (
+        {} if options.origin is None else {"origin": dict(zip(("lat_deg", "lon_deg"), options.origin, strict=True))}
+    )
+    return {**entry, "columns": columns, **origin}
 
 
 def _column(text: str, names: Sequence[str]) -> str:

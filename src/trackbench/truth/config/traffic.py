@@ -164,6 +164,16 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
     path: str = Field(min_length=1, description=FILE)
 
+    @property
+    def has_observer(self) -> bool:
+        """Whether it is known where the sensors stand: it is stated, or the origin of the format."""
+        return self.format.from_sensor or "observer" in self.model_fields_set
+
+    def problems(self) -> Iterator[Problem]:
+        if self.reference.range_m is not None and not self.has_observer:
+            message = "counts from the observer, and the file does not say where that is: state it, such as "
+            yield Problem(("reference", "range_m"), f"{message}observer: {{x: 0, y: 0}}, or use region")
+
 
 AUTO = "auto"
 

@@ -103,6 +103,7 @@ class Kitti(RowsFormat):
     """KITTI tracking: labels, or tracks with a score after them; x is forward and y left of the camera."""
 
     endings: ClassVar[tuple[str, ...]] = (".txt",)
+    from_sensor: ClassVar[bool] = True
     rate_hz: Positive = Field(10, description="Frames per second, Hz; frame 0 is at 0 s.")
 
     def rows(self, file: Path) -> TrackRows:

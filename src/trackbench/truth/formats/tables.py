@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -20,6 +21,7 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
+from trackbench.truth.formats.geographic import GeographicOrigin
 from trackbench.truth.recorded.rows import Rows, log_text, read_table, reading_parquet, time_stamps
 from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
 
@@ -258,6 +260,16 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
     )
 
 
+#: Words of the names of columns of degrees, and what may stand beside them there.
+LATITUDE, LONGITUDE = {"lat", "latitude"}, {"lon", "lng", "long", "longitude"}
+BESIDE = {"deg", "degrees", "gps", "wgs84", "pos", "position"}
+
+
+def _is_degrees(name: str, words: set[str]) -> bool:
+    parts = {*_parts(name)}
+    return bool(parts & words) and parts <= words | BESIDE
+
+
 class TableFormat(RowsFormat):
     """What CSV and Parquet have in common."""
 
@@ -270,6 +282,11 @@ class TableFormat(RowsFormat):
         "fingerprint.",
     )
     units: Units = Field(default_factory=Units, description="Units of the columns.")
+    origin: GeographicOrigin | None = Field(
+        None,
+        description="Where x and y are longitude and latitude: the point at which a plane touches the ground; x is "
+        "then the distance to its east and y to its north, m.",
+    )
 
     def problems(self) -> Iterator[Problem]:
         for key in self.columns:
@@ -282,7 +299,22 @@ class TableFormat(RowsFormat):
         except InputError as error:
             raise error.located(file=file, line=None) from None
         factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        return table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
+        x, y = layout.columns["x"], layout.columns["y"]
+        degrees = _is_degrees(x, LONGITUDE), _is_degrees(y, LATITUDE)
+        if _is_degrees(x, LATITUDE) or _is_degrees(y, LONGITUDE) or degrees[0] != degrees[1]:
+            message = f"x is {x!r} and y is {y!r}: x is the longitude (east) and y the latitude (north), or neither is"
+            raise InputError(message, file=file)
+        if all(degrees):
+            factors |= {"x": 1.0, "y": 1.0}
+        rows = table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
+        if not all(degrees):
+            return rows
+        if self.origin is None:
+            here = f"{{lat_deg: {rows.py[0]:.3f}, lon_deg: {rows.px[0]:.3f}}}"
+            message = f"{x!r} and {y!r} are degrees, and metres are scored: state a point nearby as origin, such as "
+            raise InputError(f"{message}origin: {here} (score: --origin {rows.py[0]:.3f} {rows.px[0]:.3f})", file=file)
+        east, north = self.origin.plane(rows.py, rows.px)
+        return replace(rows, px=east, py=north)
 
 
 class Csv(TableFormat):

@@ -1,0 +1,60 @@
+"""Whether tracks of another program are in the frame of the truth, where almost none of them is on an object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.runner.filed_run import NearestObject
+from trackbench.runner.filed_tracks import rows_of_run
+from trackbench.runner.work import Work
+from trackbench.truth.config.traffic import TracksConfig
+
+#: Share of the rows on objects below which other frames are tried, and from which one of them is named.
+FEW, MANY = 0.1, 0.5
+#: Most rows that are looked at.
+MOST_ROWS = 4000
+#: Other frames: what x and y would be in the truth's.
+FRAMES = {
+    "x and y exchanged": (0, 1, 1, 0),
+    "x = -y, y = x (turned by 90 degrees)": (0, -1, 1, 0),
+    "x = y, y = -x (turned by -90 degrees)": (0, 1, -1, 0),
+    "x = -x, y = -y (turned by 180 degrees)": (-1, 0, 0, -1),
+    "y = -y (y to the other side)": (1, 0, 0, -1),
+    "x = -x (x to the other side)": (-1, 0, 0, 1),
+    "x = -y, y = -x": (0, -1, -1, 0),
+}
+
+
+def why_nothing_matches(work: Work, name: str) -> str | None:
+    """Say why almost no row of a file is on an object, and what to do; None where enough are.
+
+    Args:
+        work: of the run, whose first scene and run are looked at.
+        name: of the tracker.
+    """
+    config, every, truth = work.trackers[name], work.filed[name], work.scenes[0].truth
+    assert isinstance(config, TracksConfig)
+    rows = rows_of_run(every, 0, 0)
+    stamp = rows.time + float(every.start - truth.start) + config.time_offset_s
+    chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
+    chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
+    if not len(chosen):
+        return None
+    cutoff = work.cutoff or 0.0
+    place = np.stack([rows.px[chosen], rows.py[chosen]])
+
+    def share(frame: Array) -> float:
+        square = NearestObject(truth, 0, stamp[chosen], frame @ place).at(0.0)[1]
+        return float((square < cutoff**2).mean())
+
+    near = share(np.eye(2))
+    if near >= FEW:
+        return None
+    others = {name: share(np.array(frame, dtype=float).reshape(2, 2)) for name, frame in FRAMES.items()}
+    best = max(others, key=lambda name: others[name])
+    what = f"{100 * near:.1f} % of its rows are within {cutoff:g} m of an object"
+    if others[best] < MANY:
+        return f"{what}: are the tracks of this recording, in its frame and in metres?"
+    remedy = "; exchange their columns (--map)" if best == "x and y exchanged" else "; convert the file"
+    return f"{what}; with {best} {100 * others[best]:.0f} % would be{remedy}"
