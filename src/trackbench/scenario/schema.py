@@ -40,7 +40,7 @@ def json_schema() -> Schema:
     for kind, part in filter(None, kinds):
         _sensor(part, kind)
     for model in (FilterConfig, WhiteMotion, TracksConfig):
-        _beside(parts[model.__name__], model)
+        _beside(parts[model.__name__], model, parts)
     _filed(parts["TracksConfig"])
     _filter(parts["FilterConfig"])
     parts["Expectation"]["oneOf"] = [{"required": [key]} for key in ("below", "above", "is", "better_than")]
@@ -94,7 +94,7 @@ def _sensor(part: Schema, kind: str) -> None:
     part["then"] = {"required": needed}
 
 
-def _beside(part: Schema, model: type[OptionsBeside]) -> None:
+def _beside(part: Schema, model: type[OptionsBeside], parts: Schema) -> None:
     """The options that each plug-in needs beside the word that names it."""
     key, plugin = beside(model)
     part["allOf"] = []
@@ -103,6 +103,9 @@ def _beside(part: Schema, model: type[OptionsBeside]) -> None:
         for option in result.model_fields:
             used.setdefault(option, []).append(name)
         own = result.model_json_schema(by_alias=True)
+        for title, inner in own.pop("$defs", {}).items():
+            _untitle(inner)
+            parts.setdefault(title, inner)
         _untitle(own)
         part["properties"] = {**own["properties"], **part["properties"]}
         stated: list[Schema] = [{"required": ["sweep"]}]
