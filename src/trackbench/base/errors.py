@@ -105,10 +105,16 @@ def _initials(name: str) -> str:
     return "".join(word[:1] for word in name.split("_"))
 
 
+#: Characters of a name that may be meant; spelling is not compared beyond.
+LONGEST = 100
+
+
 def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
     """The choices that a name may mean, the likeliest first: those of :func:`same_name`, else those that have all its
     words, else the one that is spelt most alike, as far as it is by ``cutoff``."""
-    names = sorted(set(choices))
+    if len(name) > LONGEST:
+        return []
+    names = sorted({choice for choice in choices if len(choice) <= LONGEST})
     if same := same_name(name, names):
         return same
     words = set(re.split(r"[_.]", _spelling(name)))
@@ -126,7 +132,7 @@ def nearest_choices(name: str, choices: Iterable[str]) -> str:
     if close := did_you_mean(similar_names(name, names)):
         return close
     if len(names) > LISTED:
-        return f"choose from {len(names)}, such as {', '.join(get_close_matches(name, names, n=5, cutoff=0.0))}"
+        return f"choose from {len(names)}, such as {', '.join(get_close_matches(name[:LONGEST], names, n=5, cutoff=0.0))}"
     return "choose from: " + ", ".join(names) if names else "there is none to choose from"
 
 

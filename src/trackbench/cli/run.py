@@ -19,6 +19,7 @@ from trackbench.base.execution import executor
 from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
+    WORKERS,
     Share,
     Whole,
     artifact_options,
@@ -84,7 +85,7 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("Each scenario gets a folder in it.", "results")
-@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays. Same result.")
+@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same result.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 @engine_option
 @isolation_options

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from trackbench.base.errors import InputError
+from trackbench.base.numbers import stated_number
 from trackbench.compare.comparison import GateOutcome, GateResult, NotCompared, PairDifference
 from trackbench.metrics import Metric
 
@@ -29,10 +30,7 @@ class Limit(NamedTuple):
         metric, colon, number = text.rpartition(":")
         if not colon:
             raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=key)
-        try:
-            percent = float(number.removesuffix("%"))
-        except ValueError:
-            percent = math.nan
+        percent = stated_number(number.removesuffix("%"))
         if not 0.0 <= percent < math.inf:
             raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=key)
         return cls(metric, percent)

@@ -15,6 +15,7 @@ from trackbench.base.execution import executor
 from trackbench.base.subjects import resolve
 from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import (
+    WORKERS,
     Whole,
     engine_option,
     github_option,
@@ -99,7 +100,7 @@ def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str)
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("The folder NAME-envelope is written there.", "results")
-@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays. Same claim.")
+@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same claim.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
 @engine_option
 @isolation_options

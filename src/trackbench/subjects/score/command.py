@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from trackbench import results
-from trackbench.cli.options import FAILED_EXPECTATION, artifact_options, github_option, out_option, write_suites
+from trackbench.cli.options import FAILED_EXPECTATION, Finite, artifact_options, github_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
 
@@ -24,17 +24,17 @@ from trackbench.cli.terminal import quiet_option
 @click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
 @click.option("--format", "form", metavar="NAME", help="Of files whose ending does not tell: kitti, motchallenge.")
 @click.option(
-    "--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
+    "--rate", type=Finite(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
 )
 @click.option(
     "--origin",
-    type=click.FloatRange(-180, 180),
+    type=Finite(-180, 180),
     nargs=2,
     metavar="LAT LON",
     help="Degrees of a point nearby, for columns of latitude and longitude.",
 )
 @click.option(
-    "--time-offset", type=click.FloatRange(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
+    "--time-offset", type=Finite(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
 )
 @click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="As gospa:0.8, or gospa:2% of the first.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")

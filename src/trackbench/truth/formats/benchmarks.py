@@ -16,10 +16,11 @@ from pydantic import Field
 
 from trackbench.base.config import Positive
 from trackbench.base.errors import InputError, counted
+from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth import jumps
-from trackbench.truth.recorded.rows import log_text, stated_number
+from trackbench.truth.recorded.rows import log_text
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.files import read_text
+from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
 from trackbench.truth.recorded import mcap
@@ -34,16 +35,10 @@ def log_text(file: Path) -> str:
 
 #: A name as columns have it.
 _COLUMN = re.compile(r"[\w .()\[\]/%°²#-]{0,64}")
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Of times: nanoseconds since 1970 are 2e18.
 LARGEST = 1e30
 #: Of one file. Each takes about 700 bytes of memory.
 MOST_ROWS = 10_000_000
-
-
-def stated_number(text: str) -> float:
-    """The number that a text is; NaN where it is none. It may be too large for a double, and infinite."""
-    return float(text) if _NUMBER.fullmatch(text) else math.nan
 
 
 @contextmanager
