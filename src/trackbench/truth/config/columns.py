@@ -270,8 +270,8 @@ class ReferenceOptions(Config):
     classes: list[str] | None = Field(
         None,
         min_length=1,
-        description="Classes that count, as they stand in columns.class; all unless given. Objects of others hide what "
-        "is behind them.",
+        description="Classes that count, as they stand in columns.class or in the format, whatever their case; all "
+        "unless given. Objects of others hide what is behind them.",
     )
     ignore: dict[str, Annotated[list[CellValue], Field(min_length=1)]] = Field(
         default_factory=dict,

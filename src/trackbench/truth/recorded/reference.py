@@ -25,9 +25,10 @@ def ignored_rows(table: Rows, ignore: Mapping[str, Sequence[str]]) -> Mask:
     result = np.zeros(len(table), dtype=bool)
     for column, values in ignore.items():
         numbers = {number for value in values if (number := _number(value)) is not None}
+        words = {value.casefold() for value in values}
         for row, cell in enumerate(table.columns[column]):
             text = "" if cell is None else str(cell).strip()
-            result[row] |= text in values or _number(text) in numbers
+            result[row] |= text.casefold() in words or _number(text) in numbers
     return result
 
 
@@ -88,7 +89,8 @@ def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) 
         alive[:, number] &= ~_in_gap(motion.time, truth.time)
     target = truth.target
     if reference.classes is not None:
-        target = np.array([kinds.get(name) in reference.classes for name in truth.ids])
+        counted = {kind.casefold() for kind in reference.classes}
+        target = np.array([kinds.get(name, "").casefold() in counted for name in truth.ids])
     region = reference.region
     if isinstance(region, BoxRegion):
         (x, right), (y, top) = region.x_m, region.y_m
