@@ -42,9 +42,12 @@ def _number(text: str) -> float | None:
 def moved_to_centre(motion: Motion, config: ReferenceTruth) -> Motion:
     """The motion of the centre of a box, from that of the point that the reference has."""
     ahead = _to_centre(config.reference, config.length_m if motion.length is None else motion.length)
-    if motion.heading is None or not np.any(ahead):
-        return motion
-    heading = np.unwrap(motion.heading)
+    return motion if motion.heading is None or not np.any(ahead) else moved_ahead(motion, motion.heading, ahead)
+
+
+def moved_ahead(motion: Motion, heading: Array, ahead: Array | float) -> Motion:
+    """Return the motion of a point ``ahead`` m in front of the body's own, along ``heading`` ``(rows,)`` rad."""
+    heading = np.unwrap(heading)
     turning = slope(heading, motion.time) if motion.yaw_rate is None else motion.yaw_rate
     x, y = ahead * np.cos(heading), ahead * np.sin(heading)
     return motion._replace(px=motion.px + x, py=motion.py + y, vx=motion.vx - turning * y, vy=motion.vy + turning * x)
