@@ -191,6 +191,12 @@ def drawing_random(result: Result) -> str:
     return f"{joined_names(names)}: random = True, so not asked again in another batch" if names else ""
 
 
+def others_ignored(result: Result) -> list[str]:
+    """Return what it means that tracks on no object are ignored; empty where they count."""
+    ignored = "others" in (result.summary.truth.model_extra or {})
+    return ["tracks on no object are ignored (truth.reference.others): no score tells false tracks"] * ignored
+
+
 def made_elsewhere(result: Result) -> list[str]:
     """Which tracks were made elsewhere, what follows, and the offset of their time stamps; empty where none were."""
     trackers = [tracker for tracker in result.scored if tracker.offline]

@@ -99,12 +99,13 @@ def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) 
         (x, right), (y, top) = region.x_m, region.y_m
         region = [[x, y], [right, y], [right, top], [x, top]]
     unscored = None
-    if region is not None or reference.range_m is not None or drive.boxes.size:
+    ignored = reference.others is not None
+    if region is not None or reference.range_m is not None or drive.boxes.size or ignored:
         limit = np.inf if reference.range_m is None else reference.range_m
         corners = None if region is None else np.array(region, dtype=float)
-        unscored = Unscored(corners, limit, _lasting(drive.boxes, drive.frames))
+        unscored = Unscored(corners, limit, _lasting(drive.boxes, drive.frames), ignored)
     noise = noise_of_motions(drive.motions.values())
-    source = {**truth.source, "recorded_noise": noise._asdict()}
+    source = {**truth.source, "recorded_noise": noise._asdict(), **({"others": "ignored"} if ignored else {})}
     return replace(truth, alive=alive, target=target, unscored=unscored, recorded_noise=noise, source=source)
 
 
