@@ -222,7 +222,7 @@ def _time_offset(tracker: TrackerResult) -> list[str]:
     """What the errors along the paths say of the clock."""
     offset, name = tracker.time_offset, tracker.name
     if offset is None or tracker.along_path_m is None or tracker.offset_alone_s is None:
-        return [f"{name}: time offset n/a: nothing that it is on moves"]
+        return [f"{name}: time offset n/a: no track is on an object that moves"]
     if offset.ci95 is not None and offset.value is not None:
         low, high = (1e3 * end for end in offset.ci95)
         shift = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"
