@@ -289,6 +289,8 @@ class Unscored(NamedTuple):
     """From the observer, up to which they count; infinite where there is no limit."""
     boxes: Array
     """``(7, boxes)`` from when to when, s; x, y, m; heading, rad; half length and half width, m."""
+    others: bool = False
+    """Whether tracks on no object count nowhere, since objects without a truth are there too."""
 
 
 #: The arrays of a truth that are ``(steps, objects, runs)``.

@@ -21,15 +21,17 @@ from trackbench.truth.tracks import TrackRows
 FARTHEST_S = 2.0
 #: Rows of a run that are looked at.
 MOST_ROWS = 4000
-#: A slower object has no direction of motion, m/s.
-SLOW_MPS = 0.5
+#: Below this speed, m/s, and below this share of the speed that it has at most, an object has no direction of motion.
+SLOW_MPS, SLOW_SHARE = 0.5, 0.25
+#: An object moves, and does not stand, if it gets this many standard deviations of its positions far.
+FAR = 20.0
 STEPS = 30
 #: With a longer interval, from end to end, nothing is known, s.
 USELESS_S = 0.5
 #: A shorter offset is not spoken of, s, nor one that moves a track by a smaller share of its error.
 LEAST_S, LEAST_SHARE = 1e-3, 0.1
 
-NOTHING_MOVES = "nothing that it is on moves"
+NOTHING_MOVES = "no track is on an object that moves"
 
 
 class TrackOffset(NamedTuple):
@@ -74,7 +76,7 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
     for _ in range(STEPS):
         number, square, error, velocity = near.at(moved)
         speed = np.hypot(*velocity)
-        on = (square < cutoff**2) & (speed > SLOW_MPS)
+        on = (square < cutoff**2) & (speed > near.slow[number])
         if not on.any():
             return np.zeros((4, 0))
         along = (error * velocity).sum(axis=0)[on] / speed[on]
@@ -92,6 +94,13 @@ class NearestObject:
     def __init__(self, truth: Truth, run: int, stamp: Array, place: Array) -> None:
         self._truth, self._stamp, self._place = truth, stamp, place
         self._motion = truth.state_of_run(run)
+        self.slow = np.full(len(truth.ids), np.inf)
+        """``(objects,)`` m/s, below which each has no direction of motion."""
+        for item, alive in enumerate(truth.alive.T):
+            place, velocity = self._motion[:2, alive, item], self._motion[2:, alive, item]
+            if alive.any() and np.hypot(*np.ptp(place, axis=1)) > FAR * truth.recorded_noise.position_m:
+                fastest = float(np.percentile(np.hypot(*velocity), 95))
+                self.slow[item] = min(SLOW_MPS, SLOW_SHARE * fastest)
 
     def at(self, moved: float) -> tuple[Array, Array, Array, Array]:
         """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object."""

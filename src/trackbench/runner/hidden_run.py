@@ -230,7 +230,10 @@ class HiddenRun(TrackerRun[Tracks]):
                     # A track is on an object up to half of the cutoff.
                     x, y = history.mean[:2]
                     outside = unscored(scene.truth, scene.due.steps, x, y, margin=options.cutoff / 2)
+                    outside |= scene.truth.unscored.others
                 scores = score_run(truth, history, options, own, outside, ends)
+                if scene.truth.unscored is not None and scene.truth.unscored.others:
+                    scores = scores.without_false_tracks()
             else:
                 scores = self._scored_without_truth(run, ends)
             tracked = TrackedRun(truth, history, own, scores, outside, scene.bodies(scene.due.steps))

@@ -63,7 +63,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
         raise InputError(message, file=file, key="truth.reference.point")
     kinds = {track.id: track.kind for track in tracks}
     for number, kind in enumerate(config.reference.classes or ()):
-        if kind not in kinds.values():
+        if kind.casefold() not in {each.casefold() for each in kinds.values()}:
             classes = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
             raise InputError(
                 f"no object is of the class {kind!r}; the file has {classes}", key=f"truth.reference.classes.{number}"

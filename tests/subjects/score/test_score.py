@@ -195,6 +195,7 @@ def test_gates_stand_in_the_json(files: Path, cli: Callable[..., Any]) -> None:
         (["old.csv", "--gate", "nees:2"], "neither a larger nor a smaller nees is better"),
         (["mot.txt"], "does not tell the format"),
         (["mot.txt", "--format", "mot"], "no format 'mot'"),
+        (["old.csv", "--truth-format", "cvs"], "--truth-format: no format 'cvs'; did you mean 'csv'?"),
         (["mot.txt", "--format", "motchallenge"], "give their number per second, --rate"),
         (["picture.txt", "--format", "motchallenge", "--rate", "10"], "these are boxes in the picture"),
         (["empty.csv"], "the file is empty"),
@@ -206,7 +207,7 @@ def test_mistakes_are_one_line(files: Path, cli: Callable[..., Any], arguments: 
     as_motchallenge(drawn(0)[0], files / "mot.txt")
     (files / "picture.txt").write_text("1,1,5,6,7,8,1,-1,-1,-1\n")
     (files / "empty.csv").write_text("")
-    done = cli("score", *arguments, "--truth", "boxes.csv")
+    done = cli("score", "--truth", "boxes.csv", "--truth-format", "csv", *arguments)
     assert done.status == 2
     assert message in done.err.splitlines()[-1]
     assert not (files / "results" / "boxes").exists()

@@ -17,6 +17,7 @@ def score(
     *,
     columns: Mapping[str, str] | None = None,
     format: str | None = None,
+    truth_format: str | None = None,
     rate_hz: float | None = None,
     origin: tuple[float, float] | None = None,
     time_offset_s: float = 0.0,
@@ -28,7 +29,8 @@ def score(
         tracks: a file, or several, each of which is a tracker by its name.
         truth: the file of boxes, of the same clock.
         columns: the column of some keys, where its name does not tell: ``{"x": "pos_x", "time": "stamp:ns"}``.
-        format: of files whose ending does not tell it.
+        format: of the files; by the ending of each unless given.
+        truth_format: of the file of boxes, where it is not that of the tracks.
         rate_hz: frames per second of files that count frames, Hz.
         origin: latitude and longitude, degrees, of a point nearby, for tables with latitudes and longitudes.
         time_offset_s: added to the time stamps of the tracks, s.
@@ -38,7 +40,7 @@ def score(
         InputError: a file cannot be read, or it is not known what its columns are.
     """
     files = [tracks] if isinstance(tracks, Path | str) else tracks
-    options = FileOptions(list((columns or {}).items()), format, rate_hz, origin)
+    options = FileOptions(list((columns or {}).items()), format, rate_hz, origin, truth_format)
     folder = Path() if out is None else Path(out)
     loaded = scoring_scenario([Path(file) for file in files], Path(truth), options, folder, time_offset_s=time_offset_s)
     if out is not None:

@@ -13,16 +13,17 @@ from trackbench.cli.terminal import quiet_option
 
 
 @click.command("score")
-@click.argument("tracks", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False), metavar="TRACKS...")
+@click.argument("tracks", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TRACKS...")
 @click.option(
     "--truth",
     required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=click.Path(path_type=Path),
     metavar="BOXES",
     help="File of the true boxes, by the same clock.",
 )
 @click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
-@click.option("--format", "form", metavar="NAME", help="Of files whose ending does not tell: kitti, motchallenge.")
+@click.option("--format", "form", metavar="NAME", help="Of the files, whatever their ending: kitti, ros, ...")
+@click.option("--truth-format", metavar="NAME", help="Of BOXES, where it is another; auto: by the ending.")
 @click.option(
     "--rate", type=Finite(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
 )
@@ -49,6 +50,7 @@ def score_command(
     truth: Path,
     columns: tuple[str, ...],
     form: str | None,
+    truth_format: str | None,
     rate: float | None,
     origin: tuple[float, float] | None,
     time_offset: float,
@@ -95,7 +97,7 @@ def score_command(
     stated = [(key, column) for key, _, column in (text.partition("=") for text in columns)]
     if junit is not None:
         results.require_file(junit, "--junit")
-    options = FileOptions(stated, form, rate, origin)
+    options = FileOptions(stated, form, rate, origin, truth_format)
     loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
     output = RunOutput(as_json, quiet)
     gates_kept = GateOutput(limits, as_json)

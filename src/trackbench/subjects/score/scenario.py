@@ -16,7 +16,8 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
-from trackbench.truth.config.traffic import format_of
+from trackbench.truth.config.logs import is_log
+from trackbench.truth.config.traffic import AUTO, format_of
 from trackbench.truth.formats.tables import QUANTITIES, column_layout, read_header
 from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
 from trackbench.truth.tracks import TRAFFIC_FORMATS, read_rows
@@ -33,11 +34,18 @@ class FileOptions(NamedTuple):
     columns: Sequence[tuple[str, str]]
     """Keys with their columns, perhaps with a unit: ``timestamp:ns``; files may call one differently."""
     format: str | None = None
-    """Of files whose ending does not tell it."""
+    """Of the files; None or auto: by the ending of each."""
     rate_hz: float | None = None
     """Of files that count frames."""
     origin: tuple[float, float] | None = None
     """Of tables with latitude and longitude, those of the point that becomes x = y = 0, degrees."""
+    truth_format: str | None = None
+    """Of the boxes, where it is not that of the tracks."""
+
+    @property
+    def of_truth(self) -> FileOptions:
+        """The options of the file of boxes."""
+        return self._replace(format=self.truth_format or self.format)
 
 
 def scoring_scenario(
@@ -64,11 +72,13 @@ def scoring_scenario(
     """
     files = [*tracks, truth]
     for file in files:
-        if not file.is_file():
+        if not is_log(file):
+            if file.is_dir():
+                raise InputError("a folder that is no bag of ROS 2; name a file", file=file)
             beside = [each.name for each in file.parent.iterdir()] if file.parent.is_dir() else []
             raise InputError(f"there is no such file; {nearest_choices(file.name, beside)}", file=file)
-    _require_known(options.columns, files, options)
-    boxes = _entry(truth, options, folder)
+    _require_known(tracks, truth, options)
+    boxes = _entry(truth, options.of_truth, folder)
     form = TRAFFIC_FORMATS[boxes["format"]]
     rows = read_rows(form.model_validate({k: v for k, v in boxes.items() if k in form.model_fields}), truth)
     name = re.sub("[^a-z0-9_-]+", "_", truth.stem.lower())[:64].strip("_") or "boxes"
@@ -115,15 +125,15 @@ def _word(text: str) -> str:
 
 
 def _format(file: Path, options: FileOptions) -> str:
-    try:
-        return format_of(file.name)
-    except PydanticCustomError as error:
-        if options.format is None:
+    if options.format in (None, AUTO):
+        try:
+            return format_of(file.name)
+        except PydanticCustomError as error:
             raise InputError(error.message().replace("name it in format", "give --format"), file=file) from None
-        if options.format not in TRAFFIC_FORMATS.names():
-            message = f"no format {options.format!r}; {nearest_choices(options.format, TRAFFIC_FORMATS.names())}"
-            raise InputError(message, key="--format") from None
-        return options.format
+    if options.format not in TRAFFIC_FORMATS.names():
+        message = f"no format {options.format!r}; {nearest_choices(options.format, TRAFFIC_FORMATS.names())}"
+        raise InputError(message, key="--truth-format" if options.format == options.truth_format else "--format")
+    return options.format
 
 
 def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
@@ -158,15 +168,16 @@ def _column(text: str, names: Sequence[str]) -> str:
     return text if text in names else text.rpartition(":")[0] or text
 
 
-def _require_known(columns: Sequence[tuple[str, str]], files: Sequence[Path], options: FileOptions) -> None:
+def _require_known(tracks: Sequence[Path], truth: Path, options: FileOptions) -> None:
     """Make sure that each column that is named is in one of the files.
 
     Raises:
         InputError: it is in none, or the key is none.
     """
-    tables = [(file, form) for file in files if (form := _format(file, options)) in TABLES]
+    forms = [*((file, _format(file, options)) for file in tracks), (truth, _format(truth, options.of_truth))]
+    tables = [(file, form) for file, form in forms if form in TABLES]
     names = list(dict.fromkeys(name for file, form in tables for name in read_header(file, form)))
-    for key, text in columns:
+    for key, text in options.columns:
         if key not in QUANTITIES:
             raise InputError(f"no column is called {key!r}; {nearest_choices(key, QUANTITIES)}", key="--map")
         if _column(text, names) not in names:

@@ -19,11 +19,10 @@ from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.files import LARGE, read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
+from trackbench.truth.config.logs import BAG
 from trackbench.truth.formats.tables import FROM_ZERO_S
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
-#: Of a folder of files, the one that names the others.
-METADATA = "metadata.yaml"
 #: ``visualization_msgs/msg/Marker``: a box, and the actions that show it.
 CUBE, SHOWN = 1, (0,)
 #: ``autoware_perception_msgs/msg/ObjectClassification``
@@ -117,10 +116,11 @@ class RosBag(RowsFormat):
             from rosbags.highlevel import AnyReader
         except ImportError:
             raise InputError("ROS bags need one more package: pip install 'trackbench[ros]'", file=file) from None
-        read_bytes(file, most=LARGE)
+        named = file / BAG if file.is_dir() else file
+        read_bytes(named, most=LARGE)
         default = self._default_types(file)
         try:
-            with AnyReader([file.parent if file.name == METADATA else file], default_typestore=default) as bag:
+            with AnyReader([named.parent if named.name == BAG else file], default_typestore=default) as bag:
                 types = {item.topic: item.msgtype for item in bag.connections if item.msgtype in READERS}
                 topic = self._topic(types, file)
                 own = [item for item in bag.connections if item.topic == topic]

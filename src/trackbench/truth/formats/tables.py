@@ -5,7 +5,6 @@ Which column is what is told by usual names and shown; what they leave in doubt 
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -22,7 +21,7 @@ from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
 from trackbench.truth.formats.geographic import GeographicOrigin
-from trackbench.truth.recorded.rows import Rows, log_text, read_table, reading_parquet, time_stamps
+from trackbench.truth.recorded.rows import Rows, csv_rows, read_table, reading_parquet
 from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
 
 #: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
@@ -147,10 +146,10 @@ def read_header(file: Path, form: str) -> list[str]:
         InputError: it cannot be read.
     """
     if form == "csv":
-        lines = [line for line in log_text(file).splitlines() if line.strip()]
-        names = [name.strip() for name in next(csv.reader(lines[:1]))]
+        line, cells = next(csv_rows(file))
+        names = [name.strip() for name in cells]
         if len(names) == 1 and (other := re.search(r"[;\t|]", names[0])):
-            raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=1)
+            raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=line)
     else:
         import pyarrow.parquet as pq
 
@@ -224,7 +223,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
             return None
         return ["" if value is None else str(value).strip() for value in rows.columns[layout.columns[key]]]
 
-    stamps = time_stamps(rows, layout.columns["time"], factors["time"])
+    stamps = rows.times(layout.columns["time"], factors["time"])
     start = min(stamps).to_integral_value(ROUND_FLOOR) if max(map(abs, stamps)) > FROM_ZERO_S else Decimal(0)
     time = np.array([float(stamp - start) for stamp in stamps])
     latest = int(np.argmax(time))
@@ -256,7 +255,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
         kind=texts("class"),
         **named,
         start=start,
-        notes=tuple(layout.lines),
+        notes=(*layout.lines, *rows.zone_notes(layout.columns["time"])),
     )
 
 
