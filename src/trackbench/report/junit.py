@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Protocol
 from xml.etree import ElementTree as ET
 
 from trackbench.base.config import KeyPath
@@ -91,13 +92,7 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
         baseline, *later = scenario.results
         for result in later:
             cases = [
-                Case(
-                    f"{item.entrant.tracker} {item.metric} not worse by more than {item.percent:g} %",
-                    f"{scenario.name}.{item.entrant.tracker}",
-                    item.outcome,
-                    item.text,
-                    result_file(result.label),
-                )
+                limit_case(scenario.name, item.entrant.tracker, item, item.text, result.label)
                 for item in gates
                 if item.scenario == scenario.name and item.entrant.set == result.set
             ]
@@ -105,9 +100,33 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
     return suites
 
 
-def result_file(label: str) -> str:
-    """The file of a result, of which the folder or the file itself is named."""
-    return label if label.endswith(".json") else f"{label}/{SUMMARY}"
+class JudgedLimit(Protocol):
+    """A limit on how much worse a metric may be, with its outcome."""
+
+    @property
+    def metric(self) -> str: ...
+    @property
+    def percent(self) -> float: ...
+    @property
+    def outcome(self) -> GateOutcome: ...
+
+
+def limit_case(scenario: str, tracker: str, limit: JudgedLimit, found: str, label: str) -> Case:
+    """Return the test case of a limit on one tracker; an undecided limit is not shown to be kept, and a failure.
+
+    Args:
+        scenario: its name.
+        tracker: its name.
+        limit: with its outcome.
+        found: what was found, in one line.
+        label: the result that is judged: its folder or the file itself.
+    """
+    name = f"{tracker} {limit.metric} not worse by more than {limit.percent:g} %"
+    outcome, message = limit.outcome, found
+    if outcome == "undecided":
+        outcome, message = "failed", f"undecided: {found}"
+    file = label if label.endswith(".json") else f"{label}/{SUMMARY}"
+    return Case(name, f"{scenario}.{tracker}", outcome, message, file)
 
 
 def to_xml(suites: Sequence[Suite]) -> str:
