@@ -106,6 +106,8 @@ class PairDifference(ResultModel):
     for missing ones. Neither is called better where this has the other sign."""
     scenes: int
     """Number of scenes that the runs are of; with several, the scenes are what is independent."""
+    scenes_in_words: str = ""
+    """As of :class:`trackbench.results.scenario_summary.TruthSummary`."""
     repeatable: bool = False
     """With a limit: whether both are of the same recorded data, in which nothing is drawn."""
     verdict: str
@@ -191,17 +193,22 @@ class RankDifference(ResultModel):
     """Whether they are shown to differ."""
 
 
-class GateResult(ResultModel):
-    """A limit held against one tracker of a later set in one scenario."""
+class JudgedLimit(ResultModel):
+    """A limit on how much worse a metric may be, and what became of it."""
 
-    scenario: str
-    entrant: Entrant
     metric: str
     percent: float
     outcome: GateOutcome
     """As :func:`trackbench.compare.limits.gate_results` judges it; ``error``: the entrant has no value."""
     text: str
     """What was found, in one line."""
+
+
+class GateResult(JudgedLimit):
+    """A limit held against one tracker of a later set in one scenario."""
+
+    scenario: str
+    entrant: Entrant
 
 
 class OrderInWorlds(ResultModel):

@@ -9,12 +9,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Protocol
 from xml.etree import ElementTree as ET
 
 from trackbench.base.config import KeyPath
 from trackbench.compare import Comparison
-from trackbench.compare.comparison import GateOutcome
+from trackbench.compare.comparison import GateOutcome, JudgedLimit
 from trackbench.report.sentences import value_and_limit
 from trackbench.results import SUMMARY, ExpectationResult, Result
 from trackbench.scenario import Scenario
@@ -100,27 +99,8 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
     return suites
 
 
-class JudgedLimit(Protocol):
-    """A limit on how much worse a metric may be, with its outcome."""
-
-    @property
-    def metric(self) -> str: ...
-    @property
-    def percent(self) -> float: ...
-    @property
-    def outcome(self) -> GateOutcome: ...
-
-
 def limit_case(scenario: str, tracker: str, limit: JudgedLimit, found: str, label: str) -> Case:
-    """Return the test case of a limit on one tracker; an undecided limit is not shown to be kept, and a failure.
-
-    Args:
-        scenario: its name.
-        tracker: its name.
-        limit: with its outcome.
-        found: what was found, in one line.
-        label: the result that is judged: its folder or the file itself.
-    """
+    """Return the test case of a limit on one tracker in a result; an undecided limit is not kept, and a failure."""
     name = f"{tracker} {limit.metric} not worse by more than {limit.percent:g} %"
     outcome, message = limit.outcome, found
     if outcome == "undecided":

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.config.key_units import option_in_words
+from trackbench.base.errors import counted
 from trackbench.base.types import Array, Indices
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics import Evaluation, Interval, health, no_metrics, ratio
@@ -25,7 +26,7 @@ from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.raw import BASELINE
-from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
 
@@ -70,11 +71,12 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
 
 
-def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:
+def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[TrafficScores]) -> FiledRows:
     read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
+    total = sum(map(len, files))
     # Scenes of one file without runs share its rows.
-    outside = (len(rows) if rows.run is None else read) - there
-    return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent)
+    outside = (read if any(rows.run is not None for rows in files) else total) - there
+    return FiledRows(rows=total, outside=max(outside, 0), silent_runs=silent)
 
 
 def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
@@ -107,7 +109,9 @@ def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
     """A tracker in a few words; ``late``: names of the sensors whose scans are."""
     if isinstance(tracker, TracksConfig):
         moved = f", time offset {tracker.time_offset_s:g} s" if tracker.time_offset_s else ""
-        return f"made elsewhere, {PurePath(tracker.path).name}{moved}"
+        files = files_in(tracker.path)
+        what = PurePath(files[0]).name if len(files) == 1 else counted(len(files), "file")
+        return f"made elsewhere, {what}{moved}"
     if isinstance(tracker, PluginConfig):
         options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
         parts = [str(tracker.use), options]

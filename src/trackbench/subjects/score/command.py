@@ -13,13 +13,14 @@ from trackbench.cli.terminal import quiet_option
 
 
 @click.command("score")
-@click.argument("tracks", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False), metavar="TRACKS...")
+@click.argument("tracks", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TRACKS...")
 @click.option(
     "--truth",
     required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
+    multiple=True,
+    type=click.Path(path_type=Path),
     metavar="BOXES",
-    help="File of the true boxes, by the same clock.",
+    help="File of the true boxes, by the same clock; of several sequences a folder, or given again.",
 )
 @click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
 @click.option("--format", "form", metavar="NAME", help="Of files whose ending does not tell: kitti, motchallenge.")
@@ -39,7 +40,7 @@ from trackbench.cli.terminal import quiet_option
 @quiet_option("One line, and what failed.")
 def score_command(
     tracks: tuple[Path, ...],
-    truth: Path,
+    truth: tuple[Path, ...],
     columns: tuple[str, ...],
     form: str | None,
     rate: float | None,
@@ -56,11 +57,14 @@ def score_command(
     """Score tracks of a file against boxes of another.
 
     Several files of tracks are compared with each other. Columns are known by
-    usual names, which are shown. The scenario that it is stands in DIR too.
+    usual names, which are shown. The scenario that it is stands in DIR too. A
+    folder of boxes holds several sequences, and a folder of tracks one tracker's,
+    in files of the same names; intervals rest on five sequences or more.
 
     \b
     Examples:
       trackbench score tracks.csv --truth boxes.csv --map x=pos_x
+      trackbench score old/ new/ --truth boxes/
       trackbench score old.csv new.csv --truth boxes.csv --gate gospa:2%
 
     \b
@@ -79,8 +83,6 @@ def score_command(
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
     limits = [Gate.parse(text) for text in gates]
-    for limit in limits:
-        limit.require_files(len(tracks))
     for text in columns:
         if "=" not in text:
             raise InputError(f"write KEY=COLUMN, such as x=pos_x, not {text!r}", key="--map")
@@ -89,6 +91,8 @@ def score_command(
         results.require_file(junit, "--junit")
     options = FileOptions(stated, form, rate)
     loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
+    for limit in limits:
+        limit.require_files(len(loaded.config.trackers))
     output = RunOutput(as_json, quiet)
     gates_kept = GateOutput(limits, as_json)
     output.followers = [gates_kept]
