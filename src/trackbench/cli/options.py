@@ -21,6 +21,7 @@ from trackbench.engine.choice import ENGINE_NAMES
 
 if TYPE_CHECKING:
     from trackbench.api.plan import Listener
+    from trackbench.compare.comparison import GateOutcome
     from trackbench.report.junit import Suite
     from trackbench.scenario import Scenario
 
@@ -42,6 +43,24 @@ def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_j
         write_text(junit, to_xml(suites))
     for line in to_annotations(suites) if github else ():
         click.echo(line, err=as_json)
+
+
+def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:
+    """Exit with status 0 if every limit is shown to be kept, else with 1, and say so in the last line on stderr.
+
+    Args:
+        outcomes: what became of each limit.
+        status: another status, such as that of a tracker that failed, which comes first.
+
+    Raises:
+        click.exceptions.Exit: always.
+    """
+    from trackbench.compare.limits import exit_line
+
+    status = status or (0 if all(outcome == "passed" for outcome in outcomes) else FAILED_EXPECTATION)
+    if outcomes:
+        click.echo(exit_line(outcomes, status), err=True)
+    raise click.exceptions.Exit(status)
 
 
 def out_option(summary: str, default: str | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

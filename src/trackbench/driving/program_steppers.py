@@ -12,7 +12,7 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.frames import ScanFrames, each_of, id_of, ids_of, message_estimate, plain_estimate, tracks_of
 from trackbench.driving.program import Program
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, Stepper, Traits
-from trackbench.trackers.answers import KEPT_THERE, OF_ONE, TrackerFault, require_kept
+from trackbench.trackers.answers import KEPT_THERE, OF_ONE, OF_SEVERAL, TrackerFault, require_kept
 
 Message = dict[str, Any]
 
@@ -27,7 +27,7 @@ def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
     if kind == "none":
         return None
     if (kind == "tracks") != several:
-        raise TrackerFault(OF_ONE if several else "it gave tracks; with known identities an estimate is needed")
+        raise TrackerFault(OF_ONE if several else OF_SEVERAL)
     return tracks_of(message) if several else message_estimate(message)
 
 

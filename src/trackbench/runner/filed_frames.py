@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
+
 import numpy as np
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Truth
 from trackbench.runner.filed_run import NearestObject
 from trackbench.runner.filed_tracks import rows_of_run
 from trackbench.runner.work import Work
-from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig, files_in
+from trackbench.truth.own_velocity import contradicted_velocity
+from trackbench.truth.tracks import TrackRows
 
 #: Share of the rows on objects below which other frames are tried, and from which one of them is named.
 FEW, MANY = 0.1, 0.5
@@ -26,22 +30,39 @@ FRAMES = {
 }
 
 
-def why_nothing_matches(work: Work, name: str) -> str | None:
-    """Say why almost no row of a file is on an object, and what to do; None where enough are.
+def remarks_on_files(work: Work, name: str) -> tuple[str, ...]:
+    """Say what contradicts itself in the files of a tracker, or contradicts the truth, and what to do.
 
     Args:
-        work: of the run, whose first scene and run are looked at.
+        work: of the run; of each scene the first run is looked at.
         name: of the tracker.
     """
-    config, every, truth = work.trackers[name], work.filed[name], work.scenes[0].truth
+    config, files = work.trackers[name], work.filed[name]
     assert isinstance(config, TracksConfig)
-    rows = rows_of_run(every, 0, 0)
-    stamp = rows.time + float(every.start - truth.start) + config.time_offset_s
+    remarks = []
+    for number, every in enumerate(files):
+        rows, truth = rows_of_run(every, number, 0), work.scenes[number].truth
+        shift = float(every.start - truth.start) + config.time_offset_s
+        found = contradicted_velocity(every), why_nothing_matches(rows, truth, shift, work.cutoff or 0.0)
+        where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""
+        remarks += [where + remark for remark in found if remark is not None]
+    return tuple(remarks)
+
+
+def why_nothing_matches(rows: TrackRows, truth: Truth, shift: float, cutoff: float) -> str | None:
+    """Say why almost no row is on an object, and what to do; None where enough are.
+
+    Args:
+        rows: of one run, in the order of time.
+        truth: of its scene.
+        shift: added to the rows' times, s.
+        cutoff: distance at which a row is on no object, m.
+    """
+    stamp = rows.time + shift
     chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
     chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
     if not len(chosen):
         return None
-    cutoff = work.cutoff or 0.0
     place = np.stack([rows.px[chosen], rows.py[chosen]])
 
     def share(frame: Array) -> float:

@@ -14,7 +14,7 @@ from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.results import MetricValue
 from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
 from trackbench.runner.hidden_run import HiddenRun, SceneRuns
-from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
 #: Offsets that are tried first, to this on both sides, s.
@@ -190,17 +190,19 @@ class FiledRun(HiddenRun):
     def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:
         config = self._work.trackers[self.name]
         assert isinstance(config, TracksConfig)
-        every = self._work.filed[self.name]
+        files = self._work.filed[self.name]
 
         def histories(part: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
             number, truth = part.piece.runs.start + run, part.scene.truth
+            place = part.piece.scene if len(files) > 1 else 0
+            every = files[place]
             shift = float(every.start - truth.start) + config.time_offset_s
             rows = rows_of_run(every, part.piece.scene, number)
             problem = why_other_scans(rows, self._hidden.digests[run].hex()[:16])
             # Without a sensor there are no scans that the tracks could have been made of.
             if problem is not None and self._hidden.scans:
                 where = f"scene {part.piece.scene}, run {number}"
-                raise InputError(f"{where}: {problem}", file=config.path, key=f"trackers.{self.name}")
+                raise InputError(f"{where}: {problem}", file=files_in(config.path)[place], key=f"trackers.{self.name}")
             there = inside(rows, shift, truth.time[0], truth.time[-1])
             self._counts += len(rows), there.sum(), not there.any()
             history, stamp = tracks_at_instants(rows, self._time, shift)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import nearest_choices, same_name
+from trackbench.base.errors import counted, nearest_choices, same_name
 from trackbench.metrics import Field
 from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
@@ -18,7 +18,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
 from trackbench.truth.config import FixedObserver, HighwayOptions, ScriptedOptions
-from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
@@ -117,6 +117,9 @@ def _made_elsewhere(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("trackers", name, "use"), message)
         elif isinstance(scenario.truth, RecordingTruth) and scenario.truth.without_truth:
             yield Problem(("trackers", name, "use"), "there is no truth to score its tracks against")
+        elif len(files := files_in(tracker.path)) > 1 and len(files) != (scenes := len(scenario.truth.scenes())):
+            message = f"{len(files)} files for {counted(scenes, 'scene')}; name one for each, in the same order"
+            yield Problem(("trackers", name, "path"), message)
 
 
 #: How the observer becomes the ego, by the source of the truth; others have none.

@@ -119,10 +119,8 @@ def _synthetic(scenario: ScenarioConfig, truth: RecordingTruth, name: str) -> It
 
 
 def same_every_run(scenario: ScenarioConfig) -> bool:
-    """Whether all measurements are recorded, and no tracker's start is drawn."""
-    if not isinstance(scenario.truth, RecordingTruth):
-        return False
-    drawn = any(
+    """Whether nothing is drawn: no motion, no tracker's start and no measurement, as all of them are recorded."""
+    drawn = scenario.truth.random or any(
         isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values()
     )
     return len(scenario.truth.feeds(scenario.sensor_kinds)) == len(scenario.sensors) and not drawn

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from trackbench import results
-from trackbench.cli.options import FAILED_EXPECTATION, Finite, artifact_options, github_option, out_option, write_suites
+from trackbench.cli.options import Finite, artifact_options, end_with_limits, github_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
 
@@ -17,9 +17,10 @@ from trackbench.cli.terminal import quiet_option
 @click.option(
     "--truth",
     required=True,
+    multiple=True,
     type=click.Path(path_type=Path),
     metavar="BOXES",
-    help="File of the true boxes, by the same clock.",
+    help="File of the true boxes, by the same clock; of several sequences a folder, or given again.",
 )
 @click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
 @click.option("--format", "form", metavar="NAME", help="Of the files, whatever their ending: kitti, ros, ...")
@@ -47,7 +48,7 @@ from trackbench.cli.terminal import quiet_option
 @quiet_option("One line, and what failed.")
 def score_command(
     tracks: tuple[Path, ...],
-    truth: Path,
+    truth: tuple[Path, ...],
     columns: tuple[str, ...],
     form: str | None,
     truth_format: str | None,
@@ -66,15 +67,18 @@ def score_command(
     """Score tracks of a file against boxes of another.
 
     Several files of tracks are compared with each other. Columns are known by
-    usual names, which are shown. The scenario that it is stands in DIR too.
+    usual names, which are shown. The scenario that it is stands in DIR too. A
+    folder of boxes holds several sequences, and a folder of tracks one tracker's,
+    in files of the same names; intervals rest on five sequences or more.
 
     \b
     Examples:
       trackbench score tracks.csv --truth boxes.csv --map x=pos_x
+      trackbench score old/ new/ --truth boxes/
       trackbench score old.csv new.csv --truth boxes.csv --gate gospa:2%
 
     \b
-    Exit status: 0 gates passed, 1 one failed, 2 bad input, 3 a tracker
+    Exit status: 0 each gate is kept, 1 one is not, 2 bad input, 3 a tracker
     failed, 4 cannot write
     """
     from trackbench.api.plan import RunPlan
@@ -89,8 +93,6 @@ def score_command(
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
     limits = [Gate.parse(text) for text in gates]
-    for limit in limits:
-        limit.require_files(len(tracks))
     for text in columns:
         if "=" not in text:
             raise InputError(f"write KEY=COLUMN, such as x=pos_x, not {text!r}", key="--map")
@@ -99,6 +101,8 @@ def score_command(
         results.require_file(junit, "--junit")
     options = FileOptions(stated, form, rate, origin, truth_format)
     loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
+    for limit in limits:
+        limit.require_files(len(loaded.config.trackers))
     output = RunOutput(as_json, quiet)
     gates_kept = GateOutput(limits, as_json)
     output.followers = [gates_kept]
@@ -115,4 +119,4 @@ def score_command(
         summary = result.json()
         summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
         click.echo(json.dumps(summary, indent=2, allow_nan=False))
-    raise click.exceptions.Exit(status([result]) or (0 if kept else FAILED_EXPECTATION))
+    end_with_limits([case.outcome for case in cases], status([result]))
