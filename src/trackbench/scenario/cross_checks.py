@@ -223,7 +223,9 @@ def _start(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterat
             yield Problem(("trackers", name, "filter"), message)
     if initial.source != "truth" and not any(placed[sensor] for sensor in starting):
         remedy = "start from a sensor that does" + (", or from: truth" if tracker.associate is None else "")
-        yield Problem(("trackers", name, "initial"), f"no track can start: {sensors} measures no position; {remedy}")
+        yield Problem(
+            ("trackers", name, "initial"), f"no track can start: none of {sensors} measures a position; {remedy}"
+        )
     if initial.velocity == "zero" or "velocity" not in initial.model_fields_set or tracker.associate is not None:
         return
     if not any(SENSOR_MODELS[kind_of[sensor]].measures_velocity() for sensor in starting):
