@@ -100,7 +100,7 @@ STATE = [
     ),
 ]
 MEASUREMENT = [
-    *(_number(f"z{row}", _entry("measurement", row), unit="", required=row < 2) for row in range(3)),
+    *(_number(f"z{row}", _entry("measurement", row), unit="", required=row < 1) for row in range(3)),
     *(_number(name, _entry("position", row)) for row, name in enumerate(("x_m", "y_m"))),
     *(_number(f"sensor_{name}", _entry("sensor_pose", row)) for row, name in enumerate(("x_m", "y_m", "yaw_rad"))),
 ]

@@ -75,7 +75,7 @@ def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Ar
     """``(2, K, CORNERS)`` x and y, m: the edge of each gate over the first two components of a measurement.
 
     The sensor's equation is linearised at the track. A gate is an ellipsoid, and its shadow on two components is the
-    ellipse of their covariance with the same threshold.
+    ellipse of their covariance with the same threshold. NaN of a sensor that measures no position.
 
     Args:
         scan: of the sensor, whose pose may be ``(3, K)`` and velocity ``(2, K)``.
@@ -84,6 +84,8 @@ def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Ar
         threshold: of the squared Mahalanobis distance.
     """
     model = SENSOR_MODELS[scan.kind]
+    if not model.measures_position():
+        return np.full((2, mean.shape[1], CORNERS), np.nan)
     pose, velocity = scan.sensor_pose.reshape(3, -1), scan.sensor_velocity.reshape(2, -1)
     slope = model.jacobian(mean, pose, velocity)
     spread = np.einsum("iak,abk,jbk->ijk", slope, covariance, slope) + scan.noise_covariance[..., None]

@@ -82,7 +82,7 @@ def _untitle(part: Schema) -> None:
 
 
 def _sensor(part: Schema, kind: str) -> None:
-    """A preset stands in for the keys that are required without one."""
+    """A preset stands in for the keys that are required without one; a radar that measures less needs fewer."""
     names = [preset.name for preset in list_presets() if preset.kind == kind]
     if not names:
         part["properties"].pop("preset")
@@ -90,7 +90,8 @@ def _sensor(part: Schema, kind: str) -> None:
     needed = [key for key in part["required"] if key != "type"]
     part["required"] = ["type"]
     part["properties"]["preset"] = {"enum": names, "description": part["properties"]["preset"]["description"]}
-    part["if"] = {"not": {"required": ["preset"]}}
+    instead = [{"required": [key]} for key in ("preset", "measures") if key in part["properties"]]
+    part["if"] = {"not": {"anyOf": instead}}
     part["then"] = {"required": needed}
 
 

@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from trackbench.base.config import Angle, Config, KeyPath, Name, Positive, Problem
 from trackbench.base.errors import counted
+from trackbench.base.types import sensor_type
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.columns import (
     POINTS,
@@ -218,7 +219,7 @@ class RecordingOptions(ReferenceTruth):
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements are recorded."""
         if self.format == "udacity":
-            return {name: kind for name, kind in kinds.items() if kind in ("lidar", "radar")}
+            return {name: kind for name, kind in kinds.items() if sensor_type(kind) in ("lidar", "radar")}
         return {name: kind for name, kind in kinds.items() if name in self.measurements}
 
     @property

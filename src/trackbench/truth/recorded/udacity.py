@@ -12,6 +12,8 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.numbers import stated_number
+from trackbench.base.types import sensor_type
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
@@ -125,10 +127,13 @@ def load_udacity(config: RecordingOptions, kinds: Mapping[str, str], folder: Pat
     )
     logs = {}
     for name, kind in config.feeds(kinds).items():
-        rows = [i for i, item in enumerate(measurements) if item.kind == kind]
+        every = SENSOR_MODELS[sensor_type(kind)].components
+        components = [every.index(part) for part in SENSOR_MODELS[kind].components]
+        rows = [i for i, item in enumerate(measurements) if item.kind == sensor_type(kind)]
         if not rows:
             raise InputError(f"the file has no line of a {kind}, which sensor {name} is", file=file)
-        measurement, owner = np.array([measurements[i].measurement for i in rows]).T, np.zeros(len(rows), dtype=np.intp)
+        measurement = np.array([measurements[i].measurement for i in rows]).T[components]
+        owner = np.zeros(len(rows), dtype=np.intp)
         logs[name] = Log(seconds[rows], owner, measurement, seconds[rows], row_order(seconds[rows], owner)[1])
     order = row_order(times, np.zeros(len(times), dtype=np.intp))[1]
     return Drive({OBJECT: motion}, order, None, logs, {"file": file.name, "lines": len(measurements)})
