@@ -132,7 +132,9 @@ def nearest_choices(name: str, choices: Iterable[str]) -> str:
     if close := did_you_mean(similar_names(name, names)):
         return close
     if len(names) > LISTED:
-        return f"choose from {len(names)}, such as {', '.join(get_close_matches(name[:LONGEST], names, n=5, cutoff=0.0))}"
+        return (
+            f"choose from {len(names)}, such as {', '.join(get_close_matches(name[:LONGEST], names, n=5, cutoff=0.0))}"
+        )
     return "choose from: " + ", ".join(names) if names else "there is none to choose from"
 
 
