@@ -103,7 +103,7 @@ def test_what_cannot_be_meant_is_named(tmp_path: Path) -> None:
 def test_a_file_that_is_no_bag_is_one_line(tmp_path: Path) -> None:
     file = tmp_path / "cut.db3"
     file.write_bytes(write_bag(tmp_path, [("/odom", Messages().odometry(0.5))]).read_bytes()[:5000])
-    with pytest.raises(InputError, match="not a ROS bag that can be read") as caught:
+    with pytest.raises(InputError, match="not an SQLite database that can be read") as caught:
         RosBag().rows(file)
     assert "\n" not in str(caught.value)
 
