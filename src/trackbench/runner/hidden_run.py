@@ -242,7 +242,7 @@ class HiddenRun(TrackerRun[Tracks]):
                 sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}
             number, recorded = self._work.number(piece.scene, piece.runs.start + run), self._work.recorded_in(piece)
             outcome.sums.add(number, scores, recorded=run == recorded)
-            outcome.reused_ids[run] = reused(history.ids)
+            outcome.reused_ids[run] = reused_ids(history, self._time, options.cutoff)
             if run == recorded:
                 outcome.recorded, outcome.taken = history, self._detections_taken(part.first + run)
                 outcome.predicted = self._predicted[part.first + run]
@@ -331,12 +331,27 @@ class HiddenRun(TrackerRun[Tracks]):
         return None, member
 
 
-def reused(ids: Indices) -> int:
-    """How many ids ``(T, K)`` come back after an instant without them."""
-    instant, column = np.nonzero(ids != NO_TRACK)
-    own = ids[instant, column]
-    order = np.lexsort((instant, own))
-    return int(np.sum((np.diff(own[order]) == 0) & (np.diff(instant[order]) > 1)))
+def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
+    """Count the ids that come back elsewhere, after an instant without them.
+
+    A track that was not reported for a while comes back where its velocity takes it: within ``cutoff`` and four of the
+    standard deviations that it stated.
+
+    Args:
+        tracks: of one run at T instants.
+        time: ``(T,)`` s.
+        cutoff: distance, m.
+    """
+    instant, column = np.nonzero(tracks.ids != NO_TRACK)
+    order = np.lexsort((instant, tracks.ids[instant, column]))
+    instant, column = instant[order], column[order]
+    ids, state = tracks.ids[instant, column], tracks.mean[:, instant, column]
+    variance = np.einsum("iik->ik", np.nan_to_num(tracks.covariance[:, :, instant, column]))
+    last = np.flatnonzero((np.diff(ids) == 0) & (np.diff(instant) > 1))
+    elapsed = time[instant[last + 1]] - time[instant[last]]
+    away = state[:2, last + 1] - state[:2, last] - elapsed * np.nan_to_num(state[2:, last])
+    spread = np.sqrt((variance[:2, last] + elapsed**2 * variance[2:, last]).max(axis=0, initial=0.0))
+    return int(np.sum(np.hypot(*away) > cutoff + 4.0 * spread))
 
 
 def _stacked(instants: Sequence[Tracks]) -> Tracks:

@@ -14,7 +14,7 @@ from trackbench.base.types import Array, FieldOfView, Scan
 from trackbench.filters import AnyBelief, Filter
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.detection import detected_share
-from trackbench.trackers.associate import AssociateConfig
+from trackbench.trackers.associate import AssociateConfig, GaussianBirths
 from trackbench.trackers.assume import AssumedSensors, distance_from_sensor, measured_distance
 from trackbench.trackers.multi.gate import in_field_of_view
 
@@ -111,10 +111,11 @@ def intensity(
     detection: float | Array,
     velocity_sigma: float,
 ) -> Intensity:
-    """What is expected in a scan.
+    """Return the densities of false alarms and of objects without a track in a scan.
 
-    False alarms and objects without a track are taken to be uniform over the field of view. A filter that compares
-    positions takes all false alarms in view, spread over its area.
+    False alarms are taken to be uniform over the field of view. So are objects without a track, unless the options
+    state a Gaussian of their positions. A filter that compares positions takes all false alarms in view, spread over
+    its area.
 
     Args:
         scan: says what the sensor states.
@@ -129,30 +130,55 @@ def intensity(
     stated = config.clutter_density.get(scan.sensor, scan.clutter_density or 0.0)
     volume = view.volume or measured
     false_alarms = max(stated * volume, FEWEST_FALSE_ALARMS)
-    if as_measured:
-        return Intensity(false_alarms / volume, undetected / measured * detection)
-    return Intensity(false_alarms / positions, undetected / positions * detection)
+    share: float | Array = 1.0 / (measured if as_measured else positions)
+    if isinstance(config.birth_density, GaussianBirths) and SENSOR_MODELS[scan.kind].measures_position():
+        share = _gaussian(config.birth_density, scan)
+        if as_measured:
+            share /= volume_per_area(scan.kind, measured_distance(scan), velocity_sigma)
+    return Intensity(false_alarms / (volume if as_measured else positions), undetected * share * detection)
+
+
+def _gaussian(births: GaussianBirths, scan: Scan) -> Array:
+    """``(N,)`` density of the position of each detection of an object that the births bring, 1/m^2."""
+    position, noise = SENSOR_MODELS[scan.kind].position(scan)
+    xx, yy, xy = noise[0, 0] + births.sigma_m**2, noise[1, 1] + births.sigma_m**2, noise[0, 1]
+    x, y = position[0] - births.x, position[1] - births.y
+    determinant = xx * yy - xy * xy
+    distance = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant
+    density: Array = np.exp(-0.5 * distance) / (2.0 * np.pi * np.sqrt(determinant))
+    return density
 
 
 @lru_cache(maxsize=64)
 def volumes(kind: str, view: FieldOfView, velocity_sigma: float) -> tuple[float, float]:
-    """Of the measurement space, in its units, and of the field of view, m^2.
+    """Return the volume of the measurement space, in its units, and the area of the field of view, m^2.
 
-    The measurement's derivative half-way to the largest range says by how much an area is stretched (for range and
-    azimuth this is exact), or a length, along or across the line of sight, where one component alone depends on the
-    position. A component that the velocity moves has the width of its distribution, sqrt(2 pi) sigma.
+    For range and azimuth the stretch of an area half-way to the largest range is exact. Where one component alone
+    depends on the position, a length along or across the line of sight is stretched.
     """
     sensor = SENSOR_MODELS[kind]
     reach = view.max_range if np.isfinite(view.max_range) else UNLIMITED_RANGE
     area = view.half_angle * reach**2
+    if sensor.measures_position():
+        return float(area * volume_per_area(kind, np.array(reach / 2), velocity_sigma)), area
     h = sensor.jacobian(np.array([reach / 2, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(2))
     places = sum(unit != "m/s" for unit in sensor.units)
     rest = linalg.matmul_transposed(h[places:, 2:], h[places:, 2:]) * 2 * np.pi * velocity_sigma**2
-    if places == 2:
-        stretch = abs(np.linalg.det(h[:2, :2])) * np.sqrt(np.linalg.det(rest))
-        return float(area * stretch), area
     seen = h[:places, :2] * [reach, view.half_angle * reach]
     return float(np.sqrt(np.linalg.det(linalg.matmul_transposed(seen, seen)) * np.linalg.det(rest))), area
+
+
+def volume_per_area(kind: str, distance: Array, velocity_sigma: float) -> Array:
+    """Return the volume of the measurement space per area of positions, at distances ``(...)`` from the sensor, m.
+
+    The measurement's derivative says by how much an area is stretched. A component that the velocity moves has the
+    width of its distribution, sqrt(2 pi) sigma.
+    """
+    zero = np.zeros_like(distance)
+    h = SENSOR_MODELS[kind].jacobian(np.array([distance, zero, zero, zero]), np.zeros(3), np.zeros(2))
+    rest = linalg.matmul_transposed(h[2:, 2:], h[2:, 2:]) * 2 * np.pi * velocity_sigma**2
+    of_position, of_velocity = (np.linalg.det(np.moveaxis(part, (0, 1), (-2, -1))) for part in (h[:2, :2], rest))
+    return np.asarray(np.abs(of_position) * np.sqrt(of_velocity))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Indices, Mask, indices
 from trackbench.engine.equations import Compute, Equations, Values
 from trackbench.filters import AnyBelief, Belief
-from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
+from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.initial import SAME_TIME
 from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, duplicates
 from trackbench.trackers.multi.table import NONE, TrackFilter, TrackTable, empty, selected_detections
@@ -32,10 +32,13 @@ class Judged(NamedTuple):
 
 
 class _Untimed:
-    """The evidence does not change with time alone."""
+    """The evidence does not change with time alone, and each confirmed track is reported."""
 
     def after_time(self, evidence: Array, elapsed: float) -> Array:
         return evidence
+
+    def reports(self, evidence: Array) -> Mask:
+        return np.ones(evidence.shape[1:], dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -109,10 +112,11 @@ class ExistenceLogic:
     """
 
     confirm: float
-    end: float
-    """Below this a confirmed track is deleted."""
+    """Least probability of existence that confirms a track."""
+    report: float
+    """Least probability of existence of a confirmed track that is reported."""
     delete: float
-    """Below this a tentative one is."""
+    """Least probability of existence of a track that is kept."""
     lifetime: float
     """Mean, s."""
     hides: float
@@ -140,8 +144,12 @@ class ExistenceLogic:
         result: Mask = evidence[0] >= self.confirm
         return result
 
+    def reports(self, evidence: Array) -> Mask:
+        result: Mask = evidence[0] >= self.report
+        return result
+
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        result: Mask = evidence[0] < np.where(confirmed, self.end, self.delete)
+        result: Mask = evidence[0] < self.delete
         return result
 
 
@@ -171,6 +179,9 @@ class CountedExistence:
     def confirms(self, evidence: Array) -> Mask:
         return self.count.confirms(self._counted(evidence))
 
+    def reports(self, evidence: Array) -> Mask:
+        return self.existence.reports(evidence)
+
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         exists = self.existence.deletes(evidence, confirmed)
         result: Mask = exists | self.count.deletes(self._counted(evidence), confirmed)
@@ -181,8 +192,8 @@ class CountedExistence:
 
 
 #: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
-#: detection; ``after_time`` and ``after_scan`` move it on; ``confirms`` tells which tracks are to be reported, and
-#: ``deletes`` which end, each ``(L,)``.
+#: detection; ``after_time`` and ``after_scan`` move it on. ``confirms`` tells which tracks get an id, ``reports`` which
+#: of those that have one are reported, and ``deletes`` which end, each ``(L,)``.
 TrackLogic = CountLogic | ScoreLogic | ExistenceLogic | CountedExistence
 
 
@@ -192,7 +203,7 @@ def track_logic(config: AssociateConfig) -> TrackLogic:
     if rule == "score":
         return ScoreLogic(config.confirm_score, config.score_drop)
     hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
-    limits = config.confirm_existence, config.end_existence, config.delete_existence
+    limits = *config.report_limits, config.delete_existence
     existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
     if rule == "existence":
         return existence
@@ -257,7 +268,7 @@ class TrackManager:
         # Of none, which is -1, the last.
         used = np.concatenate([at.detections.column, [NONE]]).take(result.detection)
         ends = np.asarray(after["ends"], dtype=bool)
-        if self.associate.method in SHARING:
+        if self.associate.end_duplicates:
             ends |= duplicates(result.detection, confirmed, *self._compared(result.belief))
         table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
         return table, ends

@@ -199,7 +199,8 @@ class MultiObjectTracker(ScanTracker):
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
         existence = None if self.associate.method in COUNTING else table.evidence[0]
-        return reported_tracks(table, self._track_filter.filter, existence, runs)
+        is_reported = (table.id != NONE) & self._manager.logic.reports(table.evidence)
+        return reported_tracks(table, is_reported, self._track_filter.filter, existence, runs)
 
 
 def _used_of(tracks: Tracks, late: Tracks) -> Indices:
