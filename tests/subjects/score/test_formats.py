@@ -126,7 +126,17 @@ def test_a_bag_of_ros_2_in_mcap_is_a_file_or_a_folder(tmp_path: Path, boxes: Pat
     assert done.status == 2
     assert "format ros reads bags of ROS 2" in done.err
     (tmp_path / "empty").mkdir()
-    assert "a folder that is no bag of ROS 2" in cli("score", "empty", "--truth", boxes, "--format", "ros").err
+    assert "no file in this folder ends in" in cli("score", "empty", "--truth", boxes, "--format", "ros").err
+    # Of a stated format are all files of a folder where none has an ending of it.
+    for name in ("tracks/a", "truth/a"):
+        (tmp_path / name).parent.mkdir()
+    shutil.copy(tmp_path / "alone1.mcap", tmp_path / "tracks" / "a.mcap")
+    shutil.copy(boxes, tmp_path / "truth" / "a.csv")
+    folders = ("tracks", "--truth", "truth", "--format", "ros", "--truth-format", "csv")
+    done = cli("score", *folders, "--json", "--no-recording")
+    assert done.status == 0, done.err
+    (tracker,) = json.loads(done.out)["trackers"]
+    assert tracker["metrics"]["gospa"]["value"] == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.parametrize("classes", ["Car", "car", "CAR"])

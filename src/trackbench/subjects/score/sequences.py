@@ -35,8 +35,8 @@ def paired_sequences(
     Args:
         tracks: files or folders.
         truth: files or folders, of which every file is a sequence.
-        form, truth_form: the format of the tracks and of the boxes, if it is stated: only files with its endings count
-            in a folder.
+        form, truth_form: the format of the tracks and of the boxes, if it is stated: files with its endings count in a
+            folder, or all where none has one.
 
     Raises:
         InputError: a file or folder is not there, or a file has no partner.
@@ -87,12 +87,16 @@ def _by_name(paths: Sequence[Path], form: str | None) -> dict[str, Path]:
 
 
 def _in_folder(folder: Path, form: str | None) -> list[tuple[str, Path]]:
-    """The files of a folder, or of ``data`` in it; else ``gt/gt.txt`` in each folder, as MOTChallenge has it."""
+    """The files of a folder, or of ``data`` in it; else ``gt/gt.txt`` in each folder, as MOTChallenge has it.
+
+    Of a stated format they are those with its endings; where there is none, all are of it.
+    """
     place = folder / "data" if (folder / "data").is_dir() else folder
     formats = TRAFFIC_FORMATS.loaded()
     known = [formats[form]] if form in formats else formats.values()
     endings = tuple(sorted({ending for each in known for ending in each.endings}))
-    files = [file for file in sorted(place.glob("[!.]*")) if file.is_file() and file.name.lower().endswith(endings)]
+    every = [file for file in sorted(place.glob("[!.]*")) if is_log(file)]
+    files = [file for file in every if file.name.lower().endswith(endings)] or (every if form in formats else [])
     by_name = [(file.stem, file) for file in files] or [
         (file.parents[1].name, file) for file in sorted(folder.glob("*/gt/gt.txt"))
     ]
