@@ -92,8 +92,7 @@ class Scan(NamedTuple):
     sensor: str
     """The sensor's name in the scenario."""
     kind: str
-    """The type of the sensor: "radar", "speed_radar", "lidar" or that of a plug-in; and the rows of a measurement where
-    a radar has not all: "radar(range, azimuth)"."""
+    """The type of the sensor, "radar", "lidar" or that of a plug-in; "radar(range, azimuth)" where it measures less."""
     measurement: Array
     """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
     sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m. NaN where not valid."""
@@ -120,8 +119,7 @@ class Scan(NamedTuple):
     place: int = 0
     """Of the sensor in the scenario, from 0. Scans of one time are in this order where none is late."""
     half_range_m: float | None = None
-    """Range at which the sensor states half of ``detection_probability``, as the signal of a fluctuating target falls,
-    m; None where it states the same at all ranges."""
+    """Range at which half of ``detection_probability`` holds, m; None where it is the same at all ranges."""
 
     def __repr__(self) -> str:
         valid = np.asarray(self.valid)
@@ -132,11 +130,6 @@ class Scan(NamedTuple):
     def prompt(self) -> Scan:
         """The same scan, arrived when it was taken."""
         return self._replace(arrival_time=self.time)
-
-
-def sensor_type(kind: str) -> str:
-    """Return the type of the sensor whose scans are of a kind: "radar" of "radar(range, azimuth)"."""
-    return kind.partition("(")[0]
 
 
 def scan_of_member(scan: Scan, member: int) -> Scan:

@@ -120,7 +120,7 @@ class Share(Finite):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """As a share."""
         text = str(value).strip()
-        share = stated_number(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        share = stated_number(text.removesuffix("%").strip()) / (100 if text.endswith("%") else 1)
         if not math.isfinite(share):
             self.fail(f"{shortened_text(text, 40)!r} is not a share such as 0.01 or 1%", param, ctx)
         if 0.5 <= share < 50 and not text.endswith("%"):

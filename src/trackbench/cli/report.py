@@ -157,7 +157,7 @@ def compare_command(
 
     \b
     Exit status:
-      0 compared, and each limit is shown to be kept   1 a limit is broken or undecided
+      0 compared, each limit shown to be kept   1 a limit is broken or undecided
       2 bad input or not comparable   4 cannot write
     """
     from trackbench.compare import Limit, compare_results, find_results

@@ -215,7 +215,7 @@ def _start(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterat
     initial = tracker.initial
     read = tracker.sensors or list(scenario.sensors)
     starting = initial.sensors or read
-    if not {*read, *starting} <= {*scenario.sensors}:
+    if not starting or not {*read, *starting} <= {*scenario.sensors}:
         return
     kind_of = {name: tracker.sensor_models.get(name, sensor.type) for name, sensor in scenario.sensors.items()}
     placed = {sensor: SENSOR_MODELS[kind].measures_position() for sensor, kind in kind_of.items()}

@@ -30,7 +30,8 @@ from trackbench.base.config.key_units import in_si, split_key
 from trackbench.base.config.plugin import Plugin
 from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
-from trackbench.base.types import Array, Gaussian, Scan, sensor_type
+from trackbench.base.types import Array, Gaussian, Scan
+from trackbench.base.units import sensor_type
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
 from trackbench.models.sensors.presets import WORDS, Words, presets, typical

@@ -23,7 +23,7 @@ from trackbench.cli.terminal import quiet_option
     help="File of the true boxes, by the same clock; of several sequences a folder, or given again.",
 )
 @click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
-@click.option("--format", "form", metavar="NAME", help="Of the files, whatever their ending: kitti, ros, ...")
+@click.option("--format", "form", metavar="NAME", help="Of the files, whatever their ending, as kitti or ros.")
 @click.option("--truth-format", metavar="NAME", help="Of BOXES, where it is another; auto: by the ending.")
 @click.option(
     "--rate", type=Finite(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."

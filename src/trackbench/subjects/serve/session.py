@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.types import Array, Estimate, Observer, Scan, sensor_type
-from trackbench.base.units import wrap_angle
+from trackbench.base.types import Array, Estimate, Observer, Scan
+from trackbench.base.units import sensor_type, wrap_angle
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
