@@ -308,3 +308,14 @@ HIDDEN = {
         series=True,
     ),
 }
+
+
+def _of_other_scenes(table: DeclaredTable) -> DeclaredTable:
+    """The same of the other scenes, in the run of the recorded run's number."""
+    return DeclaredTable(f"{table.meaning}, for the other scenes", [*table.columns, _number("scene")])
+
+
+#: Tables of the recorded scene alone.
+OF_RECORDED_RUN = ("measurements", "estimates", "recorded_nis", "recorded_modes", "taken", "gates", "objects", "due")
+LABELLED |= {"other_truth": _of_other_scenes(SHARED["truth"])}
+HIDDEN |= {f"other_{name}": _of_other_scenes(HIDDEN[name]) for name in ("truth", "tracks")}

@@ -243,8 +243,10 @@ class HiddenRun(TrackerRun[Tracks]):
             number, recorded = self._work.number(piece.scene, piece.runs.start + run), self._work.recorded_in(piece)
             outcome.sums.add(number, scores, recorded=run == recorded)
             outcome.reused_ids[run] = reused_ids(history, self._time, options.cutoff)
+            if piece.runs.start + run == self._work.recorded_run:
+                outcome.recorded = history
             if run == recorded:
-                outcome.recorded, outcome.taken = history, self._detections_taken(part.first + run)
+                outcome.taken = self._detections_taken(part.first + run)
                 outcome.predicted = self._predicted[part.first + run]
                 functions = functions_at_work(self._work.metrics, sums)
                 outcome.decided = {label: decisions_of_run(function, tracked) for label, function in functions.items()}

@@ -127,7 +127,7 @@ def test_a_sequence_that_changed_is_no_baseline(five: Path, cli) -> None:
         (["a", "less"], ["gt"], "less: no tracks of the sequence s0 and 1 more; did you mean 's_0'?"),
         (["more"], ["gt"], "gt: no boxes of the sequence s9; did you mean"),
         (["a"], ["gone"], "gone: there is no such file"),
-        (["a"], ["empty"], "empty: no file in this folder ends in .bag"),
+        (["a"], ["empty"], "empty: a folder that is no bag of ROS 2, and no file in it ends in .bag"),
         (["other"], ["gt"], "other/s3.csv: its format or its columns are not those of other/s0.csv"),
     ],
 )

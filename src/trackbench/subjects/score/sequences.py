@@ -101,7 +101,9 @@ def _in_folder(folder: Path, form: str | None) -> list[tuple[str, Path]]:
         (file.parents[1].name, file) for file in sorted(folder.glob("*/gt/gt.txt"))
     ]
     if not by_name:
-        raise InputError(f"no file in this folder ends in {', '.join(endings)}", file=folder)
+        raise InputError(
+            f"a folder that is no bag of ROS 2, and no file in it ends in {', '.join(endings)}", file=folder
+        )
     return by_name
 
 
