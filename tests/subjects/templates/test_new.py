@@ -244,16 +244,16 @@ def test_a_tracker_of_several_objects_in_c_plus_plus_runs_as_printed(tmp_path: P
     build = next(line.split() for line in written.out.splitlines() if line.startswith("  make"))
     assert subprocess.run(build, cwd=tmp_path, capture_output=True, check=False).returncode == 0
     scenario = ("mine.yaml", "--runs", "2", "--out", "own")
-    # Both the scenario that is written and one that comes with the package; no false track, and no switch.
+    # Both the scenario that is written and one that comes with the package, in heavy rain.
     shipped = ("traffic/cut_in", "--runs", "2", "--trackers", "gnn,mine", "--set", "trackers.mine.use.command=[./mine]")
-    for arguments in (scenario, shipped):
+    for arguments, most in ((scenario, 1.0), (shipped, 2.0)):
         done = cli("run", *arguments, "--json", "--no-recording")
         assert done.status == 0, done.err
         mine, gnn = (
             next(entry["metrics"] for entry in json.loads(done.out)["trackers"] if entry["name"] == name)
             for name in ("mine", "gnn")
         )
-        assert mine["gospa"]["value"] < 1.1 * gnn["gospa"]["value"] < 1
+        assert mine["gospa"]["value"] < 1.1 * gnn["gospa"]["value"] < most
         assert mine["hota"]["value"] > 0.95
         assert mine["id_switches"]["value"] == 0
     code = f'from trackbench.testing import check_tracker; check_tracker({USE}, identities="hidden", confirm=(3, 5))'
