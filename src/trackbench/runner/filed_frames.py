@@ -30,12 +30,13 @@ FRAMES = {
 }
 
 
-def remarks_on_files(work: Work, name: str) -> tuple[str, ...]:
+def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, ...]:
     """Say what contradicts itself in the files of a tracker, or contradicts the truth, and what to do.
 
     Args:
         work: of the run; of each scene the first run is looked at.
         name: of the tracker.
+        matched_share: of its objects; where a single file has enough, its other tracks may be of other traffic.
     """
     config, files = work.trackers[name], work.filed[name]
     assert isinstance(config, TracksConfig)
@@ -43,7 +44,9 @@ def remarks_on_files(work: Work, name: str) -> tuple[str, ...]:
     for number, every in enumerate(files):
         rows, truth = rows_of_run(every, number, 0), work.scenes[number].truth
         shift = float(every.start - truth.start) + config.time_offset_s
-        answers = contradicted_velocity(every), why_nothing_matches(rows, truth, shift, work.cutoff or 0.0)
+        doubtful = len(files) > 1 or matched_share < FEW
+        why = why_nothing_matches(rows, truth, shift, work.cutoff or 0.0) if doubtful else None
+        answers = contradicted_velocity(every), why
         where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""
         remarks += [where + remark for remark in answers if remark is not None]
     return tuple(remarks)
