@@ -13,7 +13,7 @@ class TrackbenchError(Exception):
 
 
 class PluginError(TrackbenchError):
-    """What is built in fails after plug-ins were loaded. The command line shows it and exits with status 3."""
+    """A failure of built-in code after plug-ins were loaded. The command line shows it and exits with status 3."""
 
 
 class OutputError(TrackbenchError):

@@ -259,9 +259,9 @@ def _parquet(file: Path, names: list[str]) -> Rows:
 
     with reading_parquet(file):
         metadata = pq.read_metadata(file)
-        header = metadata.schema.to_arrow_schema().names
-        _require(names, header, file, None)
-        _require_plain(names, metadata.schema.to_arrow_schema(), file)
+        schema = metadata.schema.to_arrow_schema()
+        _require(names, schema.names, file, None)
+        _require_plain(names, schema, file)
         _require_few(metadata.num_rows, file)
         table = pq.read_table(file, columns=names)
         columns = {name: _parquet_cells(table[name]) for name in names}
