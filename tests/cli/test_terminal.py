@@ -281,19 +281,21 @@ def test_completion_offers_scenarios_and_their_trackers(tiny: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_completion_script_is_one_of_its_shell(cli: Cli, shell: str, tmp_path: Path) -> None:
-    done = cli("completion", shell)
-    assert (done.status, done.err) == (0, "")
-    assert f"_TRACKBENCH_COMPLETE={shell}_complete" in done.out
+def test_the_completion_script_is_one_of_its_shell(trackbench: str, shell: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "_TRACKBENCH_COMPLETE": f"{shell}_source"}
+    done = subprocess.run([trackbench], env=environment, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    assert f"_TRACKBENCH_COMPLETE={shell}_complete" in done.stdout
     if shutil.which(shell):
-        (tmp_path / "script").write_text(done.out, encoding="utf-8")
+        (tmp_path / "script").write_text(done.stdout, encoding="utf-8")
         subprocess.run([shell, "-n", "script"], cwd=tmp_path, check=True)
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash here")
 def test_completion_in_bash(tiny: Path, tmp_path: Path, trackbench: str) -> None:
     script = (
-        'eval "$(trackbench completion bash)"; COMP_WORDS=(trackbench run tiny.yaml --trackers e); COMP_CWORD=4; '
+        'eval "$(_TRACKBENCH_COMPLETE=bash_source trackbench)"; '
+        "COMP_WORDS=(trackbench run tiny.yaml --trackers e); COMP_CWORD=4; "
         '_trackbench_completion trackbench; echo "${COMPREPLY[@]}"'
     )
     environment = {**os.environ, "PATH": f"{Path(trackbench).parent}:{os.environ['PATH']}"}

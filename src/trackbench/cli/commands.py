@@ -115,9 +115,6 @@ COMMANDS = {
     "explain": Offer("trackbench.cli.explain:explain_command", "Print the page of a term of a table or a report."),
     "check": Offer("trackbench.cli.listing:check_command", "Validate scenario files without running them."),
     "schema": Offer("trackbench.cli.listing:schema_command", "Print the JSON Schema of a scenario file, for editors."),
-    "completion": Offer(
-        "trackbench.cli.options:completion_command", "Print the script that lets a shell complete trackbench."
-    ),
     **dict(offered("commands")),
 }
 

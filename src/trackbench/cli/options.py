@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
-from click.shell_completion import CompletionItem, get_completion_class
+from click.shell_completion import CompletionItem
 
 from trackbench.base.errors import InputError, did_you_mean, shortened_text, similar_names
 from trackbench.base.execution import MOST_WORKERS
@@ -182,31 +182,6 @@ def artifact_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for file, offer in offers.items():
         wrapped = click.option(f"--no-{Path(file).stem}", is_flag=True, help=f"Do not write {offer.summary}.")(wrapped)
     return wrapped
-
-
-SHELLS = ("bash", "zsh", "fish")
-
-
-@click.command("completion")
-@click.argument("shell", type=NearestChoice(SHELLS))
-@click.pass_context
-def completion_command(ctx: click.Context, shell: str) -> None:
-    """Print the script that lets a shell complete trackbench.
-
-    It completes commands, options, scenario files and the names of their trackers.
-
-    \b
-    Examples:
-      eval "$(trackbench completion bash)"               in ~/.bashrc
-      eval "$(trackbench completion zsh)"                in ~/.zshrc
-      trackbench completion fish > ~/.config/fish/completions/trackbench.fish
-    """
-    root = ctx.find_root()
-    kind = get_completion_class(shell)
-    assert kind is not None
-    assert root.info_name is not None
-    variable = f"_{root.info_name.upper()}_COMPLETE"
-    click.echo(kind(root.command, {}, root.info_name, variable).source())
 
 
 def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
