@@ -81,7 +81,7 @@ def score_command(
     from trackbench.cli.run import status
     from trackbench.cli.run_output import RunOutput
     from trackbench.report.junit import Suite, suite_of_run
-    from trackbench.subjects.score.gate import Gate, GateOutput
+    from trackbench.subjects.score.gate import Gate, judged_gates
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
     limits = [Gate.parse(text) for text in gates]
@@ -96,14 +96,14 @@ def score_command(
     for limit in limits:
         limit.require_files(len(loaded.config.trackers))
     output = RunOutput(as_json, quiet)
-    gates_kept = GateOutput(limits, as_json)
-    output.followers = [gates_kept]
     plan, executor = RunPlan(out, left_out=left_out), InProcess()
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())
     (result,) = run_prepared(prepared, plan, executor, output)
-    judgements = gates_kept.judgements
+    judgements = judged_gates(limits, result)
     cases = [item.case(result.name) for item in judgements]
+    for case in [] if as_json else cases:
+        click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
     suite = suite_of_run(result)
     write_suites([Suite(suite.name, [*suite.cases, *cases])], junit, github, as_json)
     kept = all(item.passed for item in judgements)
