@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-from trackbench.base.errors import InputError, did_you_mean, shortened_text, similar_names
+from trackbench.base.errors import did_you_mean, shortened_text, similar_names
 from trackbench.base.execution import MOST_WORKERS
 from trackbench.base.numbers import stated_number
 from trackbench.base.subjects import offered, resolve
@@ -207,27 +207,6 @@ scenarios_argument = click.argument(
 def names_in(text: str) -> list[str]:
     """Of an option's value such as ``A,B``."""
     return [name for item in text.split(",") if (name := item.strip())]
-
-
-def trackers_of_scenarios(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    """``A,B``: the trackers of the scenarios on the line, those already named left out."""
-    before, comma, begun = incomplete.rpartition(",")
-    # While an option at the end of the line has no value, Click leaves all words unread.
-    words = ctx.params.get("scenarios") or ctx.args
-    names = dict.fromkeys(name for word in words for name in trackers_in(word))
-    taken = before.split(",")
-    return [before + comma + name for name in names if name.startswith(begun) and name not in taken]
-
-
-def trackers_in(named: Path | str) -> Iterable[str]:
-    """The names of the trackers of a scenario and of its sweeps; none of one that cannot be read."""
-    from trackbench.scenario import load_scenario
-
-    try:
-        loaded = load_scenario(named)
-    except InputError:
-        return ()
-    return (*loaded.sweeps, *loaded.config.trackers)
 
 
 #: Of the options of all subjects, by parameter.

@@ -19,7 +19,6 @@ from trackbench.cli.options import (
     isolation_options,
     names_in,
     scenarios_argument,
-    trackers_of_scenarios,
 )
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
@@ -30,7 +29,7 @@ from trackbench.scenario.shipped import files_of_scenarios
 
 @click.command("tune")
 @scenarios_argument
-@click.option("--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Tune these.")
+@click.option("--trackers", metavar="A,B", help="Tune these.")
 @click.option(
     "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
 )
