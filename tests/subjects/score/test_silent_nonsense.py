@@ -12,6 +12,7 @@ import pytest
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.report.sentences import made_elsewhere
+from trackbench.truth.formats.geographic import GeographicOrigin
 from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.tracks import TrackRows
 
@@ -139,18 +140,27 @@ def degrees(rows: pd.DataFrame, east: float = 0.0) -> pd.DataFrame:
     )
 
 
-def test_degrees_are_refused_with_what_makes_metres_of_them(tmp_path: Path) -> None:
+def test_degrees_are_refused_without_an_origin_and_scored_in_metres_with_one(tmp_path: Path) -> None:
+    named = {"x": "lon", "y": "latitude"}
+    with pytest.raises(InputError, match=r"are degrees.*--origin 48\.0"):
+        scored(tmp_path, degrees(cars(), 3.0), degrees(cars()), columns=named)
+    with pytest.raises(InputError, match="x is the longitude"):
+        scored(tmp_path, degrees(cars()), degrees(cars()), columns={"x": "latitude", "y": "lon"})
     one = cars()[:200]
-    tracks, boxes = degrees(one, 2.0), degrees(one)
-    for named in ({"x": "lon", "y": "latitude"}, {"x": "latitude", "y": "lon"}, {}):
-        with pytest.raises(InputError, match=r"is in degrees.*pymap3d\.geodetic2enu"):
-            scored(tmp_path, tracks, boxes, columns=named)
-    pymap3d = pytest.importorskip("pymap3d")
-    for rows in (tracks, boxes):
-        rows["east"], rows["north"], _ = pymap3d.geodetic2enu(rows.latitude, rows.lon, 0, 48.1, 11.6, 0)
-    result = scored(tmp_path, tracks, boxes, columns={"x": "east", "y": "north"})
+    result = scored(tmp_path, degrees(one, 2.0), degrees(one), columns=named, origin=(48.1, 11.6))
     assert result["tracks"].position_rmse.value == pytest.approx(2, abs=1e-3)
+    by_usual_names = scored(tmp_path, degrees(one, 2.0), degrees(one), origin=(48.1, 11.6))
+    assert by_usual_names["tracks"].position_rmse.value == result["tracks"].position_rmse.value
     assert remarks(result) == ()
+
+
+def test_the_plane_of_an_origin_agrees_with_another_program() -> None:
+    pymap3d = pytest.importorskip("pymap3d")
+    random = np.random.default_rng(5)
+    latitude, longitude = -33.9 + random.uniform(-0.1, 0.1, 50), 151.2 + random.uniform(-0.1, 0.1, 50)
+    east, north = GeographicOrigin(lat_deg=-33.9, lon_deg=151.2).plane(latitude, longitude)
+    other = pymap3d.geodetic2enu(latitude, longitude, 0.0, -33.9, 151.2, 0.0)
+    np.testing.assert_allclose([east, north], other[:2], atol=1e-6)
 
 
 KITTI = "{frame} {id} Car 0 0 0.0 100 100 200 200 1.5 1.7 4.2 0.0 1.6 {z:.2f} -1.5708{score}\n"

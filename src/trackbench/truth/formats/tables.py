@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -19,6 +20,7 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
+from trackbench.truth.formats.geographic import GeographicOrigin
 from trackbench.truth.recorded.rows import Rows, csv_rows, read_table, reading_parquet
 from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
 
@@ -80,22 +82,15 @@ UNIT_WORDS = {"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "nsec": "n
 LONGEST_NAME = 64
 
 
-#: Words of the names of columns of latitudes and longitudes, and what may stand beside them there.
-DEGREES = {"lat", "latitude", "lon", "lng", "long", "longitude"}
+#: Words of the names of columns of degrees, and what may stand beside them there.
+LATITUDE, LONGITUDE = {"lat", "latitude"}, {"lon", "lng", "long", "longitude"}
+DEGREES = {"x": LONGITUDE, "y": LATITUDE}
 BESIDE = {"deg", "degrees", "gps", "wgs84", "pos", "position"}
 
 
-def _require_metres(names: Iterable[str]) -> None:
-    """Make sure that no column of positions is named as latitudes or longitudes are.
-
-    Raises:
-        InputError: one is; says how to make metres of it.
-    """
-    for name in names:
-        parts = {*_parts(name)}
-        if parts & DEGREES and parts <= DEGREES | BESIDE:
-            plane = "a plane through a point nearby, as of pymap3d.geodetic2enu(lat, lon, 0, lat0, lon0, 0)"
-            raise InputError(f"{name!r} is in degrees, and metres are scored: name columns of metres in {plane}")
+def _is_degrees(name: str, words: set[str]) -> bool:
+    parts = {*_parts(name)}
+    return bool(parts & words) and parts <= words | BESIDE
 
 
 class ColumnLayout(NamedTuple):
@@ -138,6 +133,8 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str], required: It
             name, unit = _named(key, stated[key], header)
         else:
             candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
+            if not candidates and key in DEGREES:
+                candidates = [(name, None) for name in header if _is_degrees(name, DEGREES[key])]
             if len(candidates) > 1:
                 names = " or ".join(repr(name) for name, _ in candidates)
                 raise InputError(f"{key} may be {names}: say which, such as {key}={candidates[0][0]}")
@@ -147,10 +144,8 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str], required: It
         columns[key] = name
         if unit is not None:
             units[key] = unit
-    _require_metres(columns[key] for key in ("x", "y") if key in columns)
     for key in required:
         if key not in columns:
-            _require_metres(header)
             others = [name for name in header if name not in columns.values()]
             none = f"there is no column {key!r}, nor a usual name of it ({', '.join(NAMES[key])})"
             raise InputError(f"{none}; {nearest_choices(key, others or header)}")
@@ -289,6 +284,11 @@ class TableFormat(RowsFormat):
         "fingerprint.",
     )
     units: Units = Field(default_factory=Units, description="Units of the columns.")
+    origin: GeographicOrigin | None = Field(
+        None,
+        description="Where x and y are longitude and latitude: the point at which a plane touches the ground; x is "
+        "then the distance to its east and y to its north, m.",
+    )
 
     def problems(self) -> Iterator[Problem]:
         for key in self.columns:
@@ -301,7 +301,22 @@ class TableFormat(RowsFormat):
         except InputError as error:
             raise error.located(file=file, line=None) from None
         factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        return table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
+        x, y = layout.columns["x"], layout.columns["y"]
+        degrees = _is_degrees(x, LONGITUDE), _is_degrees(y, LATITUDE)
+        if _is_degrees(x, LATITUDE) or _is_degrees(y, LONGITUDE) or degrees[0] != degrees[1]:
+            message = f"x is {x!r} and y is {y!r}: x is the longitude (east) and y the latitude (north), or neither is"
+            raise InputError(message, file=file)
+        if all(degrees):
+            factors |= {"x": 1.0, "y": 1.0}
+        rows = table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
+        if not all(degrees):
+            return rows
+        if self.origin is None:
+            here = f"{{lat_deg: {rows.py[0]:.3f}, lon_deg: {rows.px[0]:.3f}}}"
+            message = f"{x!r} and {y!r} are degrees, and metres are scored: state a point nearby as origin, such as "
+            raise InputError(f"{message}origin: {here} (score: --origin {rows.py[0]:.3f} {rows.px[0]:.3f})", file=file)
+        east, north = self.origin.plane(rows.py, rows.px)
+        return replace(rows, px=east, py=north)
 
 
 class Csv(TableFormat):
