@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ from trackbench.base.errors import InputError, did_you_mean, shortened_text, sim
 from trackbench.base.execution import MOST_WORKERS
 from trackbench.base.numbers import stated_number
 from trackbench.base.subjects import offered, resolve
+from trackbench.cli.answer import answer, kept_path, print_answer
 from trackbench.engine.choice import ENGINE_NAMES
 
 if TYPE_CHECKING:
@@ -40,9 +42,9 @@ def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_j
     from trackbench.results import write_text
 
     if junit is not None:
-        write_text(junit, to_xml(suites))
+        write_text(kept_path(junit), to_xml(suites))
     for line in to_annotations(suites) if github else ():
-        click.echo(line, err=as_json)
+        click.echo(line, file=sys.stderr if as_json else answer())
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:
@@ -206,7 +208,7 @@ def completion_command(ctx: click.Context, shell: str) -> None:
     assert kind is not None
     assert root.info_name is not None
     variable = f"_{root.info_name.upper()}_COMPLETE"
-    click.echo(kind(root.command, {}, root.info_name, variable).source())
+    print_answer(kind(root.command, {}, root.info_name, variable).source())
 
 
 def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

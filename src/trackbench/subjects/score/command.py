@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from trackbench import results
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import Finite, artifact_options, end_with_limits, github_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
@@ -118,5 +119,5 @@ def score_command(
     if as_json:
         summary = result.json()
         summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
-        click.echo(json.dumps(summary, indent=2, allow_nan=False))
+        print_answer(json.dumps(summary, indent=2, allow_nan=False))
     end_with_limits([case.outcome for case in cases], status([result]))

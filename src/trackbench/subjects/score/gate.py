@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import click
-
 from trackbench.api.plan import Listener
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.numbers import stated_number
+from trackbench.cli.answer import print_answer
 from trackbench.compare.comparison import GateOutcome
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report.junit import Case
@@ -103,7 +102,7 @@ class GateOutput(Listener):
         """Hold the limits against the result."""
         self.judgements = judged_gates(self._gates, result)
         for case in [] if self._as_json else [item.case(result.name) for item in self.judgements]:
-            click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
+            print_answer(f"{case.outcome.upper()}  {case.name} ({case.message})")
 
 
 def judged_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
