@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ from trackbench.base.errors import did_you_mean, shortened_text, similar_names
 from trackbench.base.execution import MOST_WORKERS
 from trackbench.base.numbers import stated_number
 from trackbench.base.subjects import offered, resolve
+from trackbench.cli.answer import answer, kept_path
 from trackbench.engine.choice import ENGINE_NAMES
 
 if TYPE_CHECKING:
@@ -40,9 +42,9 @@ def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_j
     from trackbench.results import write_text
 
     if junit is not None:
-        write_text(junit, to_xml(suites))
+        write_text(kept_path(junit), to_xml(suites))
     for line in to_annotations(suites) if github else ():
-        click.echo(line, err=as_json)
+        click.echo(line, file=sys.stderr if as_json else answer())
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:

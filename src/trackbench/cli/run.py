@@ -15,7 +15,8 @@ from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run_prepared
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
-from trackbench.base.process import FAILED_PLUGIN
+from trackbench.base.exit_status import FAILED_PLUGIN
+from trackbench.cli.answer import print_answer
 from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
@@ -142,7 +143,7 @@ def run_command(
                 write_suites(suites, junit, github, as_json)
             if as_json:
                 summaries: Any = [result.json() for result in finished]
-                click.echo(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
+                print_answer(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
     raise click.exceptions.Exit(status(finished))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from trackbench import results
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import Finite, artifact_options, end_with_limits, github_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
@@ -111,12 +112,12 @@ def score_command(
     judgements = judged_gates(limits, result)
     cases = [item.case(result.name) for item in judgements]
     for case in [] if as_json else cases:
-        click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
+        print_answer(f"{case.outcome.upper()}  {case.name} ({case.message})")
     suite = suite_of_run(result)
     write_suites([Suite(suite.name, [*suite.cases, *cases])], junit, github, as_json)
     kept = all(item.passed for item in judgements)
     if as_json:
         summary = result.json()
         summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
-        click.echo(json.dumps(summary, indent=2, allow_nan=False))
+        print_answer(json.dumps(summary, indent=2, allow_nan=False))
     end_with_limits([case.outcome for case in cases], status([result]))

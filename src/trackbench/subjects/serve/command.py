@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from trackbench.base.errors import InputError
-from trackbench.base.process import INTERRUPTED
+from trackbench.base.exit_status import INTERRUPTED
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import Whole, isolation_options, scenario_paths
 from trackbench.cli.terminal import log_to_stderr
 from trackbench.scenario import load_scenario
@@ -91,7 +92,7 @@ def udacity_command(
 
     def ready(address: str, actual: int) -> None:
         shown = f"[{address}]" if ":" in address else address
-        click.echo(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
+        print_answer(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
 
     if asyncio.run(serve_udacity(tracker_served, host, port, ready, allowed)) == signal.SIGINT:
         raise click.exceptions.Exit(INTERRUPTED)
