@@ -141,16 +141,19 @@ def test_a_parameter_that_is_changed_between_two_runs_counts(
 ) -> None:
     """Or NumPy computes the model, and it is said."""
     factor, change = PLACES[name]()
-    paths = []
+    paths, engines = [], []
     for value in (1.0, 1.5, 1.0):
         change(value)
         expected, _ = driven(by_factor(factor), None, of, filter)
         path, used = driven(by_factor(factor), kernels, of, filter)
+        engines.append(used)
         np.testing.assert_allclose(path, expected, rtol=1e-10, atol=1e-10)
         assert used == EngineUsed("fused") or (used.engine != "fused" and used.why_numpy and used.of_user)
         paths.append(path)
     assert not np.allclose(paths[0], paths[1])
-    np.testing.assert_array_equal(paths[0], paths[2])
+    # Machine code that was found to give other numbers is not used again, which ``used`` says.
+    if engines[0] == engines[2]:
+        np.testing.assert_array_equal(paths[0], paths[2])
 
 
 FACTORS = {
