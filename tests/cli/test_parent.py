@@ -77,6 +77,14 @@ def test_what_plug_ins_threads_and_children_print_is_no_part_of_the_answer(begin
     assert {"metric", "thread", "child"} <= set(errors.split())
 
 
+def test_a_plug_in_that_asks_for_input_is_no_interruption(begin: Begin) -> None:
+    process = begin("sensor", "input()")
+    output, errors = process.communicate(timeout=240)
+    assert (process.returncode, output) == (2, "")
+    assert "a plug-in failed: EOFError" in errors
+    assert "(plug.py:8, in act)" in errors
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_a_signal_to_the_command_ends_it_and_its_children(begin: Begin, tmp_path: Path, number: signal.Signals) -> None:
     process = begin("motion", "subprocess.Popen(['sleep', '600']); open('under_way', 'w').close(); time.sleep(600)")

@@ -285,6 +285,8 @@ def _interruption(*_: object) -> None:
 
 
 def _interrupted(error: BaseException) -> int:
+    if isinstance(error, EOFError) and place_of(error, installed=False) is not None:
+        return _plugin_failed(error)
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
     return _failed(f"{start}interrupted: {text_of(error) or UNFINISHED}", INTERRUPTED)
