@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
-from contextlib import suppress
 
 from trackbench.base.exit_status import INTERRUPTED
+from trackbench.base.garbage import collect_rarely
 from trackbench.cli import parent
 
 
@@ -28,9 +27,7 @@ def _redirected_command() -> int:
 
 
 def _command() -> int:
-    # The modules and figures of a command are some hundred thousand objects that stay: looking at them after each 700
-    # new ones took a tenth of a short run.
-    gc.set_threshold(500_000, 50, 100)
+    collect_rarely()
     # The commands take their time to import, in which Ctrl-C is as good as later.
     try:
         from trackbench.cli.commands import run_command_line
@@ -49,8 +46,7 @@ def _open_missing_streams() -> None:
             # The lowest free number is this one.
             os.open(os.devnull, os.O_RDWR)
     if sys.stderr is None:
-        with suppress(OSError):
-            sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
 
 
 __all__ = ["main"]

@@ -33,11 +33,9 @@ from trackbench.base.plugins import with_plugins
 from trackbench.base.subjects import Offer, kind_of_file, offered, resolve
 from trackbench.base.user_code import place_of
 from trackbench.cli.answer import answer
+from trackbench.cli.parent import UNFINISHED
 
 log = logging.getLogger(__name__)
-
-#: What becomes of a command that is interrupted.
-UNFINISHED = "the unfinished run was not kept"
 
 
 #: Characters of the tables.

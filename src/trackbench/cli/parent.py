@@ -19,8 +19,8 @@ from trackbench.base.exit_status import FAULT, INTERRUPTED
 WITHOUT_PARENT = {"--help", "-h", "--version", "--in-process"}
 #: The signal to end that kills a command which does not listen to the ones before it.
 LAST_SIGNAL = 3
-#: prctl(2): the signal that a process gets when its parent ends.
-PR_SET_PDEATHSIG = 1
+#: What becomes of a command that is interrupted.
+UNFINISHED = "the unfinished run was not kept"
 
 
 def is_wanted(arguments: Sequence[str]) -> bool:
@@ -37,7 +37,10 @@ def run_in_child(command: Callable[[], int]) -> NoReturn:
     parent, child = os.getpid(), os.fork()
     if child == 0:
         os.setpgid(0, 0)
-        _end_with(parent)
+        # Imported here: the process that waits does without it.
+        from trackbench.driving.descendants import end_with_parent
+
+        end_with_parent(parent, signal.SIGKILL)
         status = command()
         os.write(telling, bytes([status]))
         sys.exit(status)
@@ -59,21 +62,11 @@ def run_in_child(command: Callable[[], int]) -> NoReturn:
     with suppress(BlockingIOError):
         os._exit(os.read(receiving, 1)[0])
     if signals:
-        _say("interrupted: the unfinished run was not kept")
+        _say(f"interrupted: {UNFINISHED}")
         os._exit(INTERRUPTED)
     cause = f"ended itself, with status {ended}" if ended >= 0 else f"was killed by {signal.Signals(-ended).name}"
     _say(f"trackbench: no result: the process of the command {cause}; a plug-in may have, or the memory was not enough")
     os._exit(FAULT)
-
-
-def _end_with(parent: int) -> None:
-    """Be killed when the parent ends, on Linux."""
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:
-        os._exit(INTERRUPTED)
 
 
 def _say(text: str) -> None:

@@ -165,7 +165,7 @@ def serve_bench(connection: socket.socket, dump: int, name: str) -> NoReturn:
         name: of the tracker.
     """
     _prepare(dump)
-    say_stray_errors(lambda: name)
+    say_stray_errors(name)
     exchange = None
 
     def progress(done: float, expected: float) -> None:

@@ -7,9 +7,8 @@ import re
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable
 from contextlib import suppress
-from typing import Any, TextIO
+from typing import Any
 
 from trackbench.base.errors import printable, text_of
 
@@ -58,45 +57,19 @@ def _visible(text: str) -> str:
     return "".join(letter if letter.isprintable() or letter in "\n\t" else " " for letter in text)
 
 
-class ShownStream:
-    """Standard output or error as a plug-in has it, which it cannot close."""
-
-    def __init__(self, stream: TextIO, shown: Shown) -> None:
-        self.stream: TextIO = stream.stream if isinstance(stream, ShownStream) else stream
-        self._shown = shown
-
-    def write(self, text: str) -> int:
-        """Write what is to be shown."""
-        # It may have been closed by its other name.
-        with suppress(ValueError):
-            self.stream.write(self._shown.admit(text))
-        return len(text)
-
-    def writelines(self, lines: Iterable[str]) -> None:
-        """Write several."""
-        self.write("".join(lines))
-
-    def close(self) -> None:
-        """It belongs to the bench."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.stream, name)
-
-
-def say_stray_errors(who: Callable[[], str]) -> None:
+def say_stray_errors(name: str) -> None:
     """From now on say in a line what is raised where nothing catches it.
 
     That is in a thread, in ``__del__``, in a record for a log, and in what a process does as it ends.
 
     Args:
-        who: whom to name; where it is nobody, Python says it as ever.
+        name: whose errors they are.
     """
     shown = Shown("trackbench")
     threads, others, records = threading.excepthook, sys.unraisablehook, logging.Handler.handleError
 
     def say(error: BaseException | None) -> bool:
-        name = who()
-        if error is None or not name:
+        if error is None:
             return False
         # Imported here: it is needed where something goes wrong alone.
         from trackbench.base.user_code import Frame, last_of_user, place_of
@@ -107,7 +80,10 @@ def say_stray_errors(who: Callable[[], str]) -> None:
         where = "" if place is None else f" ({place})"
         with suppress(OSError, ValueError, AttributeError):
             print(
-                f"{name}: an error that nothing caught: {text}{where}", file=ShownStream(sys.stderr, shown), flush=True
+                shown.admit(f"{name}: an error that nothing caught: {text}{where}\n"),
+                end="",
+                file=sys.stderr,
+                flush=True,
             )
         return True
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import operator
 import os
 import re
 import subprocess
@@ -86,7 +87,7 @@ class Cluster(Executor):
         outcome: Future[Any] = Future()
         self._pending.add(outcome)
         outcome.add_done_callback(self._pending.discard)
-        future = self._executor.submit(_call, sent, *args, **kwargs)
+        future = self._executor.submit(operator.call, sent, *args, **kwargs)
         future.add_done_callback(partial(_pass_on, outcome))
         if self._failure is not None:
             _fail(outcome, self._failure)
@@ -233,7 +234,3 @@ def _fail(outcome: Future[Any], error: BaseException) -> None:
 
 def _same(task: Callable[..., Any]) -> Callable[..., Any]:
     return task
-
-
-def _call(task: Callable[..., Any], *args: Any) -> Any:
-    return task(*args)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import threading
@@ -20,6 +19,7 @@ from loky.process_executor import BrokenProcessPool, TerminatedWorkerError
 from trackbench.base.errors import TrackbenchError, printable, text_of
 from trackbench.base.execution.task import allow_termination, uninterrupted
 from trackbench.base.exit_status import how_it_ended
+from trackbench.base.garbage import collect_rarely
 
 #: What is said of the second worker that has ended.
 DIED = "no result: a second worker has ended: "
@@ -145,7 +145,7 @@ def _start_resource_tracker() -> None:
 def _begin(parent: int) -> None:
     """In a new process, which ends when that which started it has ended, which no longer reads what it writes."""
     allow_termination()
-    gc.set_threshold(500_000, 50, 100)
+    collect_rarely()
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
