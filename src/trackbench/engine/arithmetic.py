@@ -311,15 +311,41 @@ class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
     def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **options: Any) -> Any:
         if "out" in options:
             options["out"] = tuple(map(_plain, options["out"]))
+        if "where" in options:
+            options["where"] = _plain(options["where"])
         inputs = tuple(map(_plain, inputs))
         if ufunc is np.arctan2 and method == "__call__" and not options:
-            graph: Any = Immediate()
-            with np.errstate(all="ignore"):
-                angle: Any = arctan2(*(Term(graph, value) for value in inputs)).node
-            result = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(*inputs))
+            result = _angles(*np.broadcast_arrays(*inputs))
         else:
             result = getattr(ufunc, method)(*inputs, **options)
         return by_arithmetic(result) if isinstance(result, np.ndarray) else result
+
+
+def _angles(y: Array, x: Array) -> Array:
+    """Return ``arctan2``; of points nearly straight ahead by the operations that matter there, with the same bits."""
+    height = np.abs(y)
+    with np.errstate(all="ignore"):
+        ratio = height / x
+        square = ratio * ratio
+        even, odd = (_by_horner(square * square, coefficients) for coefficients in ATAN)
+        result: Array = np.copysign(ratio - ratio * (square * (even + square * odd)), y)
+    elsewhere = ~((height <= x * 0.4375) & (x > 0.0) & (x < np.inf))
+    if elsewhere.any():
+        graph: Any = Immediate()
+        y, x = y[elsewhere], x[elsewhere]
+        with np.errstate(all="ignore"):
+            angle: Any = arctan2(*(Term(graph, value) for value in (y, x))).node  # type: ignore[arg-type]
+        result[elsewhere] = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(y, x))
+    return result
+
+
+def _by_horner(x: Array, coefficients: Sequence[float]) -> Array:
+    result = x * coefficients[0]
+    for coefficient in coefficients[1:-1]:
+        result += coefficient
+        result *= x
+    result += coefficients[-1]
+    return result
 
 
 def _plain(value: Any) -> Any:

@@ -169,7 +169,8 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
     if config.effects:
         heading = truth.heading[steps]
         axis = np.stack([np.cos(heading), np.sin(heading)])
-        bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], truth.length[:, None], truth.width[:, None])
+        size = truth.length[:, None], truth.width[:, None]
+        bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], *size, centre=target[:2])
     resolved = None if config.resolution is None else seen
     return IdealSensor(
         name, config, steps, time, measurement, visible, within, probability, *motion, noise, resolved, bodies=bodies
@@ -250,7 +251,8 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
     else:
         sensed = affected(sensor, seed, scenario, runs)
         detected = visible & (chance < sensed.probability)
-        ideal, draws = difference(sensed.ideal(), -sensed.error, sensor.config.angular), draws * sensed.scale
+        ideal = np.asarray(sensed.ideal()) + sensed.error
+        draws *= sensed.scale
     if sensor.recorded:
         detected = detected & np.isfinite(ideal).all(axis=0)
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
@@ -276,6 +278,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
         of_runs(sensor.visible, runs),
         of_runs(sensor.probability, runs),
         scale=np.ones((instants, objects, 1)),
+        slow_scale=np.ones((instants, objects, 1)),
         error=np.zeros((size, instants, objects, len(runs))),
     )
     for place, effect in enumerate(sensor.config.effects):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from trackbench.models.sensors.base import Sensor
 
 #: The arrays of a ``Sensed`` that an effect may change; each may be the same in all runs, but the error.
-_ARRAYS = ("pose", "velocity", "yaw_rate", "visible", "probability", "scale", "error", "bodies.target")
+_ARRAYS = ("pose", "velocity", "yaw_rate", "visible", "probability", "scale", "slow_scale", "error", "bodies.target")
 
 
 def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:

@@ -11,11 +11,15 @@ from trackbench.base.config import Config, Positive, Problem
 from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
+from trackbench.base.units import wrap_angle
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.base import Effect, Sensed
+from trackbench.models.sensors.effects.processes import smooth_process
 
 #: Received power, relative to the noise, above which a vehicle is detected.
 THRESHOLD = -np.log(FALSE_ALARM_PROBABILITY)
+#: Speed of light, m/s.
+LIGHT_MPS = 299_792_458.0
 
 
 class SignalRange(Config):
@@ -41,12 +45,15 @@ class SignalRange(Config):
         return self.constant_share + (1.0 - self.constant_share) * relative
 
     def mean_variance_factor(self, distance: Array) -> Array:
-        """``(...)`` the mean of that over all detections at distances in m.
+        """``(...)`` the mean of that over all detections at distances in m, of vehicles that show front or rear."""
+        return self.factor_at_mean(1.0 + self.ratio(distance))
+
+    def factor_at_mean(self, mean: Array) -> Array:
+        """``(...)`` the mean of ``variance_factor`` over all detections with a mean power.
 
         With the mean power m, the threshold T and x = T / m: ``E[1 / P | P > T] = exp(x) E1(x) / m``, P being
         exponential and E1 the exponential integral.
         """
-        mean = 1.0 + self.ratio(distance)
         x = THRESHOLD / mean
         return self.variance_factor(mean / (np.exp(x) * scipy_function("scipy.special", "_ufuncs", "exp1")(x)))
 
@@ -58,12 +65,17 @@ class SignalRange(Config):
 class SignalToNoise(SignalRange, Effect):
     """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates.
 
-    The received power P is drawn anew for each scan (Swerling 1). A vehicle is detected where it exceeds the threshold
-    of a false alarm probability of 1e-6. The variances are those of the sensor's options times
-    ``share + (1 - share) P0 / P`` with the mean power P0 at ``stated_at_m``.
+    The received power P is exponential (Swerling 1), and follows the aspect: the direction of the line of sight in the
+    vehicle's frame. It is the square of a complex Gauss-Markov process of the aspect, of second order, whose
+    correlation is 1/e over ``c / (2 L f)``. L is the extent of the vehicle across the line of sight. A vehicle is
+    detected where P exceeds the threshold of a false alarm probability of 1e-6.
 
-    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Barton (2005), "Radar System
-    Analysis and Modeling", section 8.1: the error of an estimate falls with the root of the ratio.
+    The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with the
+    mean power P0 at ``stated_at_m``. Slow errors have the mean of that factor over detections.
+
+    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Richards (2014), "Fundamentals
+    of Radar Signal Processing", equation 2.63, for the aspect that decorrelates; Barton (2005), "Radar System Analysis
+    and Modeling", section 8.1: the error of an estimate falls with the root of the ratio.
     """
 
     side_db: float = Field(
@@ -73,13 +85,50 @@ class SignalToNoise(SignalRange, Effect):
         description="Cross-section of a vehicle's side over that of its front or rear, dB; in between, the logarithm "
         "goes with the square of the sine of the aspect.",
     )
+    carrier_ghz: Positive = Field(
+        77,
+        description="Carrier frequency f, GHz. A change of the aspect by c / (2 L f) rad decorrelates the signal of a "
+        "vehicle of extent L across the line of sight: 1.1 mrad of 1.8 m at 77 GHz.",
+    )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         ahead, left = sensed.bodies.seen_from(sensed.pose)
         distance = np.hypot(ahead, left)
-        side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0) ** 2
-        mean = 1.0 + self.ratio(distance) * 10.0 ** (self.side_db * side / 10.0)
-        power = mean * random.standard_exponential(sensed.shape)
+        side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0)
+        mean = 1.0 + self.ratio(distance) * 10.0 ** (self.side_db * side**2 / 10.0)
+        across = sensed.bodies.length * np.abs(side) + sensed.bodies.width * np.sqrt(1.0 - side**2)
+        aspect = np.arctan2(left, ahead)
+        instants, objects = sensed.shape
+        power = mean * fluctuation(
+            wrap_angle(aspect - aspect[:1]),
+            across * (2e9 * self.carrier_ghz / LIGHT_MPS),
+            random.standard_normal((instants, 2, objects)),
+        )
         detected = power > THRESHOLD
         factor = np.sqrt(self.variance_factor(np.where(detected, power, np.inf)))
-        return sensed.replaced(probability=sensed.probability * detected, scale=sensed.scale * factor)
+        return sensed.replaced(
+            probability=sensed.probability * detected,
+            scale=sensed.scale * factor,
+            slow_scale=sensed.slow_scale * np.sqrt(self.factor_at_mean(mean)),
+        )
+
+
+def fluctuation(aspect: Array, rate: Array, white: Array) -> Array:
+    """Draw relative powers of vehicles whose aspects change: exponential with mean 1.
+
+    A process of the aspect has one value at each aspect. So it is drawn in the order of the aspects, not of the
+    instants, and its law does not depend on how often the sensor looks.
+
+    Args:
+        aspect: ``(instants, objects, runs or 1)`` rad.
+        rate: ``(instants, objects, runs or 1)`` one over the change of the aspect that decorrelates, 1/rad.
+        white: ``(instants, 2, objects, runs)`` draws of a standard normal.
+
+    Returns:
+        ``(instants, objects, runs)``.
+    """
+    order = np.argsort(aspect, axis=0, kind="stable")
+    sorted_aspect, sorted_rate = (np.take_along_axis(values, order, axis=0) for values in (aspect, rate))
+    steps = np.diff(sorted_aspect, axis=0) * (sorted_rate[1:] + sorted_rate[:-1]) / 2.0
+    power = 0.5 * np.sum(smooth_process(steps[:, None], white) ** 2, axis=1)
+    return np.take_along_axis(power, np.argsort(order, axis=0), axis=0)
