@@ -192,15 +192,13 @@ def burst_s(sensor, rate_hz):
 
 
 def test_the_power_is_exponential_and_its_correlation_is_that_of_the_aspect():
-    aspect = np.cumsum(np.random.default_rng(0).normal(0, 4e-4, (40, 1, 1)), axis=0)
-    aspect[20:] = aspect[19::-1]  # which comes back the way it went
-    decorrelates = 299_792_458.0 / (2 * 1.8 * 77e9)
-    assert decorrelates == pytest.approx(1.1e-3, rel=0.02)
+    turned = np.abs(np.random.default_rng(0).normal(0, 0.4, (39, 1, 1)))
     white = np.random.default_rng(1).standard_normal((40, 2, 1, 40_000))
-    power = fluctuation(aspect, np.full(aspect.shape, 1 / decorrelates), white)[:, 0]
+    power = fluctuation(turned, white)[:, 0]
     for instant in (0, 19, 39):
         assert stats.kstest(power[instant], "expon").pvalue > 1e-3
-    apart = CORRELATION_TIME * np.abs(aspect[:, 0] - aspect[:, 0].T) / decorrelates
+    path = np.concatenate([[0.0], np.cumsum(turned)])
+    apart = CORRELATION_TIME * np.abs(path[:, None] - path)
     # The correlation of 40,000 pairs of exponential variables has a standard error of at most 0.01.
     assert np.abs(np.corrcoef(power) - ((1 + apart) * np.exp(-apart)) ** 2).max() < 0.05
 
@@ -210,11 +208,12 @@ def test_a_signal_decorrelates_over_the_aspect_of_its_carrier_and_of_the_width()
     for carrier_ghz in (77.0, 154.0):
         signal = SIGNAL | {"half_range_m": 1000.0, "carrier_ghz": carrier_ghz}
         still, aspect = np.zeros((2, 1, 1)), 299_792_458.0 / (2 * 1.8 * carrier_ghz * 1e9)
+        assert aspect == pytest.approx(1.1e-3 * 77 / carrier_ghz, rel=0.02)
         of = truth(np.arange(2) * 0.1, 100 + still, still, still, still, observer=fixed_observer(2))
         heading = np.array([0.0, aspect])[:, None, None]
         of = replace(of, heading=heading, length=np.array([4.5]), width=np.array([1.8]))
         (sensor,) = ideal_sensors(of, {"sensor": Radar(**RADAR, effects=[signal])})
-        scale = affected(sensor, 1, "effects", range(20_000)).scale[:, 0]
+        scale = affected(sensor, 1, "effects", range(20_000)).scale[0, :, 0]
         power = scale[:, (scale > 0).all(axis=0)] ** -2.0
         assert np.corrcoef(power)[0, 1] == pytest.approx(np.exp(-2), abs=0.03)
 
@@ -232,7 +231,7 @@ def test_bursts_of_misses_last_as_long_at_any_rate(amplitude_rad):
 def test_the_power_is_that_of_the_body_and_not_of_the_point_that_wanders():
     still = {"type": "reflection", "across_m": 0.5, "time_s": 0.2}
     sensor = ideal(Radar(effects=[still, SIGNAL], **RADAR), position=(100.0, 0.0), steps=50)
-    assert (np.ptp(affected(sensor, 1, "effects", range(20)).scale, axis=0) == 0).all()
+    assert (np.ptp(affected(sensor, 1, "effects", range(20)).scale, axis=1) == 0).all()
 
 
 def test_the_noise_grows_as_the_signal_falls_and_a_broad_side_is_stronger():
@@ -259,12 +258,22 @@ def test_correlated_errors_keep_the_variance_and_have_their_time_constant(order)
         assert np.mean(error[lag:] * error[:-lag]) == pytest.approx(expected, abs=0.04)
 
 
+def test_components_may_have_shares_of_their_own():
+    effects = [{"type": "correlated_errors", "share": 0.9, "share_of": {"range_rate": 0.2}, "time_s": 2.0}]
+    error = runs(ideal(Radar(effects=effects, **RADAR), steps=30), 2000) - np.array([50.0, 0.0, 0.0])[:, None, None]
+    error /= np.array([0.3, np.deg2rad(1.0), 0.2])[:, None, None]
+    apart = CORRELATION_TIME * 0.1 / 2
+    for of, share in zip(error, (0.9, 0.9, 0.2), strict=True):
+        assert np.mean(of**2) == pytest.approx(1, abs=0.04)
+        assert np.mean(of[1:] * of[:-1]) == pytest.approx(share * (1 + apart) * np.exp(-apart), abs=0.04)
+
+
 def test_slow_errors_do_not_follow_the_power_of_a_scan_and_the_white_part_does():
     slow = {"type": "correlated_errors", "share": 0.5, "time_s": 2.0}
     sensor = ideal(Radar(effects=[SIGNAL, slow], **RADAR), position=(60.0, 0.0), steps=1)
     sensed = affected(sensor, 1, "effects", range(20_000))
     seen = sensed.probability[0, 0] > 0
-    power, error = 1 / sensed.scale[0, 0, seen] ** 2, np.abs(sensed.error[0, 0, 0, seen])
+    power, error = 1 / sensed.scale[0, 0, 0, seen] ** 2, np.abs(sensed.error[0, 0, 0, seen])
     weak, strong = power < np.median(power), power > np.median(power)
     assert np.mean(error[weak]) / np.mean(error[strong]) == pytest.approx(1, abs=0.04)
     assert np.std(1 / power) > 0

@@ -277,8 +277,8 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
         sensor.bodies.of_runs(runs),
         of_runs(sensor.visible, runs),
         of_runs(sensor.probability, runs),
-        scale=np.ones((instants, objects, 1)),
-        slow_scale=np.ones((instants, objects, 1)),
+        scale=np.ones((1, instants, objects, 1)),
+        slow_scale=np.ones((1, instants, objects, 1)),
         error=np.zeros((size, instants, objects, len(runs))),
     )
     for place, effect in enumerate(sensor.config.effects):

@@ -94,10 +94,10 @@ class Sensed:
     probability: Array
     """``(instants, objects, runs or 1)`` that an object that is visible is detected."""
     scale: Array
-    """``(instants, objects, runs or 1)`` standard deviation of the white noise over that of the sensor's options."""
+    """``(m or 1, instants, objects, runs or 1)`` the white noise's standard deviation over that of the options."""
     slow_scale: Array
-    """``(instants, objects, runs or 1)`` standard deviation of errors that change slowly over that of the sensor's
-    options: what one scan alone has, such as its received power, is not in it."""
+    """``(m or 1, instants, objects, runs or 1)`` standard deviation of slow errors over that of the sensor's options.
+    It has no part of one scan alone, such as the power that is received in it."""
     error: Array
     """``(m, instants, objects, runs)`` what is added beside the white noise, in SI units and radians."""
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.config import Angle, NonNegative, Positive, Problem
+from trackbench.base.config import Angle, NonNegative, Positive, Probability, Problem
+from trackbench.base.errors import nearest_choices
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
@@ -27,6 +28,9 @@ class CorrelatedErrors(Effect):
     """
 
     share: float = Field(gt=0, le=1, description="Share of the noise variance that changes slowly.")
+    share_of: dict[str, Probability] = Field(
+        default_factory=dict, description="That of single components, such as `range_rate: 0.8`."
+    )
     time_s: Positive = Field(description="Correlation time of the process, to 1/e, s.")
     order: Literal[1, 2] = Field(
         2, description="Order of the process: 2 changes smoothly; 1 is what trackers can assume."
@@ -36,12 +40,20 @@ class CorrelatedErrors(Effect):
         instants, objects = sensed.shape
         white = random.standard_normal((instants, len(sensed.error), objects))
         slow = np.moveaxis(gauss_markov(sensed.time, self.time_s, white, self.order), 1, 0)
-        slow *= np.sqrt(self.share) * sensed.sigmas()
+        names = sensed.sensor.components if self.share_of else ("all",)
+        shares = np.array([self.share_of.get(name, self.share) for name in names])[:, None, None, None]
+        slow *= np.sqrt(shares) * sensed.sigmas()
         slow *= sensed.slow_scale
-        rest = np.sqrt(1.0 - self.share)
+        rest = np.sqrt(1.0 - shares)
         return sensed.replaced(
             error=sensed.error + slow, scale=rest * sensed.scale, slow_scale=rest * sensed.slow_scale
         )
+
+    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+        for name in self.share_of:
+            if name not in sensor.components:
+                wrong = f"a {sensor.kind()} measures no {name!r}; {nearest_choices(name, sensor.components)}"
+                yield Problem(("share_of", name), wrong)
 
 
 class Bias(Effect):

@@ -34,8 +34,8 @@ def gauss_markov(time: Array, time_s: float, white: Array, order: Literal[1, 2] 
     axes = (-1, *(1,) * (white.ndim - 1))
     steps = np.diff(time) / time_s
     if order == 2:
-        weights = _innovations_at((CORRELATION_TIME * steps).tobytes())
-        return _second_order(*(part.reshape(axes) for part in weights), white)
+        steps, of_value, of_slope = _innovations_at((CORRELATION_TIME * steps).tobytes())
+        return _second_order(steps.reshape(axes), of_value.reshape(axes), of_slope.reshape(axes), white)
     decay = np.exp(-steps)
     driven = np.ascontiguousarray(white) * np.append(1.0, np.sqrt(1.0 - decay * decay)).reshape(axes)
     return autoregression(decay, driven)
@@ -51,7 +51,8 @@ def smooth_process(steps: Array, white: Array) -> Array:
     Returns:
         ``(instants, ...)``.
     """
-    return _second_order(*_innovations(CORRELATION_TIME * steps), white)
+    steps, of_value, of_slope = _innovations(CORRELATION_TIME * steps)
+    return _second_order(steps, of_value, of_slope, white)
 
 
 def _second_order(steps: Array, of_value: Array, of_slope: Array, white: Array) -> Array:
@@ -101,4 +102,4 @@ def _innovations(steps: Array) -> tuple[Array, Array, Array]:
         gain = (of_both[k] + moved) / deviation
         weights[:, k + 1] = deviation, gain
         variance = np.maximum(of_z[k] + kept - gain * gain, 0.0)
-    return steps, *weights
+    return steps, weights[0], weights[1]

@@ -18,6 +18,8 @@ from trackbench.models.sensors.effects.processes import smooth_process
 
 #: Received power, relative to the noise, above which a vehicle is detected.
 THRESHOLD = -np.log(FALSE_ALARM_PROBABILITY)
+#: Change of the aspect of a vehicle that comes into view, over that which decorrelates: nothing is left of its signal.
+FORGOTTEN = 50.0
 #: Speed of light, m/s.
 LIGHT_MPS = 299_792_458.0
 
@@ -66,8 +68,8 @@ class SignalToNoise(SignalRange, Effect):
     """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates.
 
     The received power P is exponential (Swerling 1), and follows the aspect: the direction of the line of sight in the
-    vehicle's frame. It is the square of a complex Gauss-Markov process of the aspect, of second order, whose
-    correlation is 1/e over ``c / (2 L f)``. L is the extent of the vehicle across the line of sight. A vehicle is
+    vehicle's frame. It is the square of a complex Gauss-Markov process of second order, whose correlation is 1/e after
+    the aspect has turned by ``c / (2 L f)``. L is the extent of the vehicle across the line of sight. A vehicle is
     detected where P exceeds the threshold of a false alarm probability of 1e-6.
 
     The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with the
@@ -96,14 +98,14 @@ class SignalToNoise(SignalRange, Effect):
         distance = np.hypot(ahead, left)
         side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0)
         mean = 1.0 + self.ratio(distance) * 10.0 ** (self.side_db * side**2 / 10.0)
+        # Of a vehicle that is not there yet nothing is known.
+        mean = np.where(np.isnan(mean), 1.0, mean)
         across = sensed.bodies.length * np.abs(side) + sensed.bodies.width * np.sqrt(1.0 - side**2)
-        aspect = np.arctan2(left, ahead)
+        rate = across * (2e9 * self.carrier_ghz / LIGHT_MPS)
+        turned = np.abs(wrap_angle(np.diff(np.arctan2(left, ahead), axis=0))) * (rate[1:] + rate[:-1]) / 2.0
         instants, objects = sensed.shape
-        power = mean * fluctuation(
-            wrap_angle(aspect - aspect[:1]),
-            across * (2e9 * self.carrier_ghz / LIGHT_MPS),
-            random.standard_normal((instants, 2, objects)),
-        )
+        white = random.standard_normal((instants, 2, objects))
+        power = mean * fluctuation(np.where(sensed.visible[:-1], turned, FORGOTTEN), white)
         detected = power > THRESHOLD
         factor = np.sqrt(self.variance_factor(np.where(detected, power, np.inf)))
         return sensed.replaced(
@@ -113,22 +115,15 @@ class SignalToNoise(SignalRange, Effect):
         )
 
 
-def fluctuation(aspect: Array, rate: Array, white: Array) -> Array:
+def fluctuation(turned: Array, white: Array) -> Array:
     """Draw relative powers of vehicles whose aspects change: exponential with mean 1.
 
-    A process of the aspect has one value at each aspect. So it is drawn in the order of the aspects, not of the
-    instants, and its law does not depend on how often the sensor looks.
-
     Args:
-        aspect: ``(instants, objects, runs or 1)`` rad.
-        rate: ``(instants, objects, runs or 1)`` one over the change of the aspect that decorrelates, 1/rad.
+        turned: ``(instants - 1, objects, runs or 1)`` change of the aspect over that which decorrelates, at least 0.
         white: ``(instants, 2, objects, runs)`` draws of a standard normal.
 
     Returns:
         ``(instants, objects, runs)``.
     """
-    order = np.argsort(aspect, axis=0, kind="stable")
-    sorted_aspect, sorted_rate = (np.take_along_axis(values, order, axis=0) for values in (aspect, rate))
-    steps = np.diff(sorted_aspect, axis=0) * (sorted_rate[1:] + sorted_rate[:-1]) / 2.0
-    power = 0.5 * np.sum(smooth_process(steps[:, None], white) ** 2, axis=1)
-    return np.take_along_axis(power, np.argsort(order, axis=0), axis=0)
+    real, imaginary = np.moveaxis(smooth_process(turned[:, None], white), 1, 0)
+    return np.asarray(0.5 * (real * real + imaginary * imaginary))
