@@ -31,7 +31,7 @@ from trackbench.base.config.plugin import Plugin
 from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Gaussian, Scan
-from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
+from trackbench.models.sensors.detection import ByAngle, Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
 from trackbench.models.sensors.presets import WORDS, Words, presets, typical
 
@@ -109,6 +109,11 @@ class Sensor(Config, ABC):
         default_factory=DetectionFactors,
         description="How that probability falls with range and aspect; it does not unless given.",
     )
+    by_angle: ByAngle | None = Field(
+        None,
+        description="How range and noise change with the angle from the boresight; they do not unless given. Trackers "
+        "are told the options at the boresight.",
+    )
     occlusion: bool = Field(False, description="Whether vehicles hide those behind them.")
     clutter: Clutter = Field(default_factory=Clutter, description="False alarms; none unless given.")
     resolution: Resolution | None = Field(
@@ -166,6 +171,10 @@ class Sensor(Config, ABC):
         for i, effect in enumerate(self.effects):
             for problem in effect.problems_on(self):
                 yield Problem(("effects", i, *problem.at), problem.message)
+        for name in self.by_angle.sigma if self.by_angle is not None else ():
+            if name not in self.components:
+                wrong = f"a {self.kind()} measures no {name!r}; {nearest_choices(name, self.components)}"
+                yield Problem(("by_angle", "sigma", name), wrong)
         if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
             yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
 

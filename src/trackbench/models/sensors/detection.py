@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -62,6 +62,46 @@ class DetectionFactors(Config):
                     yield Problem((key, index), f"the factor must be from 0 to 1, not {row[1]:g}")
                 if index and rows and row[0] <= rows[index - 1][0]:
                     yield Problem((key, index), f"must come after {rows[index - 1][0]:g}; sort the rows")
+
+
+class ByAngle(Config):
+    """How far and how well a sensor measures by the angle from its boresight; the ends hold beyond."""
+
+    max_range_m: list[Row] | None = Field(
+        None,
+        min_length=1,
+        description="Rows [angle degrees, m] within max_range_m, linear in between: a near and a far scan.",
+    )
+    sigma: dict[str, list[Row]] = Field(
+        default_factory=dict,
+        description="Rows [angle degrees, factor] of the standard deviation of a component, such as "
+        "`azimuth: [[0, 1], [60, 5]]`.",
+    )
+
+    def range_limit(self, azimuth: Array) -> Array | float:
+        """``(...)`` m, at azimuths in rad."""
+        if self.max_range_m is None:
+            return np.inf
+        return np.asarray(np.interp(np.rad2deg(np.abs(azimuth)), *np.transpose(self.max_range_m)))
+
+    def scale(self, azimuth: Array, components: Sequence[str]) -> Array:
+        """``(m, ...)`` standard deviations over those of the options, at azimuths in rad."""
+        angle = np.rad2deg(np.abs(azimuth))
+        rows = [self.sigma.get(name, [[0.0, 1.0]]) for name in components]
+        return np.stack([np.interp(angle, *np.transpose(of)) for of in rows])
+
+    def problems(self) -> Iterator[Problem]:
+        if not self.model_fields_set:
+            yield Problem((), "says nothing: add max_range_m or sigma")
+        for path, rows in (
+            (("max_range_m",), self.max_range_m),
+            *((("sigma", key), of) for key, of in self.sigma.items()),
+        ):
+            for index, row in enumerate(rows or []):
+                if index and rows and row[0] <= rows[index - 1][0]:
+                    yield Problem((*path, index), f"must come after {rows[index - 1][0]:g}; sort the rows")
+                if row[1] <= 0:
+                    yield Problem((*path, index), f"must be above 0, not {row[1]:g}")
 
 
 class ClutterPlace(Config):

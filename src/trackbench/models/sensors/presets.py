@@ -27,7 +27,7 @@ class Preset:
     """Maker and model."""
     source: str
     """Where the published figures are from."""
-    values: Mapping[str, float]
+    values: Mapping[str, Any]
     """Defaults for the keys of the sensor's configuration."""
     sources: Mapping[str, str]
     """For each published value: the place in the source, and how it was converted."""

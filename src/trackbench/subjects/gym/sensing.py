@@ -26,6 +26,7 @@ INSTANTS = {
     "pose": 1,
     "velocity": 1,
     "polar": 1,
+    "scale": 1,
     "target": 1,
     "centre": 1,
     "heading": 0,
