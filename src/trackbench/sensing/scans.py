@@ -229,13 +229,16 @@ class ObjectMeasurements(NamedTuple):
 
 #: Measurements of a component that are made at a time: as many as the cache of a processor holds.
 AT_A_TIME = 2**16
+#: The same with effects, whose processes go from instant to instant for all of them at once.
+AT_A_TIME_WITH_EFFECTS = 2**18
 
 
 def sensor_measurements(
     sensor: IdealSensor, seed: int, scenario: str, runs: range
 ) -> Iterator[tuple[range, ObjectMeasurements]]:
     """The measurements of some runs, a few runs at a time."""
-    size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
+    most = AT_A_TIME if sensor.bodies is None else AT_A_TIME_WITH_EFFECTS
+    size = max(1, most // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(runs.start, runs.stop, size):
         part = range(first, min(first + size, runs.stop))
         with at_work(plugins_among(sensor.config, *sensor.config.effects)):

@@ -64,8 +64,12 @@ class Bodies:
     def moved(self, ahead: Array, left: Array) -> Bodies:
         """Points so far ahead of these and to the left on the bodies, m, with the velocity that a turn gives them."""
         c, s = self.axis
-        x, y = c * ahead - s * left, s * ahead + c * left
-        shift = np.stack([x, y, -self.yaw_rate * y, self.yaw_rate * x])
+        x, y = c * ahead, s * ahead
+        x -= s * left
+        y += c * left
+        shift = np.stack([x, y, y, x])
+        shift[2] *= -self.yaw_rate
+        shift[3] *= self.yaw_rate
         return replace(self, target=self.target + shift)
 
 

@@ -44,10 +44,9 @@ class CorrelatedErrors(Effect):
         shares = np.array([self.share_of.get(name, self.share) for name in names])[:, None, None, None]
         slow *= np.sqrt(shares) * sensed.sigmas()
         slow *= sensed.slow_scale
+        slow += sensed.error
         rest = np.sqrt(1.0 - shares)
-        return sensed.replaced(
-            error=sensed.error + slow, scale=rest * sensed.scale, slow_scale=rest * sensed.slow_scale
-        )
+        return sensed.replaced(error=slow, scale=rest * sensed.scale, slow_scale=rest * sensed.slow_scale)
 
     def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
         for name in self.share_of:

@@ -36,8 +36,8 @@ def gauss_markov(time: Array, time_s: float, white: Array, order: Literal[1, 2] 
     if order == 2:
         steps, of_value, of_slope = _innovations_at((CORRELATION_TIME * steps).tobytes())
         return _second_order(steps.reshape(axes), of_value.reshape(axes), of_slope.reshape(axes), white)
-    decay = np.exp(-steps)
-    driven = np.ascontiguousarray(white) * np.append(1.0, np.sqrt(1.0 - decay * decay)).reshape(axes)
+    decay, driven = np.exp(-steps), np.array(white, order="C")
+    driven *= np.append(1.0, np.sqrt(1.0 - decay * decay)).reshape(axes)
     return autoregression(decay, driven)
 
 
@@ -56,10 +56,10 @@ def smooth_process(steps: Array, white: Array) -> Array:
 
 
 def _second_order(steps: Array, of_value: Array, of_slope: Array, white: Array) -> Array:
-    decay, white = np.exp(-steps), np.ascontiguousarray(white)
-    slope = autoregression(decay, white * of_slope)[:-1]
+    decay, driven = np.exp(-steps), np.array(white, order="C")
+    slope = autoregression(decay, driven * of_slope)[:-1]
     slope *= steps * decay
-    driven = white * of_value
+    driven *= of_value
     driven[1:] += slope
     return autoregression(decay, driven)
 
