@@ -128,7 +128,9 @@ def page(seen: Sequence[Seen]) -> str:
     lines = [
         "# How often the doctor is right",
         "",
-        "Made by `make doctor-rates`. Every fault (row) is injected into correct trackers (columns): plain NumPy ones,",
+        "<!-- Made by `make doctor-rates`. Change benchmarks/doctor_rates.py, not this page. -->",
+        "",
+        "Every fault (row) is injected into correct trackers (columns): plain NumPy ones,",
         "ones made with FilterPy, and built-in ones. It counts where its name is the first finding; of a wrong",
         "measurement noise also the sensor and the factor, within a factor of two.",
         "",

@@ -115,7 +115,7 @@ def timed(folder: Path) -> dict[str, Any]:
 
 
 def _build(folder: Path) -> None:
-    for name in ("trackbench.h", "trackbench.hpp", "trackbench_program.h"):
+    for name in ("trackbench.h", "trackbench.hpp", "trackbench_program.h", "ekf.hpp"):
         (folder / name).write_text(LANGUAGES.joinpath(name).read_text(encoding="utf-8"), encoding="utf-8")
     source = LANGUAGES.joinpath("tracker.cpp.j2").read_text(encoding="utf-8").replace("{{ cls }}", "Mine")
     (folder / "mine.cpp").write_text(source, encoding="utf-8")

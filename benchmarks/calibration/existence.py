@@ -49,7 +49,7 @@ WORLDS = {
 
 
 #: Every track, not only those that are sure enough to be reported.
-ALL_TRACKS = {"confirm_existence": 0.01, "end_existence": 1e-4}
+ALL_TRACKS = {"report_existence": [0.01, 1e-4]}
 TOLD_WRONG: dict[str, dict[str, Any]] = {
     "Pd 0.95": {"detection_probability": {"lidar": 0.95}},
     "that objects hide at times": {"visible_s": 10.0},
@@ -72,7 +72,7 @@ def claims() -> Iterator[Claim]:
         parts, most = _reliability(_bins(world, method, ALL_TRACKS))
         yield Claim(f"{method}, {label}", parts, f"within {ROOM:g} in each bin, but for ±", most <= ROOM)
     dense = WORLDS["40 objects, Pd 0.9"]
-    parts, most = _reliability(_bins(dense, "pmb", {"confirm_existence": 0.95, "end_existence": 0.5}))
+    parts, most = _reliability(_bins(dense, "pmb", {"report_existence": [0.95, 0.5]}))
     yield Claim(
         "pmb, 40 objects, Pd 0.9, reported tracks", parts, f"within {ROOM:g} in each bin, but for ±", most <= ROOM
     )

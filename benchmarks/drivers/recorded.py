@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -32,7 +33,7 @@ class Window(NamedTuple):
 
 def i80(part: int) -> list[Window]:
     """Every second vehicle of NGSIM I-80: ``part`` 0 for the fit, 1 to be held back."""
-    with sqlite3.connect(f"file:{FOLDER / 'i80.shf'}?mode=ro", uri=True) as file:
+    with closing(sqlite3.connect(f"file:{FOLDER / 'i80.shf'}?mode=ro", uri=True)) as file:
         rows = file.execute(
             "select vehicle_id, speed, position_y, lane_id from Trajectory order by vehicle_id, sim_time"
         ).fetchall()
@@ -90,7 +91,7 @@ def overlaps() -> int:
 
     A road holds none: the windows of the vehicles are of different times.
     """
-    with sqlite3.connect(f"file:{FOLDER / 'i80.shf'}?mode=ro", uri=True) as file:
+    with closing(sqlite3.connect(f"file:{FOLDER / 'i80.shf'}?mode=ro", uri=True)) as file:
         rows = file.execute(
             "select position_x, position_y, length from Trajectory join Vehicle on id = vehicle_id "
             "where abs(sim_time - (select avg(sim_time) from Trajectory)) < 0.01"

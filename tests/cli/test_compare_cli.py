@@ -150,7 +150,7 @@ def test_bad_input_is_one_line(cli: Cli, two: Path, arguments: list[str], messag
 
 def test_folders_of_several_scenarios(cli: Cli, versions: Path) -> None:
     done = cli("compare", "base", "new", "--fail-on-regression", "position_rmse:5", "--junit", "junit.xml")
-    assert (done.status, done.err) == (1, "")
+    assert (done.status, done.err) == (1, "3 of 4 limits kept, 1 broken: exit status 1 (0: all shown kept)\n")
     assert "FAILED: tiny, ekf B, position_rmse: +" in done.out
     assert "3 of 4 limits kept" in done.out
     limit = "position_rmse not worse by more than 5 %"

@@ -74,18 +74,20 @@ def test_each_log_of_a_folder_is_compared(run: Run) -> None:
     assert outcomes([before, before]) == {(name, tracker): "passed" for name in logs for tracker in ("ekf", "raw")}
 
 
-def test_a_log_that_is_too_short_says_what_is_missing(run: Run) -> None:
-    short = run(lines=120)
-    with pytest.raises(InputError, match=r"6 s of a single run give no interval: record at least 8 s"):
-        outcomes([short, short])
-    (item, *_) = compare_results([short]).differences
+@pytest.mark.parametrize(("lines", "metric"), [(120, "velocity_rmse"), (400, "position_p95")])
+def test_a_recorded_log_without_an_interval_is_judged_by_its_values(run: Run, lines: int, metric: str) -> None:
+    """A log of 6 s, and a metric with one value in a run."""
+    before, worse, other = run(lines=lines), run(q=60, lines=lines), run(lines=lines, seed=9)
+    comparison = compare_results([before, worse], metrics=[metric], trackers=["ekf"])
+    (item,) = comparison.differences
     assert item.ci95 is None
-
-
-def test_a_metric_with_one_value_in_a_run_has_no_limit_on_a_log(run: Run) -> None:
-    before = run()
-    with pytest.raises(InputError, match=r"a single run gives no interval of position_p95"):
-        outcomes([before, before], metric="position_p95")
+    assert item.percent is not None
+    name = ("log", "ekf")
+    assert outcomes([before, worse], item.percent - 0.1, metric)[name] == "failed"
+    assert outcomes([before, worse], item.percent + 0.1, metric)[name] == "passed"
+    assert outcomes([worse, before], 0, metric)[name] == "passed"
+    # Another log of the same motion has noise of its own, and one value of each shows nothing.
+    assert outcomes([before, other], 1e6, metric)[name] == "undecided"
 
 
 def test_the_interval_is_that_of_the_run(run: Run) -> None:

@@ -21,7 +21,7 @@ def test_it_is_short() -> None:
 
 
 def test_the_limits_are_those_of_the_code() -> None:
-    assert f"{files.SCENARIO >> 20} MiB, {MAX_VALUES:,} values" in TEXT
+    assert f"{files.SCENARIO >> 20} MiB, {MAX_VALUES:,} values and {files.SCENARIO >> 20} Mi characters" in TEXT
     assert f"| messages about one scenario | {MOST_ERRORS}, " in TEXT
     assert f"| a log as text | {files.LARGE >> 30} GiB |" in TEXT
     assert f"| rows of a log | {MOST_ROWS // 10**6} million |" in TEXT

@@ -108,7 +108,7 @@ def test_it_is_told_the_sensors_the_options_and_its_arguments(launch: Launch, tm
     assert hello == {"type": "hello", "version": 1, "identities": "known", **told}
     assert starts == [{"type": "start", "id": number} for number in (1, 2, 3)]
     assert scan["id"] == 1
-    of_hidden = {"detection_probability", "clutter_density", "field_of_view"}
+    of_hidden = {"detection_probability", "clutter_density", "field_of_view", "half_range_m"}
     assert set(scan) == {*Scan._fields, "type", "id"} - of_hidden
     assert scan["measurement"] == [[2], np.array([0.0, 3.0]).tobytes()]
     assert scan["valid"] == [[], np.array(1.0).tobytes()]

@@ -39,6 +39,7 @@ sensors:
     detection_probability: 0.9
     dropouts: [{from_s: 0.2, to_s: 0.4}]
   roof: {type: lidar, rate_hz: 5, position_sigma_m: 0.15, fov_deg: 200, max_range_m: 90}
+  side: {type: radar, rate_hz: 5, measures: [azimuth, range], range_sigma_m: 0.3, azimuth_sigma_deg: 0.5}
 trackers:
   raw: {use: raw}
   ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, sensors: [front, roof]}
@@ -73,9 +74,11 @@ sensors:
     clutter: {per_scan: 3}
     occlusion: true
   roof: {type: lidar, rate_hz: 5, position_sigma_m: 0.15, max_range_m: 60, latency_s: 0.1}
+  camera:
+    {type: radar, rate_hz: 5, measures: [azimuth], azimuth_sigma_deg: 0.1, max_range_m: 60, clutter: {per_scan: 1}}
 trackers:
   gnn: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn, gate: 0.99, confirm: [2, 3]}}
-  jipda: {filter: kf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: jipda}}
+  jipda: {filter: kf, motion: cv, acceleration_sigma_mps2: 3, sensors: [front, roof], associate: {method: jipda}}
   pmb: {filter: ukf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: pmb}}
 monte_carlo: {runs: 2, seed: 7}
 expect: [{tracker: gnn, metric: gospa, below: 20}]

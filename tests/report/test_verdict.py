@@ -12,14 +12,16 @@ from tests.support.example_result import make_result, make_summary, make_tables
 from tests.support.results import with_differences
 
 from trackbench.document.markdown import to_markdown
-from trackbench.report.console import print_summary
+from trackbench.report.console import print_summary, run_in_words
 from trackbench.report.first_screen import at_a_glance
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
+from trackbench.report.scenes import basis_of_intervals
 from trackbench.report.tables import tone_of
 from trackbench.report.verdict import headline_sentence, next_step, verdict_of_run
 from trackbench.results import ExpectationResult, Health, MetricValue, Result
+from trackbench.results.scenario_summary import SceneSummary
 
 
 def expectation(metric: str = "position_rmse", *, passed: bool = True) -> ExpectationResult:
@@ -81,6 +83,44 @@ BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
 )
 def test_who_is_best_how_surely(verdicts: dict[tuple[str, str], str], sentence: str) -> None:
     assert said(result_where([BEST, NEXT, THIRD], verdicts)) == f"{sentence} in this scene"
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "shown"),
+    [(3.53, 0.9, "3.53 m"), (4.47, 0.9, "4.47 m"), (0.0712, 0.03, "0.0712 m"), (41.26, 9.0, "41.3 m")],
+)
+def test_a_value_has_three_digits_however_wide_its_interval(value: float, half: float, shown: str) -> None:
+    """Values of runs that differ are told apart: both 3.53 and 4.47 were "4 m"."""
+    result = result_where([BEST], {})
+    (tracker,) = result.summary.trackers
+    metric = tracker.position_rmse.model_copy(update={"value": value, "ci95": (value - half, value + half)})
+    wide = result.updated(
+        trackers=[tracker.model_copy(update={"metrics": {**tracker.metrics, "position_rmse": metric}})]
+    )
+    assert said(wide) == f"ukf_ctrv has a position error of {shown}"
+    assert f"the smallest position RMSE: {shown}" in headline_sentence(wide)
+
+
+@pytest.mark.parametrize(
+    ("source", "stretches", "words", "runs"),
+    [
+        ("highway-env", 0, "6 scenes", "6 scenes of 2 runs"),
+        ("recording", 6, "6 stretches of one log", "6 stretches of one log"),
+        ("recording", 3, "6 stretches of 2 logs", "6 stretches of 2 logs"),
+        ("recorded-boxes", 0, "6 sequences", "6 sequences"),
+    ],
+)
+def test_scenes_are_counted_in_the_same_words_everywhere(source: str, stretches: int, words: str, runs: str) -> None:
+    result = result_where([BEST, NEXT], {})
+    truth = result.summary.truth
+    scene = SceneSummary(name="one", objects=["a"], duration_s=5.0, audit=truth.audit, error={BEST: 0.4, NEXT: 0.5})
+    options = {"source": source, "scenes": [scene] * 6, "stretches": stretches}
+    several = result.updated(runs=12, truth=type(truth).model_validate({**dict(truth), **options}))
+    assert said(several).startswith(f"over {words} ukf_ctrv has")
+    assert run_in_words(several).startswith(f"{runs}, ")
+    assert basis_of_intervals(several).startswith(f"over {words}")
+    page = to_markdown(result_document(several))
+    assert f"in any of the 6 {words.split()[1]}." in page
 
 
 def test_a_tracker_that_diverged_is_tied_with_none_by_its_interval() -> None:
@@ -153,11 +193,11 @@ def test_functions_are_in_the_verdict_only_where_something_is_expected_of_them()
     warned = result.updated(trackers=trackers)
     assert "RMS delay" not in said(warned)
     expected = warned.updated(expectations=[expectation("warn_error.aeb")])
-    tied = "smallest RMS delay: all trackers 0.1 to 1.1 s (aeb), not shown to differ; ukf_ctrv has"
+    tied = "smallest RMS delay: all trackers 0.10 to 1.10 s (aeb), not shown to differ; ukf_ctrv has"
     assert said(expected).startswith(tied)
     tested = expected.differences[0].model_copy(update={"metric": "warn_error.aeb"})
     shown = with_differences(expected, [*expected.differences, tested])
-    assert said(shown).startswith("smallest RMS delay: ukf_ctrv 0.1 s (aeb); ukf_ctrv has")
+    assert said(shown).startswith("smallest RMS delay: ukf_ctrv 0.10 s (aeb); ukf_ctrv has")
     output = io.StringIO()
     print_summary(warned, Console(file=output, width=80))
     assert sum(line.split()[:2] in (["aeb", name] for name in names) for line in output.getvalue().splitlines()) == 2

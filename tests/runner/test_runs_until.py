@@ -126,7 +126,7 @@ def test_the_command_line_says_what_was_reached(cli: Cli, tiny: Path) -> None:
     ("arguments", "message"),
     [
         (["--runs-until", "0.01", "--runs", "5"], "--runs-until: give no --runs beside it"),
-        (["--runs-until", "nan"], "'--runs-until': nan is not a share above 0 and below 0.5"),
+        (["--runs-until", "nan"], "'--runs-until': 'nan' is not a share such as 0.01 or 1%"),
         (["--runs-until", "1"], "'--runs-until': 1 is a share of 100 %; for 1 % write 1%"),
         (["--runs-until", "50%"], "'--runs-until': 50% is not a share above 0 and below 0.5"),
         (["--runs-until", "1 %", "--trackers", "ekf"], "tiny.yaml: --runs-until: needs two trackers"),

@@ -197,9 +197,14 @@ def test_an_id_that_is_used_again_is_a_fault_of_health(
     code = (
         "import numpy as np\nclass T:\n    def step(self, state, scan):\n        n = (state or 0) + 1\n"
         "        there = np.arange(n % 4 < 2)\n"
-        "        return n, (there, np.zeros((4, len(there))), np.tile(np.eye(4)[:, :, None], len(there)))\n"
+        "        mean = np.zeros((4, len(there)))\n        mean[0] = n * self.step_m\n"
+        "        return n, (there, mean, np.tile(np.eye(4)[:, :, None], len(there)))\n"
+        "    step_m = 10.0\nclass Back(T):\n    step_m = 1.0\n"
     )
-    use = f"trackers.again.use={write_module(scenario.parent, code)}:T"
+    module = write_module(scenario.parent, code)
+    use = f"trackers.again.use={module}:T"
+    # A track that comes back near where it was is the same one: three scans later, 3 m away.
+    assert result(scenario, f"trackers.again.use={module}:Back")["again"].health.reused_ids == 0
     found = result(scenario, use)
     times = found["again"].health.reused_ids
     assert times > 0

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import pytest
 
+import trackbench as tb
 from trackbench.base.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL, Array, Truth
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
@@ -70,6 +71,28 @@ def test_the_car_cuts_in_close_ahead_and_is_never_out_of_sight() -> None:
     ahead = of.truth.px[:, mine, 0] - of.truth.observer.px
     in_lane = np.abs(of.truth.py[:, mine, 0]) < 1.0
     assert 10 < ahead[in_lane].min() < 20
+
+
+def test_cars_that_meet_are_within_a_standard_deviation_of_their_estimates() -> None:
+    loaded = tb.load("traffic/coalescence", runs=1, trackers=["oracle"])
+    truth, tracks = tb.truth(loaded), tb.run(loaded).to_pandas("tracks")
+    together = (truth.time > 6) & (truth.time < 12)
+    apart = np.diff(truth.py[together, :, 0], axis=1)
+    np.testing.assert_allclose(np.abs(apart), 2.0, atol=0.01)
+    assert np.ptp(truth.px[together, :, 0], axis=1).max() < 1
+    own = tracks[(tracks["time_s"] > 6) & (tracks["time_s"] < 12)]
+    assert len(own) > 50
+    # What the sensor leaves open even where the association is known.
+    assert np.sqrt(own["p_11"]).mean() > 2.0
+
+
+def test_cars_leave_the_tunnel_one_by_one() -> None:
+    of = scene("tunnel_exit")
+    begins = sorted(min(first for first, _ in of.intervals(name, DUE)) for name in of.truth.ids)
+    apart = np.diff(begins)
+    assert apart.min() >= 0.25
+    assert apart.max() <= 1.25
+    assert 0.6 < apart.mean() < 0.9
 
 
 def test_the_radar_cannot_tell_the_cars_side_by_side_apart() -> None:

@@ -91,16 +91,22 @@ def write_log(
     mount: Mapping[str, float] = {"x_m": 2.0},
     truth_sigma_m: float = 0.0,
     truth_from: int = 0,
+    truth_ahead_m: float = 0.0,
 ) -> Path:
     """Write a log, and a scenario that knows nothing of the errors; returns the scenario's file.
 
     ``truth_sigma_m`` is the noise of the truth's positions, white from row to row; ``truth_from`` the instant of the
-    first row, in hundredths of a second, so that the truth's stamps are not those of the sensors.
+    first row, in hundredths of a second, so that the truth's stamps are not those of the sensors. ``truth_ahead_m`` is
+    how far the truth's point is in front of the measured one.
     """
     truth = _truth(duration_s, json.dumps(objects), moving)
     every, vx, vy = 100 // truth_hz, truth.vx, truth.vy
     noise = truth_sigma_m * np.random.default_rng([seed, 5]).normal(size=(2, *truth.px.shape[:2]))
-    px, py = truth.px[:, :, 0] + noise[0], truth.py[:, :, 0] + noise[1]
+    ahead = truth_ahead_m * np.array([np.cos(truth.heading), np.sin(truth.heading)])
+    vx, vy = vx - truth.yaw_rate * ahead[1], vy + truth.yaw_rate * ahead[0]
+    px, py = (
+        at[:, :, 0] for at in (truth.px + ahead[0] + noise[0, ..., None], truth.py + ahead[1] + noise[1, ..., None])
+    )
     rows = [
         [truth.time[k], name, px[k, i], py[k, i], vx[k, i, 0], vy[k, i, 0]]
         for k in range(truth_from, len(truth.time), every)

@@ -17,8 +17,8 @@ from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
 
 SHORT = ["monte_carlo.runs=1", "truth.duration_s=15", "expect=[]"]
-TRACKERS = "trackers={gnn: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}}, naive: \
-{filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: naive}}}"
+TRACKERS = "trackers={gnn: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}}, jpda: \
+{filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: jpda}}}"
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,8 @@ import pytest
 from tests.support.ros_bags import CAR, Messages, write_bag
 
 from trackbench.base.errors import InputError
-from trackbench.truth.formats.ros import METADATA, RosBag
+from trackbench.truth.config.logs import BAG
+from trackbench.truth.formats.ros import RosBag
 
 pytest.importorskip("rosbags", reason="needs trackbench[ros]")
 IDS = {"odometry": "car", "markers": "cars/7", "detections": "a7", "tracked": bytes(range(16)).hex()}
@@ -76,7 +77,7 @@ def test_a_bag_without_definitions_needs_a_typestore(tmp_path: Path) -> None:
 
 def test_the_folder_of_a_bag_is_named_by_its_metadata(tmp_path: Path) -> None:
     file = write_bag(tmp_path, [("/odom", Messages().odometry(0.5))])
-    assert len(RosBag().rows(file.with_name(METADATA))) == 1
+    assert len(RosBag().rows(file.with_name(BAG))) == 1
 
 
 def test_what_cannot_be_meant_is_named(tmp_path: Path) -> None:
@@ -102,7 +103,7 @@ def test_what_cannot_be_meant_is_named(tmp_path: Path) -> None:
 def test_a_file_that_is_no_bag_is_one_line(tmp_path: Path) -> None:
     file = tmp_path / "cut.db3"
     file.write_bytes(write_bag(tmp_path, [("/odom", Messages().odometry(0.5))]).read_bytes()[:5000])
-    with pytest.raises(InputError, match="not a ROS bag that can be read") as caught:
+    with pytest.raises(InputError, match="not an SQLite database that can be read") as caught:
         RosBag().rows(file)
     assert "\n" not in str(caught.value)
 

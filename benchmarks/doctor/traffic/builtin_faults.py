@@ -95,9 +95,11 @@ def subjects() -> Iterator[TrafficSubject]:
     yield _of("gnn", "never_deletes", "5 s", delete_after_s=5)
     for method in EXISTENCE:
         fault = partial(_of, method)
-        yield fault("confirms_too_soon", "existence 0.01", confirm_existence=0.01, end_existence=0.005)
-        yield fault("confirms_too_late", "existence 1 - 1e-15", confirm_existence=1 - 1e-15)
-        yield fault("never_deletes", "1000 s", delete_after_s=1000, delete_existence=1e-300, end_existence=1e-300)
+        yield fault("confirms_too_soon", "existence 0.01", report_existence=[0.01, 0.005])
+        yield fault("confirms_too_late", "existence 1 - 1e-15", report_existence=[1 - 1e-15, 0.5])
+        yield fault(
+            "never_deletes", "1000 s", delete_after_s=1000, delete_existence=1e-300, report_existence=[0.95, 1e-300]
+        )
         for value in (0.5, 0.999):
             yield fault("pd_misstated", f"{value}", detection_probability=dict.fromkeys(BOTH, value))
         for density in (1e-9, 1e-2):

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trackbench.base.errors import InputError
 from trackbench.base.types import NotedProgress, Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
@@ -48,10 +47,6 @@ class RunPlan:
     """The share and the largest number of runs, where the precision decides on their number."""
 
     def __post_init__(self) -> None:
-        if self.workers is not None and (not isinstance(self.workers, int) or self.workers < 1):
-            raise InputError(f"{self.workers!r} is no number of processes; give a whole one from 1", key="workers")
-        if (self.workers or 1) > 1 and self.cluster is not None:
-            raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
         require_engine(self.engine)
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import dis
+import hashlib
 import inspect
+import itertools
 import pickle
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property, partial
+from types import CellType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 from trackbench.base.errors import InputError, printable, text_of
@@ -14,7 +19,14 @@ from trackbench.base.errors import InputError, printable, text_of
 HOME = "__main__"
 _pickled: dict[str, bytes] = {}
 _classes: dict[str, Any] = {}
-#: Values of a class that say what it does.
+#: Files of text that was run, of which there are many.
+UNNAMED = ("<string>", "<stdin>")
+#: Where Pydantic keeps the options of a class.
+FIELDS = "__pydantic_fields__"
+#: What stands for functions, and where it has them.
+WRAPPERS = (staticmethod, classmethod, property, cached_property, partial, MethodType)
+INSIDE = ("__func__", "fget", "fset", "fdel", "func", "args", "keywords")
+#: Values that say all of themselves.
 _PLAIN = (bool, int, float, str, bytes, type(None))
 
 
@@ -87,23 +99,65 @@ def class_at_hand(reference: str) -> Any | None:
 
 
 def source_text(reference: str) -> str | None:
-    """The text of a class at hand: that of its definition, or of its methods and plain values; None of what is none."""
+    """Return text that changes with the code of a class at hand; None where the reference names no such class.
+
+    It holds the methods and values of the class, and whatever of these no other process can import: bases, functions
+    and values of the notebook that methods use, defaults and closures.
+    """
     plugin = class_at_hand(reference)
-    if plugin is None:
-        return None
+    return None if plugin is None else "\n".join(_described(plugin, {}))
+
+
+def _described(value: Any, seen: dict[int, Any]) -> Iterator[str]:
+    """Describe a value by its code and content; ``seen`` holds what was described before, and keeps it alive."""
+    if isinstance(value, _PLAIN):
+        yield repr(value)
+        return
+    if id(value) in seen or isinstance(value, ModuleType):
+        return
+    seen[id(value)] = value
+    parts: Iterable[Any]
+    if isinstance(value, type | FunctionType) and _importable(value):
+        yield f"{value.__module__}:{value.__qualname__}"
+        return
+    if isinstance(value, type):
+        # What Python itself writes into a class, such as the line, says nothing of what it does.
+        own = {k: v for k, v in vars(value).items() if k == FIELDS or isinstance(v, FunctionType) or k[:2] != "__"}
+        parts = [type(value), *value.__bases__, own]
+    elif isinstance(value, FunctionType):
+        yield from _code_text(value.__code__, seen)
+        globals_used = [value.__globals__.get(name) for name in sorted({*_global_names(value.__code__)})]
+        cells = [cell.cell_contents for cell in value.__closure__ or () if cell != CellType()]
+        parts = [value.__defaults__, value.__kwdefaults__, *cells, *globals_used]
+    elif isinstance(value, CodeType):
+        parts = [value.co_code, value.co_names, value.co_consts]
+    elif isinstance(value, dict | list | tuple):
+        parts = itertools.chain(*value.items()) if isinstance(value, dict) else value
+    elif isinstance(value, set | frozenset):
+        parts = sorted("\n".join(_described(item, dict(seen))) for item in value)
+    else:
+        try:
+            parts = [hashlib.sha256(pickle.dumps(value)).hexdigest(), type(value)]
+        except Exception:
+            inside = INSIDE if isinstance(value, WRAPPERS) else () if _importable(type(value)) else ("__dict__",)
+            parts = [type(value), *(getattr(value, name) for name in inside if hasattr(value, name))]
+    for part in parts:
+        yield from _described(part, seen)
+
+
+def _global_names(code: CodeType) -> Iterator[str]:
+    """Names of the globals that a function reads, and those within it."""
+    yield from (step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL")
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from _global_names(inner)
+
+
+def _code_text(code: CodeType, seen: dict[int, Any]) -> Iterator[str]:
+    """Source of a function where Python knows it, else its instructions: the file ``<string>`` may be any text."""
     try:
-        return inspect.getsource(plugin)
-    except (OSError, TypeError):
-        # Of a class of a cell Python knows the place of the methods alone.
-        return "\n".join(_members(plugin))
-
-
-def _members(plugin: Any) -> Iterator[str]:
-    for name, value in vars(plugin).items():
-        if inspect.isfunction(value):
-            try:
-                yield inspect.getsource(value)
-            except OSError:
-                yield f"{name} {value.__code__.co_code.hex()}"
-        elif isinstance(value, _PLAIN) and name not in ("__module__", "__doc__", "__firstlineno__"):
-            yield f"{name} = {value!r}"
+        if code.co_filename in UNNAMED:
+            raise OSError
+        yield inspect.getsource(code)
+    except OSError:
+        yield from _described(code, seen)

@@ -12,6 +12,10 @@ class TrackbenchError(Exception):
     """Base of every error whose text is meant for the user."""
 
 
+class PluginError(TrackbenchError):
+    """A failure of built-in code after plug-ins were loaded. The command line shows it and exits with status 3."""
+
+
 class OutputError(TrackbenchError):
     """A result cannot be written. The command line shows it and exits with status 4."""
 
@@ -105,10 +109,16 @@ def _initials(name: str) -> str:
     return "".join(word[:1] for word in name.split("_"))
 
 
+#: Characters of a name that may be meant; spelling is not compared beyond.
+LONGEST = 100
+
+
 def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
     """The choices that a name may mean, the likeliest first: those of :func:`same_name`, else those that have all its
     words, else the one that is spelt most alike, as far as it is by ``cutoff``."""
-    names = sorted(set(choices))
+    if len(name) > LONGEST:
+        return []
+    names = sorted({choice for choice in choices if len(choice) <= LONGEST})
     if same := same_name(name, names):
         return same
     words = set(re.split(r"[_.]", _spelling(name)))
@@ -126,7 +136,8 @@ def nearest_choices(name: str, choices: Iterable[str]) -> str:
     if close := did_you_mean(similar_names(name, names)):
         return close
     if len(names) > LISTED:
-        return f"choose from {len(names)}, such as {', '.join(get_close_matches(name, names, n=5, cutoff=0.0))}"
+        nearest = get_close_matches(name[:LONGEST], names, n=5, cutoff=0.0)
+        return f"choose from {len(names)}, such as {', '.join(nearest)}"
     return "choose from: " + ", ".join(names) if names else "there is none to choose from"
 
 

@@ -92,7 +92,7 @@ class Scan(NamedTuple):
     sensor: str
     """The sensor's name in the scenario."""
     kind: str
-    """The type of the sensor: "radar", "speed_radar", "lidar" or that of a plug-in."""
+    """The type of the sensor, "radar", "lidar" or that of a plug-in; "radar(range, azimuth)" where it measures less."""
     measurement: Array
     """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
     sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m. NaN where not valid."""
@@ -118,6 +118,8 @@ class Scan(NamedTuple):
     to be kept: measurements that are still on their way were taken earlier."""
     place: int = 0
     """Of the sensor in the scenario, from 0. Scans of one time are in this order where none is late."""
+    half_range_m: float | None = None
+    """Range at which half of ``detection_probability`` holds, m; None where it is the same at all ranges."""
 
     def __repr__(self) -> str:
         valid = np.asarray(self.valid)
@@ -170,8 +172,8 @@ class Tracks(NamedTuple):
 
     def __repr__(self) -> str:
         shown = np.array2string(np.asarray(self.ids), threshold=12, separator=", ", max_line_width=1000)
-        given = [name for name in ("existence", "used") if getattr(self, name) is not None]
-        return f"<tracks {shown}{''.join(f', {name}' for name in given)}>"
+        stated = [name for name in ("existence", "used") if getattr(self, name) is not None]
+        return f"<tracks {shown}{''.join(f', {name}' for name in stated)}>"
 
 
 class Estimate(NamedTuple):
@@ -289,6 +291,8 @@ class Unscored(NamedTuple):
     """From the observer, up to which they count; infinite where there is no limit."""
     boxes: Array
     """``(7, boxes)`` from when to when, s; x, y, m; heading, rad; half length and half width, m."""
+    others: bool = False
+    """Whether tracks on no object count nowhere, since objects without a truth are there too."""
 
 
 #: The arrays of a truth that are ``(steps, objects, runs)``.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -11,12 +13,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
-from trackbench.base.errors import InputError, did_you_mean, similar_names
+from trackbench.base.errors import InputError, did_you_mean, shortened_text, similar_names
+from trackbench.base.execution import MOST_WORKERS
+from trackbench.base.numbers import stated_number
 from trackbench.base.subjects import offered, resolve
 from trackbench.engine.choice import ENGINE_NAMES
 
 if TYPE_CHECKING:
     from trackbench.api.plan import Listener
+    from trackbench.compare.comparison import GateOutcome
     from trackbench.report.junit import Suite
     from trackbench.scenario import Scenario
 
@@ -38,6 +43,24 @@ def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_j
         write_text(junit, to_xml(suites))
     for line in to_annotations(suites) if github else ():
         click.echo(line, err=as_json)
+
+
+def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:
+    """Exit with status 0 if every limit is shown to be kept, else with 1, and say so in the last line on stderr.
+
+    Args:
+        outcomes: what became of each limit.
+        status: another status, such as that of a tracker that failed, which comes first.
+
+    Raises:
+        click.exceptions.Exit: always.
+    """
+    from trackbench.compare.limits import exit_line
+
+    status = status or (0 if all(outcome == "passed" for outcome in outcomes) else FAILED_EXPECTATION)
+    if outcomes:
+        click.echo(exit_line(outcomes, status), err=True)
+    raise click.exceptions.Exit(status)
 
 
 def out_option(summary: str, default: str | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -63,7 +86,13 @@ class NearestChoice(click.Choice[str]):
 
 
 class Whole(click.IntRange):
-    """A whole number from the least to the largest."""
+    """A whole number from the least to the largest, in the digits 0 to 9."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number, without underscores and digits of other scripts."""
+        if isinstance(value, str) and not re.fullmatch(r"[+-]?[0-9]{1,4000}", value.strip()):
+            self.fail(f"{shortened_text(value, 40)!r} is not ", param, ctx)
+        return super().convert(value, param, ctx)
 
     def fail(self, message: str, param: click.Parameter | None = None, ctx: click.Context | None = None) -> NoReturn:
         """Say which numbers are possible."""
@@ -71,16 +100,29 @@ class Whole(click.IntRange):
         super().fail(f"{message.partition(' is not ')[0]} is not a whole number from {self.min} {most}", param, ctx)
 
 
-class Share(click.FloatRange):
+#: Type of each ``--workers``.
+WORKERS = Whole(1, MOST_WORKERS)
+
+
+class Finite(click.FloatRange):
+    """A finite number between the ends of the range, in the digits 0 to 9."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number; NaN, infinities, underscores and digits of other scripts are refused."""
+        if not math.isfinite(stated_number(str(value).strip())):
+            self.fail(f"{shortened_text(str(value), 40)!r} is not a finite number", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Share(Finite):
     """A share below a half, ``0.01``, or a percentage, ``1%``."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """As a share."""
         text = str(value).strip()
-        try:
-            share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-        except ValueError:
-            self.fail(f"{text!r} is not a share such as 0.01 or 1%", param, ctx)
+        share = stated_number(text.removesuffix("%").strip()) / (100 if text.endswith("%") else 1)
+        if not math.isfinite(share):
+            self.fail(f"{shortened_text(text, 40)!r} is not a share such as 0.01 or 1%", param, ctx)
         if 0.5 <= share < 50 and not text.endswith("%"):
             self.fail(f"{text} is a share of {100 * share:g} %; for {share:g} % write {share:g}%", param, ctx)
         if not 0 < share < 0.5:
@@ -104,7 +146,7 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @click.option(
         "--tracker-timeout",
-        type=click.FloatRange(0, 86_400, min_open=True),
+        type=Finite(0, 86_400, min_open=True),
         default=300,
         show_default=True,
         metavar="S",
@@ -112,7 +154,7 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
     )
     @click.option(
         "--tracker-memory",
-        type=click.FloatRange(0, min_open=True),
+        type=Finite(0, min_open=True),
         metavar="GB",
         help="Most memory that it may take; a quarter of the machine's or container's.",
     )

@@ -14,7 +14,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import kind_of_file, offered, resolve
-from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice, github_option, write_suites
+from trackbench.cli.options import NearestChoice, end_with_limits, github_option, write_suites
 
 if TYPE_CHECKING:
     from trackbench.document import Document
@@ -122,7 +122,7 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
     "limits",
     multiple=True,
     metavar="METRIC:PERCENT",
-    help="Exit with 1 if really worse by more.",
+    help="Exit with 1 unless shown not to be worse by more.",
 )
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the regressions as JUnit XML.")
 @github_option
@@ -157,7 +157,8 @@ def compare_command(
 
     \b
     Exit status:
-      0 compared   1 a regression   2 bad input or not comparable   4 cannot write
+      0 compared, each limit shown to be kept   1 a limit is broken or undecided
+      2 bad input or not comparable   4 cannot write
     """
     from trackbench.compare import Limit, compare_results, find_results
     from trackbench.document.files import require_ending
@@ -189,7 +190,7 @@ def compare_command(
         print_document(comparison_document(comparison, times=True), Console())
         if out is not None:
             click.echo(_files_in_words(out.parent, written), err=True)
-    raise click.exceptions.Exit(0 if comparison.passed else FAILED_EXPECTATION)
+    end_with_limits(comparison.outcomes)
 
 
 def _files_in_words(place: Path, files: Sequence[Path], kind: Callable[[str], str] = lambda _: "file") -> str:

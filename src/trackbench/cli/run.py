@@ -16,9 +16,11 @@ from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run_prepared
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
+from trackbench.base.process import FAILED_PLUGIN
 from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
+    WORKERS,
     Share,
     Whole,
     artifact_options,
@@ -42,9 +44,6 @@ from trackbench.results import Result
 from trackbench.scenario.shipped import files_of_scenarios
 from trackbench.scenario.worlds import WORLDS
 from trackbench.truth import MAX_SCENES
-
-FAILED_TRACKER = 3
-
 
 _HELP = f"""{RUN_SUMMARY}
 SCENARIO is a YAML file, a folder of them, or the name of one that comes
@@ -84,7 +83,7 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("Each scenario gets a folder in it.", "results")
-@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays. Same result.")
+@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same result.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 @engine_option
 @isolation_options
@@ -155,5 +154,5 @@ def run_command(
 def status(finished: Sequence[Result]) -> int:
     """The exit status of finished runs."""
     if any(tracker.failed for result in finished for tracker in result.summary.trackers):
-        return FAILED_TRACKER
+        return FAILED_PLUGIN
     return 0 if all(result.summary.passed for result in finished) else FAILED_EXPECTATION

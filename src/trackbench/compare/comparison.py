@@ -106,6 +106,10 @@ class PairDifference(ResultModel):
     for missing ones. Neither is called better where this has the other sign."""
     scenes: int
     """Number of scenes that the runs are of; with several, the scenes are what is independent."""
+    scenes_in_words: str = ""
+    """Number and kind of the scenes, such as "6 sequences"; empty where there is one scene."""
+    repeatable: bool = False
+    """With a limit: whether both are of the same recorded data, in which nothing is drawn."""
     verdict: str
     """One of :data:`trackbench.metrics.differences.VERDICTS`."""
 
@@ -189,17 +193,22 @@ class RankDifference(ResultModel):
     """Whether they are shown to differ."""
 
 
-class GateResult(ResultModel):
+class JudgedLimit(ResultModel):
+    """A limit on how much worse a metric may be, and what became of it."""
+
+    metric: str
+    percent: float
+    outcome: GateOutcome
+    """Outcome by the rule of :func:`trackbench.compare.limits.gate_results`; ``error``: the entrant has no value."""
+    text: str
+    """What was found, in one line."""
+
+
+class GateResult(JudgedLimit):
     """A limit held against one tracker of a later set in one scenario."""
 
     scenario: str
     entrant: Entrant
-    metric: str
-    percent: float
-    outcome: GateOutcome
-    """``undecided``: more than the limit is neither shown nor excluded; ``error``: the entrant has no value."""
-    text: str
-    """What was found, in one line."""
 
 
 class OrderInWorlds(ResultModel):
@@ -275,9 +284,13 @@ class Comparison(ResultModel):
 
     @property
     def passed(self) -> bool:
-        """Whether every limit is kept in every group, as far as is known."""
-        gates = [item for group in self.groups for item in group.gates]
-        return all(item.outcome not in ("failed", "error") for item in gates)
+        """Whether every limit is shown to be kept in every group."""
+        return all(outcome == "passed" for outcome in self.outcomes)
+
+    @property
+    def outcomes(self) -> list[GateOutcome]:
+        """Outcomes of all limits, group by group."""
+        return [item.outcome for group in self.groups for item in group.gates]
 
     @property
     def trackers(self) -> list[str]:

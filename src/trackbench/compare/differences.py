@@ -173,6 +173,8 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
             paired_runs=None if shared is None else len(shared[0]),
             stretches=len(own.influence) if over_stretches else None,
             scenes=max(1, len(match.against.result.summary.truth.scenes)),
+            scenes_in_words=match.against.result.summary.truth.scenes_in_words,
+            repeatable=limit is not None and shared is not None and match.entry.repeatable,
             verdict=UNDECIDED,
         )
         # The rest of rounding is another on each machine.

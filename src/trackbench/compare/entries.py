@@ -22,14 +22,12 @@ from trackbench.metrics.sums import SHORTEST
 from trackbench.results import MetricValue, Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
+from trackbench.scenario.recorded_checks import same_every_run
 
 #: What a comparison does not read of a scenario, and may be code that is not here.
 LEFT_OUT = ("score.metrics=[]", "expect=[]", "recording.scene=0")
-#: Trackers that any scenario may have, by whether identities are known.
-ANY = {
-    "known": "trackers={raw: {use: raw}}",
-    "hidden": "trackers={one: {filter: kf, motion: cv, acceleration_sigma_mps2: 1, associate: {method: gnn}}}",
-}
+#: Trackers that any scenario may have, also one without sensors, by whether identities are known.
+ANY = {"known": "trackers={raw: {use: raw}}", "hidden": "trackers={one: {use: tracks, path: none.csv}}"}
 #: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
 AGREEMENT = 1e-6
 
@@ -93,11 +91,19 @@ class Entry:
         """Whether the interval of a metric rests on stretches of time."""
         return {*metric.columns} <= {*self.result.tables.if_there("stretches").column_names}
 
+    @cached_property
+    def repeatable(self) -> bool:
+        """Whether nothing is drawn: a tracker that stays the same has the same values however often it is run."""
+        return same_every_run(self.scenario)
+
     def without_interval(self, metric: Metric) -> str:
-        """Why a metric has no interval here, and what would give one; empty where it may have one."""
+        """Why no regression of a metric can be shown here, and what would show one; empty where one can be.
+
+        It takes an interval, or recorded data in which nothing is drawn.
+        """
         summary = self.result.summary
         scenes = len(summary.truth.scenes)
-        if self.stretches > 1 and self.over_stretches(metric):
+        if self.repeatable or (self.stretches > 1 and self.over_stretches(metric)):
             return ""
         if 0 < scenes < FEWEST_SCENES:
             return f"{scenes} scenes give no interval of {metric.path}: take {FEWEST_SCENES} or more"

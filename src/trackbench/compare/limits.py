@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
+from trackbench.base.numbers import stated_number
 from trackbench.compare.comparison import GateOutcome, GateResult, NotCompared, PairDifference
 from trackbench.metrics import Metric
 
@@ -29,10 +30,7 @@ class Limit(NamedTuple):
         metric, colon, number = text.rpartition(":")
         if not colon:
             raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=key)
-        try:
-            percent = float(number.removesuffix("%"))
-        except ValueError:
-            percent = math.nan
+        percent = stated_number(number.removesuffix("%"))
         if not 0.0 <= percent < math.inf:
             raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=key)
         return cls(metric, percent)
@@ -57,10 +55,10 @@ def gate_results(
 ) -> list[GateResult]:
     """Each limit held against each tracker of each later set in each scenario.
 
-    It fails where the value is worse by more than the limit, and shown to be worse by more than the margin, which is
-    not more than the limit, after the correction for their number.
-    So chance alone does not fail a build, and a regression that the runs show does not pass because the interval still
-    touches the limit. Where it does not fail, but the interval reaches beyond the limit, it is undecided.
+    A limit is a test of non-inferiority. It is kept (``passed``) where the whole 95 % interval of the difference is
+    within it. It is broken (``failed``) where the value is worse by more than the limit, and shown to be worse by more
+    than the margin, which is not more than the limit, after the correction for their number. Else it is ``undecided``,
+    and does not pass. Values of the same recorded data without an interval are compared as they are.
     """
     results = []
     for limit in limits:
@@ -86,20 +84,22 @@ def _result(item: PairDifference | NotCompared, limit: Limit, outcome: GateOutco
 
 
 def _outcome(item: PairDifference, limit: Limit, metric: Metric) -> GateOutcome:
-    if item.percent is None:
-        # Nothing is a percentage of zero: any worsening that is shown is more.
-        return "failed" if item.verdict == "worse" else "passed"
     sign = 1.0 if metric.better == "smaller" else -1.0
-    if item.verdict == "worse" and sign * item.percent > limit.percent:
-        return "failed"
-    worst = max(sign * end for end in item.percent_ci95 or (item.percent,))
-    return "undecided" if worst > limit.percent else "passed"
+    allowed = limit.percent / 100 * abs(item.reference)
+    as_they_are = item.ci95 is None and item.repeatable
+    worst = max(sign * end for end in item.ci95 or (item.difference,))
+    if worst <= allowed and (item.ci95 or as_they_are or item.identical or item.verdict == "better"):
+        return "passed"
+    is_broken = sign * item.difference > allowed and (as_they_are or item.verdict == "worse")
+    return "failed" if is_broken else "undecided"
 
 
 def _text(item: PairDifference, limit: Limit) -> str:
     allowed = f"{limit.percent:g} % allowed"
     if item.identical:
         return f"the same in every run; {allowed}"
+    if item.ci95 is None and item.repeatable:
+        allowed = f"values as they are, without an interval; {allowed}"
     if item.percent is None:
         return f"from 0 to {item.value:.4g} {item.unit}; {allowed}"
     reach = ""
@@ -107,3 +107,15 @@ def _text(item: PairDifference, limit: Limit) -> str:
         low, high = item.percent_ci95
         reach = f" (95 %: {low:+.1f} to {high:+.1f} %)"
     return f"{item.percent:+.1f} %{reach}, {item.verdict}; {allowed}"
+
+
+def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
+    """Say how many limits are kept: "1 of 3 limits kept, 1 broken, 1 undecided"."""
+    broken, undecided = sum(item in ("failed", "error") for item in outcomes), outcomes.count("undecided")
+    rest = [f"{number} {word}" for number, word in ((broken, "broken"), (undecided, "undecided")) if number]
+    return ", ".join([f"{outcomes.count('passed')} of {counted(len(outcomes), 'limit')} kept", *rest])
+
+
+def exit_line(outcomes: Sequence[GateOutcome], status: int) -> str:
+    """Say how many limits are kept, and the exit status with the rule of every gate."""
+    return f"{limits_in_words(outcomes)}: exit status {status} (0: all shown kept)"

@@ -69,7 +69,7 @@ class ScanFrames:
             shared["field_of_view"] = packed_array(
                 [view.half_angle, view.max_range, math.nan if view.volume is None else view.volume]
             )
-        for name in ("detection_probability", "clutter_density"):
+        for name in ("detection_probability", "clutter_density", "half_range_m"):
             if (value := getattr(scan, name)) is not None:
                 shared[name] = float(value)
         # Their map has less than 16 entries, so that its head is one byte.

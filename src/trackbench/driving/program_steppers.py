@@ -12,7 +12,7 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.frames import ScanFrames, each_of, id_of, ids_of, message_estimate, plain_estimate, tracks_of
 from trackbench.driving.program import Program
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, Stepper, Traits
-from trackbench.trackers.answers import KEPT_THERE, OF_ONE, TrackerFault, require_kept
+from trackbench.trackers.answers import KEPT_THERE, OF_ONE, OF_SEVERAL, TrackerFault, require_kept
 
 Message = dict[str, Any]
 
@@ -27,7 +27,7 @@ def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
     if kind == "none":
         return None
     if (kind == "tracks") != several:
-        raise TrackerFault(OF_ONE if several else "it gave tracks; with known identities an estimate is needed")
+        raise TrackerFault(OF_ONE if several else OF_SEVERAL)
     return tracks_of(message) if several else message_estimate(message)
 
 
@@ -101,10 +101,10 @@ class ProgramStepper(Stepper):
 
     def _listed(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
         """The estimate of those who have begun, in one frame; where it needs a closer look one message for each."""
-        given, count = scan, len(self._members)
+        own, count = scan, len(self._members)
         if count < self._batch:
-            given = scan._replace(measurement=scan.measurement[:, self._members], valid=scan.valid[self._members])
-        self._program.send([ScanFrames(scan).of(self._ids, given)])
+            own = scan._replace(measurement=scan.measurement[:, self._members], valid=scan.valid[self._members])
+        self._program.send([ScanFrames(scan).of(self._ids, own)])
         message = self._received(self._members)
         try:
             estimate = plain_estimate([message], count)

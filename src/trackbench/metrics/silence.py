@@ -48,8 +48,9 @@ def _held(
     for delivered in deliveries(scans, each_measurement=each_measurement):
         for scan, number, _ in delivered:
             if number is not None and (sensors is None or scan.sensor in sensors):
-                newer = scan.valid & (scan.time >= taken)
-                latest = np.where(newer, position(number), latest)
+                stated = position(number)
+                newer = scan.valid & (scan.time >= taken) & ~np.isnan(stated[0])
+                latest = np.where(newer, stated, latest)
                 taken = np.where(newer, scan.time, taken)
         yield latest
 

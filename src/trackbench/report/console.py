@@ -23,6 +23,7 @@ from trackbench.report.sentences import (
     expectations_met,
     made_elsewhere,
     missing_estimates,
+    others_ignored,
     precision_reached,
     reused_identities,
     value_and_limit,
@@ -131,6 +132,7 @@ def _notes_on_tracks(result: Result) -> list[str]:
         *(values_of_few_scenes(result) or [_intervals_of_tracks(result)]),
         *([reused] if (reused := reused_identities(result)) else []),
         *contradicted_starts(result),
+        *others_ignored(result),
         *made_elsewhere(result),
     ]
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 from trackbench.base.config import KeyPath
 from trackbench.compare import Comparison
-from trackbench.compare.comparison import GateOutcome
+from trackbench.compare.comparison import GateOutcome, JudgedLimit
 from trackbench.report.sentences import value_and_limit
 from trackbench.results import SUMMARY, ExpectationResult, Result
 from trackbench.scenario import Scenario
@@ -91,13 +91,7 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
         baseline, *later = scenario.results
         for result in later:
             cases = [
-                Case(
-                    f"{item.entrant.tracker} {item.metric} not worse by more than {item.percent:g} %",
-                    f"{scenario.name}.{item.entrant.tracker}",
-                    item.outcome,
-                    item.text,
-                    result_file(result.label),
-                )
+                limit_case(scenario.name, item.entrant.tracker, item, item.text, result.label)
                 for item in gates
                 if item.scenario == scenario.name and item.entrant.set == result.set
             ]
@@ -105,9 +99,14 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
     return suites
 
 
-def result_file(label: str) -> str:
-    """The file of a result, of which the folder or the file itself is named."""
-    return label if label.endswith(".json") else f"{label}/{SUMMARY}"
+def limit_case(scenario: str, tracker: str, limit: JudgedLimit, found: str, label: str) -> Case:
+    """Return the test case of a limit on one tracker in a result; an undecided limit is not kept, and a failure."""
+    name = f"{tracker} {limit.metric} not worse by more than {limit.percent:g} %"
+    outcome, message = limit.outcome, found
+    if outcome == "undecided":
+        outcome, message = "failed", f"undecided: {found}"
+    file = label if label.endswith(".json") else f"{label}/{SUMMARY}"
+    return Case(name, f"{scenario}.{tracker}", outcome, message, file)
 
 
 def to_xml(suites: Sequence[Suite]) -> str:

@@ -46,6 +46,7 @@ from trackbench.report.sentences import (
     made_elsewhere,
     missing_estimates,
     other_switch_costs,
+    others_ignored,
     provenance,
     reused_identities,
 )
@@ -187,7 +188,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
         basis = f"{few if summary.truth.scenes else ONE_RUN}."
     without = tuple(Item(f"{sentence[0].upper()}{sentence[1:]}.") for sentence in without_interval(result))
     folded = [Section("Metrics without an interval", (Items(without),), folded=True)] if without else []
-    sentences = [drawing_random(result), *contradicted_starts(result), *made_elsewhere(result)]
+    sentences = [drawing_random(result), *contradicted_starts(result), *others_ignored(result), *made_elsewhere(result)]
     basis += "".join(f" {sentence}." for sentence in sentences if sentence)
     column = standing(result)
     shown = f"“{column.heading}”: {column.meaning}"

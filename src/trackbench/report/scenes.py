@@ -16,13 +16,15 @@ ONE_RUN = "No intervals: one run of one scene does not say what is chance"
 
 def runs_in_words(result: Result) -> str:
     """ "100 runs", "10 scenes of 20 runs", or "10 stretches of one log"."""
-    summary = result.summary
-    scenes = len(summary.truth.scenes)
-    if cuts := summary.truth.log_stretches:
-        return f"{scenes} stretches of {'one log' if scenes == cuts else counted(scenes // cuts, 'log')}"
+    truth = result.summary.truth
+    return parts_in_words(truth.scenes_in_words, result.summary.runs, len(truth.scenes))
+
+
+def parts_in_words(scenes: str, runs: int, number: int) -> str:
+    """Say what values are of, from the scenes in words, and how many runs and scenes there are."""
     if not scenes:
-        return counted(summary.runs, "run")
-    return f"{scenes} scenes of {counted(summary.runs // scenes, 'run')}"
+        return counted(runs, "run")
+    return f"{scenes} of {counted(runs // number, 'run')}" if scenes.endswith("scenes") else scenes
 
 
 def basis_of_intervals(result: Result) -> str:
@@ -39,7 +41,7 @@ def _independent_parts(result: Result) -> str:
     if summary.truth.log_stretches:
         return f"over {runs_in_words(result)}, through which trackers go once"
     if summary.truth.scenes:
-        return f"over {len(summary.truth.scenes)} scenes"
+        return f"over {summary.truth.scenes_in_words}"
     if summary.runs == 1:
         return "over stretches of the time of one run"
     if (summary.truth.model_extra or {}).get("random"):
@@ -55,7 +57,8 @@ def values_of_few_scenes(result: Result) -> list[str]:
     if not 0 < len(every) < FEWEST_SCENES or len(result.tables.if_there("stretches")):
         return []
     places = decimals([value for scene in every for value in scene.error.values()], 3)
-    lines = [f"no ± with fewer than {FEWEST_SCENES} scenes; {result.summary.headline_name} of each scene, m:"]
+    kind = result.summary.truth.kind_of_scenes
+    lines = [f"no ± with fewer than {FEWEST_SCENES} {kind}; {result.summary.headline_name} of each, m:"]
     for tracker in result.scored:
         lines.append(
             f"  {tracker.name}: {', '.join(rounded(scene.error.get(tracker.name), places) for scene in every)}"
@@ -89,13 +92,13 @@ def scenes(result: Result) -> Iterator[Block]:
     yield Paragraph(variance if shares else untold)
     contenders = [tracker.name for tracker in result.contenders]
     turned = [scene for scene in summary.truth.scenes if _other_ahead(result, scene, contenders)]
-    total, best = len(summary.truth.scenes), contenders[0]
+    total, best = f"{len(summary.truth.scenes)} {summary.truth.kind_of_scenes}", contenders[0]
     if turned:
         each = [f"{scene.name} ({_first(scene, contenders)})" for scene in turned]
-        where = f"In {len(turned)} of {total} scenes another tracker is ahead of {best} by more than the margin"
+        where = f"In {len(turned)} of {total} another tracker is ahead of {best} by more than the margin"
         yield Paragraph(f"{where}: {joined_names(each)}.")
     else:
-        yield Paragraph(f"No tracker is ahead of {best} by more than the margin in any of the {total} scenes.")
+        yield Paragraph(f"No tracker is ahead of {best} by more than the margin in any of the {total}.")
     yield _scene_table(result, contenders)
 
 

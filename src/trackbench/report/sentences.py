@@ -191,6 +191,12 @@ def drawing_random(result: Result) -> str:
     return f"{joined_names(names)}: random = True, so not asked again in another batch" if names else ""
 
 
+def others_ignored(result: Result) -> list[str]:
+    """Return what it means that tracks on no object are ignored; empty where they count."""
+    ignored = "others" in (result.summary.truth.model_extra or {})
+    return ["tracks on no object are ignored (truth.reference.others): no score tells false tracks"] * ignored
+
+
 def made_elsewhere(result: Result) -> list[str]:
     """Which tracks were made elsewhere, what follows, and the offset of their time stamps; empty where none were."""
     trackers = [tracker for tracker in result.scored if tracker.offline]
@@ -208,6 +214,8 @@ def made_elsewhere(result: Result) -> list[str]:
             sentences.append(
                 f"{tracker.name}: no track in {counted(tracker.filed.silent_runs, 'run')}: all missed there"
             )
+        if tracker.filed is not None:
+            sentences += [f"{tracker.name}: {remark}" for remark in tracker.filed.remarks]
         sentences += _time_offset(tracker)
     return sentences
 
@@ -216,7 +224,7 @@ def _time_offset(tracker: TrackerResult) -> list[str]:
     """What the errors along the paths say of the clock."""
     offset, name = tracker.time_offset, tracker.name
     if offset is None or tracker.along_path_m is None or tracker.offset_alone_s is None:
-        return [f"{name}: time offset n/a: nothing that it is on moves"]
+        return [f"{name}: time offset n/a: no track is on an object that moves"]
     if offset.ci95 is not None and offset.value is not None:
         low, high = (1e3 * end for end in offset.ci95)
         shift = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"

@@ -22,7 +22,7 @@ def audit_sentences(truth: TruthSummary) -> list[str]:
     if not audits:
         return ["The truth was not audited."]
     return [
-        _conclusion(audits),
+        _conclusion(audits, truth.kind_of_scenes),
         *_recording(truth),
         *_velocity(audits),
         *_velocity_jumps(audits),
@@ -31,10 +31,10 @@ def audit_sentences(truth: TruthSummary) -> list[str]:
     ]
 
 
-def _conclusion(audits: Audits) -> str:
+def _conclusion(audits: Audits, kind: str) -> str:
     repaired = sum(audit.verdict == "repaired" for audit in audits.values())
     if repaired:
-        where = "" if len(audits) == 1 else f" of {repaired} of {len(audits)} scenes"
+        where = "" if len(audits) == 1 else f" of {repaired} of {len(audits)} {kind}"
         return f"The truth{where} had faults, which were repaired before anything was scored."
     if all(audit.verdict == "exact" for audit in audits.values()):
         return "The truth is exact: its velocities come from the same formulas as its positions."

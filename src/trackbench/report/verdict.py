@@ -131,7 +131,7 @@ def _best(result: Result) -> str:
     if not summary.truth.known:
         return f"no truth, so {counted(len(contenders), 'tracker')} without a ranking"
     what = "position error" if summary.identities == "known" else summary.headline_name
-    over = f"over {scenes} scenes " if (scenes := len(summary.truth.scenes)) else ""
+    over = f"over {scenes} " if (scenes := summary.truth.scenes_in_words) else ""
     # Where each run has a motion of its own, the differences are not of one scene.
     here = "" if scenes or (summary.truth.model_extra or {}).get("random") else " in this scene"
     best, *others = names = [tracker.name for tracker in contenders]
@@ -171,8 +171,8 @@ def _error(trackers: list[TrackerResult], path: str) -> str:
 
 
 def _places(metric: MetricValue) -> int:
-    """The decimals of a value that its interval leaves a meaning, at least one digit."""
-    return max(meaningful(metric.value, metric.ci95), decimals([metric.value], 1))
+    """The decimals of a value: three digits or more, so that it can be told from those of other runs."""
+    return max(meaningful(metric.value, metric.ci95), decimals([metric.value]))
 
 
 def _of_functions(result: Result) -> Iterator[str]:
@@ -185,7 +185,7 @@ def _of_functions(result: Result) -> Iterator[str]:
         if label in expected and errors:
             names, values = zip(*_not_later(result, f"warn_error.{label}", errors), strict=True)
             of = "all trackers" if len(names) == len(contenders) > 1 else _some(names)
-            ends = dict.fromkeys(rounded(end, decimals(values[:1], 1)) for end in (values[0], values[-1]))
+            ends = dict.fromkeys(rounded(end, decimals(values[:1], 2)) for end in (values[0], values[-1]))
             unlike = ", not shown to differ" if values[0] < values[-1] else ""
             closest.setdefault((of, unlike), []).append(f"{' to '.join(ends)} s ({label})")
     if closest:

@@ -100,7 +100,7 @@ STATE = [
     ),
 ]
 MEASUREMENT = [
-    *(_number(f"z{row}", _entry("measurement", row), unit="", required=row < 2) for row in range(3)),
+    *(_number(f"z{row}", _entry("measurement", row), unit="", required=row < 1) for row in range(3)),
     *(_number(name, _entry("position", row)) for row, name in enumerate(("x_m", "y_m"))),
     *(_number(f"sensor_{name}", _entry("sensor_pose", row)) for row, name in enumerate(("x_m", "y_m", "yaw_rad"))),
 ]
@@ -308,3 +308,14 @@ HIDDEN = {
         series=True,
     ),
 }
+
+
+def _of_other_scenes(table: DeclaredTable) -> DeclaredTable:
+    """Return a table with the columns of another, for the scenes that are not recorded."""
+    return DeclaredTable(f"{table.meaning}, for the other scenes", [*table.columns, _number("scene")])
+
+
+#: Tables of the recorded scene alone.
+OF_RECORDED_RUN = ("measurements", "estimates", "recorded_nis", "recorded_modes", "taken", "gates", "objects", "due")
+LABELLED |= {"other_truth": _of_other_scenes(SHARED["truth"])}
+HIDDEN |= {f"other_{name}": _of_other_scenes(HIDDEN[name]) for name in ("truth", "tracks")}

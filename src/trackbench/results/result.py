@@ -12,7 +12,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
 from trackbench.base.files import read_json
-from trackbench.results.declared import SHARED
+from trackbench.results.declared import OF_RECORDED_RUN, SHARED
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, write_file
 from trackbench.results.metric_value import ResultModel, data_frame, model_of, value_columns
 from trackbench.results.summary import READABLE, Summary
@@ -207,7 +207,9 @@ class Result:
         """A table as a pandas data frame.
 
         Args:
-            table: one of ``result.tables``; unless given, a row for each tracker and metric, with its interval.
+            table: one of ``result.tables``; unless given, a row for each tracker and metric, with its interval. Of
+                several scenes ``truth`` and ``tracks`` have all, other tables of the recorded run that one; the column
+                ``scene`` says which.
 
         Raises:
             InputError: there is none of this name.
@@ -220,7 +222,14 @@ class Result:
             )
         if table not in self.tables:
             raise InputError(f"no table {table!r} in this result; {nearest_choices(table, self.tables)}")
-        return self.tables[table].to_pandas()
+        own, others = self.tables[table], self.tables.if_there(f"other_{table}")
+        if len(self.summary.truth.motion) > 1 and (len(others) or table in OF_RECORDED_RUN):
+            import pyarrow as pa
+
+            own = own.append_column("scene", pa.array([float(self.summary.recorded_scene)] * len(own)))
+            own = pa.concat_tables([own, *([others] if len(others) else [])], promote_options="default")
+            own = own.sort_by("scene")
+        return own.to_pandas()
 
     def save(self, folder: Path | str, artifacts: Mapping[str, Callable[[Path], None]] | None = None) -> None:
         """Write the run's folder: under a temporary name beside it, and renamed when it is complete.
@@ -230,7 +239,8 @@ class Result:
             artifacts: by file name, a function that writes the file (report, recording).
 
         Raises:
-            TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
+            OutputError: the folder cannot be written or is something else, or the disk is full; nothing is left under
+                the final name.
         """
         save_files({**self.files(), **(artifacts or {})}, Path(folder), SUMMARY)
 

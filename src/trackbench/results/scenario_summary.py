@@ -156,6 +156,18 @@ class TruthSummary(ResultModel):
         return int((self.model_extra or {}).get("stretches", 0))
 
     @property
+    def kind_of_scenes(self) -> str:
+        """Plural that names the scenes: stretches of logs, sequences of boxes, or scenes."""
+        return "stretches" if self.log_stretches else "sequences" if self.source == "recorded-boxes" else "scenes"
+
+    @property
+    def scenes_in_words(self) -> str:
+        """Number of scenes: "10 scenes", "6 sequences", "10 stretches of one log"; empty where there is one scene."""
+        logs = len(self.scenes) // max(self.log_stretches, 1)
+        of = f" of {'one log' if logs == 1 else f'{logs} logs'}" if self.log_stretches else ""
+        return f"{len(self.scenes)} {self.kind_of_scenes}{of}" if self.scenes else ""
+
+    @property
     def vehicles(self) -> str:
         """How many there are, or that nobody knows."""
         return counted(len(self.objects), "vehicle") if self.known else "no truth"

@@ -122,6 +122,12 @@ class Summary(ResultModel):
     """When and of which code it was made; None in results of earlier versions."""
 
     @property
+    def recorded_scene(self) -> int:
+        """Number of the scene that is recorded, from 0; of logs that are cut into stretches, that of the log."""
+        logs = len(self.truth.scenes) // max(self.truth.log_stretches, 1)
+        return self.recorded_run * max(logs, 1) // self.runs
+
+    @property
     def layout(self) -> TableLayout:
         """What the tables hold."""
         hidden, objects = self.identities == "hidden", [*self.truth.objects, OBSERVER]

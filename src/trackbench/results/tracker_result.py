@@ -118,6 +118,8 @@ class FiledRows(ResultModel):
     """Of the runs that were scored, those outside the time of the truth, which are left out."""
     silent_runs: int
     """Runs of which there are none: what is due in them is missed."""
+    remarks: tuple[str, ...] = ()
+    """Contradictions within the file or with the truth, each with what to do about it."""
 
 
 class TrackerResult(ResultModel):

@@ -9,7 +9,7 @@ from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate, merge_
 from trackbench.metrics.differences import UNDECIDED, size
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.registry import HEALTH
-from trackbench.metrics.traffic import ASSOCIATION_METRICS, TRACK_METRICS, TRACKS, run_sums
+from trackbench.metrics.traffic import ASSOCIATION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Difference, ExpectationResult, Failure, MetricValue, TrackerResult, by_value
 from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.hidden_run import TrafficScores
@@ -20,6 +20,9 @@ from trackbench.scenario.config import Expectation
 NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
 #: Why there is no value where a recording does not say which detections are of which object.
 UNLABELLED = "the recording does not say of which object a detection is"
+
+#: Why there is no value of what counts false tracks.
+OTHERS_IGNORED = "tracks on no object are ignored (truth.reference.others)"
 
 #: Why there is no computing time.
 NO_STEPS = "nothing was driven"
@@ -81,6 +84,8 @@ def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evalua
             evaluation.values |= no_metrics("there is no truth", metrics_of_truth(work))
         elif work.scenes[0].unlabelled:
             evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
+        if work.scenes[0].truth.unscored is not None and work.scenes[0].truth.unscored.others:
+            evaluation.values |= no_metrics(OTHERS_IGNORED, [TRACK_METRICS[path] for path in OF_FALSE_TRACKS])
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
     step_time = (
         MetricValue(value=1e6 * seconds / steps, unit="us") if steps else MetricValue(unit="us", reason=NO_STEPS)

@@ -14,22 +14,26 @@ from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.results import MetricValue
 from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
 from trackbench.runner.hidden_run import HiddenRun, SceneRuns
-from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
 #: Offsets that are tried first, to this on both sides, s.
 FARTHEST_S = 2.0
 #: Rows of a run that are looked at.
 MOST_ROWS = 4000
-#: A slower object has no direction of motion, m/s.
-SLOW_MPS = 0.5
+#: Below this speed, m/s, and below this share of the speed that it has at most, an object has no direction of motion.
+SLOW_MPS, SLOW_SHARE = 0.5, 0.25
+#: An object moves, and does not stand, if it gets this many standard deviations of its positions far.
+FAR = 20.0
 STEPS = 30
 #: With a longer interval, from end to end, nothing is known, s.
 USELESS_S = 0.5
 #: A shorter offset is not spoken of, s, nor one that moves a track by a smaller share of its error.
 LEAST_S, LEAST_SHARE = 1e-3, 0.1
 
-NOTHING_MOVES = "nothing that it is on moves"
+#: Positions as they are.
+_AS_STATED = np.eye(2)
+NOTHING_MOVES = "no track is on an object that moves"
 
 
 class TrackOffset(NamedTuple):
@@ -58,13 +62,9 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
         shift: added to the rows' times, s.
         cutoff: distance at which a row is on no object, m.
     """
-    stamp = rows.time + shift
-    chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
-    chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
-    if not len(chosen) or not truth.ids:
+    near = NearestObject(rows, truth, run, shift)
+    if not len(near.stamp) or not truth.ids:
         return np.zeros((4, 0))
-    stamp, place = stamp[chosen], np.stack([rows.px[chosen], rows.py[chosen]])
-    near = _Nearest(truth, run, stamp, place)
     fast = float(np.percentile(np.hypot(truth.vx, truth.vy)[truth.alive], 95))
     tried = np.linspace(-FARTHEST_S, FARTHEST_S, 2 * int(np.clip(FARTHEST_S * 2 * fast / cutoff, 1, 100)) + 1)
     costs = [np.minimum(near.at(each)[1], cutoff**2).mean() for each in tried.tolist()]
@@ -74,11 +74,11 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
     for _ in range(STEPS):
         number, square, error, velocity = near.at(moved)
         speed = np.hypot(*velocity)
-        on = (square < cutoff**2) & (speed > SLOW_MPS)
+        on = (square < cutoff**2) & (speed > near.slow[number])
         if not on.any():
             return np.zeros((4, 0))
         along = (error * velocity).sum(axis=0)[on] / speed[on]
-        pairs = np.stack([stamp[on], number[on], along + moved * speed[on], speed[on]])
+        pairs = np.stack([near.stamp[on], number[on], along + moved * speed[on], speed[on]])
         step = float((along @ speed[on]) / (speed[on] @ speed[on]))
         moved = float(np.clip(moved + step, -FARTHEST_S, FARTHEST_S))
         if abs(step) < 1e-5:
@@ -86,22 +86,46 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
     return pairs
 
 
-class _Nearest:
-    """The nearest object of each row, with the time stamps moved."""
+class NearestObject:
+    """The nearest object of each row within the time of the truth, of ``MOST_ROWS`` at most.
 
-    def __init__(self, truth: Truth, run: int, stamp: Array, place: Array) -> None:
-        self._truth, self._stamp, self._place = truth, stamp, place
+    Args:
+        rows: of the run, in the order of time.
+        truth: of the scene.
+        run: whose motion it is.
+        shift: added to the rows' times, s.
+    """
+
+    def __init__(self, rows: TrackRows, truth: Truth, run: int, shift: float) -> None:
+        stamp = rows.time + shift
+        chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
+        chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
+        self.stamp = stamp[chosen]
+        """``(rows,)`` times of the rows, s after the start of the truth."""
+        self._truth, self._place = truth, np.stack([rows.px[chosen], rows.py[chosen]])
         self._motion = truth.state_of_run(run)
+        self.slow = np.full(len(truth.ids), np.inf)
+        """``(objects,)`` m/s, below which each has no direction of motion."""
+        for item, alive in enumerate(truth.alive.T):
+            place, velocity = self._motion[:2, alive, item], self._motion[2:, alive, item]
+            if alive.any() and np.hypot(*np.ptp(place, axis=1)) > FAR * truth.recorded_noise.position_m:
+                fastest = float(np.percentile(np.hypot(*velocity), 95))
+                self.slow[item] = min(SLOW_MPS, SLOW_SHARE * fastest)
 
-    def at(self, moved: float) -> tuple[Array, Array, Array, Array]:
-        """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object."""
-        when = self._stamp + moved
+    def at(self, moved: float, frame: Array = _AS_STATED) -> tuple[Array, Array, Array, Array]:
+        """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object.
+
+        Args:
+            moved: added to the time stamps, s.
+            frame: ``(2, 2)`` by which the rows' positions are turned or mirrored.
+        """
+        when = self.stamp + moved
         states = np.empty((4, len(self._truth.ids), len(when)))
         step = np.clip(np.searchsorted(self._truth.time, when), 0, len(self._truth.time) - 1)
         for item in range(states.shape[1]):
             for row in range(4):
                 states[row, item] = np.interp(when, self._truth.time, self._motion[row, :, item])
-        away = self._place[:, None] - states[:2]
+        away = (frame @ self._place)[:, None] - states[:2]
         there = self._truth.alive[step].T & (when >= self._truth.time[0]) & (when <= self._truth.time[-1])
         square = np.where(there, (away**2).sum(axis=0), np.inf)
         number = np.argmin(square, axis=0)
@@ -181,17 +205,19 @@ class FiledRun(HiddenRun):
     def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:
         config = self._work.trackers[self.name]
         assert isinstance(config, TracksConfig)
-        every = self._work.filed[self.name]
+        files = self._work.filed[self.name]
 
         def histories(part: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
             number, truth = part.piece.runs.start + run, part.scene.truth
+            place = part.piece.scene if len(files) > 1 else 0
+            every = files[place]
             shift = float(every.start - truth.start) + config.time_offset_s
             rows = rows_of_run(every, part.piece.scene, number)
             problem = why_other_scans(rows, self._hidden.digests[run].hex()[:16])
             # Without a sensor there are no scans that the tracks could have been made of.
             if problem is not None and self._hidden.scans:
                 where = f"scene {part.piece.scene}, run {number}"
-                raise InputError(f"{where}: {problem}", file=config.path, key=f"trackers.{self.name}")
+                raise InputError(f"{where}: {problem}", file=files_in(config.path)[place], key=f"trackers.{self.name}")
             there = inside(rows, shift, truth.time[0], truth.time[-1])
             self._counts += len(rows), there.sum(), not there.any()
             history, stamp = tracks_at_instants(rows, self._time, shift)

@@ -12,9 +12,10 @@ from trackbench.base.errors import InputError, shortened_text
 from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.trackers.answers import NO_TRACK
+from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import SAME_STAMP_S, TrackRows
 
-#: s.
+#: Longest period of rows between which a track is given, s.
 LONGEST_PERIOD_S = 0.5
 _NONE = np.zeros(0, dtype=np.intp)
 #: Instants times tracks whose covariances take half a gigabyte.
@@ -86,11 +87,12 @@ def why_no_overlap(rows: TrackRows, offset: float, spans: Sequence[tuple[float, 
 
 
 def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:
-    """At each instant the row of each track whose time stamp is nearest, if it is within half a period.
+    """Return the row of each track at each instant: the nearest in time, unless rows are missing there.
 
-    The period is the median time between instants, or that of the file where it is longer, see ``period_of``. A track
-    that has a row at more than two of three instants at which any has one, between its first and its last, was given
-    then and not between: at such instants it is where it has a row.
+    Between two rows of which none is missing between, see ``row_period``, a track is given at every instant. Elsewhere
+    it is given within half a period of a row: the median time between instants, or the period of the rows where it is
+    longer. A track that has a row at more than two of three instants at which any has one, between its first and its
+    last, was given then and not between: at such instants it is where it has a row.
 
     Args:
         rows: in the order of time.
@@ -109,18 +111,19 @@ def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTrack
     stamp = np.where(exact, time[instant], stamp)
     first = np.flatnonzero(np.diff(track, prepend=track[0] - 1)) if len(track) else np.zeros(0, dtype=np.intp)
     usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    reach = max(usual, period_of(np.diff(stamp)[np.diff(track) == 0])) / 2 * (1 + 1e-9)
     taken = np.isin(np.arange(len(time)), instant[exact])
     before = np.concatenate([[0], np.cumsum(taken)])
     instants, members = [], []
     for start, end in pairwise([*first.tolist(), len(track)]):
         own = stamp[start:end]
+        period, whole = row_period(own)
+        reach = max(usual, min(period, LONGEST_PERIOD_S)) / 2 * (1 + 1e-9)
         low, high = np.searchsorted(time, [own[0] - reach, own[-1] + reach])
         at = np.arange(low, high)
-        after = np.clip(np.searchsorted(own, time[at]), 0, len(own) - 1)
-        away = np.abs(own[[np.maximum(after - 1, 0), after]] - time[at])
-        nearest = np.where(away[0] <= away[1], np.maximum(after - 1, 0), after)
-        near = away.min(axis=0) <= reach
+        nearest, away, before_at = nearest_rows(own, time[at])
+        near = away <= reach
+        if period <= LONGEST_PERIOD_S:
+            near |= (time[at] > own[0]) & (time[at] < own[-1]) & np.append(whole, False)[before_at]
         inside = np.searchsorted(time, own[[0, -1]] + (-SAME_STAMP_S, SAME_STAMP_S))
         if 3 * exact[start:end].sum() > 2 * (before[inside[1]] - before[inside[0]]):
             near &= ~taken[at] | (exact[start + nearest] & (instant[start + nearest] == at))
@@ -149,12 +152,6 @@ def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTrack
     existence = None if rows.existence is None else placed(rows.existence)
     mean = placed(np.stack([rows.px, rows.py, vx, vy]))
     return FiledTracks(TrackHistory(ids, mean, placed(covariance), existence), placed(stamp))
-
-
-def period_of(steps: Array) -> float:
-    """The time between the rows of a track without those that are missing, s: the tenth percentile, but at most
-    ``LONGEST_PERIOD_S``."""
-    return min(float(np.percentile(steps, 10)), LONGEST_PERIOD_S) if len(steps) else 0.0
 
 
 def _numbers(ids: object) -> Indices:

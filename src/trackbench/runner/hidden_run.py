@@ -224,13 +224,16 @@ class HiddenRun(TrackerRun[Tracks]):
         for run in range(count):
             truth, history = histories(part, run)
             own = None if taken is None else _associations_of(taken, part.first + run, len(scene.truth.ids))
-            outside = None
+            outside, elsewhere = None, scene.truth.unscored
             if with_truth:
-                if scene.truth.unscored is not None:
+                if elsewhere is not None:
                     # A track is on an object up to half of the cutoff.
                     x, y = history.mean[:2]
                     outside = unscored(scene.truth, scene.due.steps, x, y, margin=options.cutoff / 2)
+                    outside |= elsewhere.others
                 scores = score_run(truth, history, options, own, outside, ends)
+                if elsewhere is not None and elsewhere.others:
+                    scores = scores.without_false_tracks()
             else:
                 scores = self._scored_without_truth(run, ends)
             tracked = TrackedRun(truth, history, own, scores, outside, scene.bodies(scene.due.steps))
@@ -239,9 +242,11 @@ class HiddenRun(TrackerRun[Tracks]):
                 sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}
             number, recorded = self._work.number(piece.scene, piece.runs.start + run), self._work.recorded_in(piece)
             outcome.sums.add(number, scores, recorded=run == recorded)
-            outcome.reused_ids[run] = reused(history.ids)
+            outcome.reused_ids[run] = reused_ids(history, self._time, options.cutoff)
+            if piece.runs.start + run == self._work.recorded_run:
+                outcome.recorded = history
             if run == recorded:
-                outcome.recorded, outcome.taken = history, self._detections_taken(part.first + run)
+                outcome.taken = self._detections_taken(part.first + run)
                 outcome.predicted = self._predicted[part.first + run]
                 functions = functions_at_work(self._work.metrics, sums)
                 outcome.decided = {label: decisions_of_run(function, tracked) for label, function in functions.items()}
@@ -328,12 +333,22 @@ class HiddenRun(TrackerRun[Tracks]):
         return None, member
 
 
-def reused(ids: Indices) -> int:
-    """How many ids ``(T, K)`` come back after an instant without them."""
-    instant, column = np.nonzero(ids != NO_TRACK)
-    own = ids[instant, column]
-    order = np.lexsort((instant, own))
-    return int(np.sum((np.diff(own[order]) == 0) & (np.diff(instant[order]) > 1)))
+def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
+    """Count the ids of a run that come back elsewhere after an instant without them; ``time`` is ``(T,)`` s.
+
+    A track that was not reported for a while comes back where its velocity takes it: within ``cutoff``, m, and four of
+    the standard deviations that it stated.
+    """
+    instant, column = np.nonzero(tracks.ids != NO_TRACK)
+    order = np.lexsort((instant, tracks.ids[instant, column]))
+    instant, column = instant[order], column[order]
+    ids, state = tracks.ids[instant, column], tracks.mean[:, instant, column]
+    variance = np.einsum("iik->ik", np.nan_to_num(tracks.covariance[:, :, instant, column]))
+    last = np.flatnonzero((np.diff(ids) == 0) & (np.diff(instant) > 1))
+    elapsed = time[instant[last + 1]] - time[instant[last]]
+    away = state[:2, last + 1] - state[:2, last] - elapsed * np.nan_to_num(state[2:, last])
+    spread = np.sqrt((variance[:2, last] + elapsed**2 * variance[2:, last]).max(axis=0, initial=0.0))
+    return int(np.sum(np.hypot(*away) > cutoff + 4.0 * spread))
 
 
 def _stacked(instants: Sequence[Tracks]) -> Tracks:

@@ -28,6 +28,9 @@ from trackbench.runner.work import BlockRuns, Work
 if TYPE_CHECKING:
     from trackbench.runner.filter_sequence import SequenceResult
 
+#: Errors that come of an array with fewer axes than expected.
+OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack")
+NO_ANSWER_YET = "is it of several objects? Those need sensing: {identities: hidden}"
 #: Instants that are taken by one sequence of calls, at most.
 INSTANTS = 64
 
@@ -94,6 +97,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         batch = objects * len(piece.runs)
         self._none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
         self._modes: ModeSums | None = None
+        self._has_answered = False
         self._step_by_step_until = 0
         self._recorded: RecordedEstimates | None = None
         if self._kept is not None:
@@ -171,6 +175,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         return self.failure or outcome
 
     def _take(self, step: DriveStep[Estimate | None]) -> Gaussian | None:
+        self._has_answered = True
         latest = step.answer or self._none
         self.scorer.scan(step.instant, step.scan, latest, step.seconds)
         members = slice(self._kept, None, len(self._piece.runs))
@@ -204,6 +209,12 @@ class LabelledRun(TrackerRun[Estimate | None]):
         assert self._recorded is not None
         nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
         self._recorded.nis[scan.sensor][self._of_sensor[number]] = nis
+
+    def _explained(self, fault: TrackFault) -> TrackFault:
+        """An error at the first scan may be that of a tracker of several objects."""
+        if self._has_answered or not fault.cause.startswith(OF_SHAPES):
+            return fault
+        return TrackFault(f"{fault.cause} ({NO_ANSWER_YET})", fault.kind, fault.place, fault.member)
 
     def _place(self, member: int | None) -> tuple[str | None, int | None]:
         if member is None:

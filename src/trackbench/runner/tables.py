@@ -59,6 +59,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         ],
         "autocorrelation": _autocorrelation_records(scores),
         "truth": truth_records(truth, work.recorded_run),
+        **other_truth(work),
         "measurements": measurement_records(block.recorded_scans.scans, truth.ids),
         "estimates": estimate_records(recorded, truth, instants, work.recorded_run),
         "recorded_nis": [
@@ -80,6 +81,17 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]
     more = {"runs": own_columns}
     return {name: LABELLED[name].written(parts, more.get(name, ())) for name, parts in records.items()}
+
+
+def other_truth(work: Work) -> Records:
+    """The motion in the other scenes, in the run of the recorded run's number; no table where there is one scene."""
+    records: list[Record] = [
+        {**record, "scene": float(number)}
+        for number, scene in enumerate(work.scenes)
+        if number != work.recorded_scene and scene.truth.known
+        for record in truth_records(scene.truth, work.recorded_run)
+    ]
+    return {"other_truth": records} if records else {}
 
 
 def truth_records(truth: Truth, run: int) -> list[Record]:

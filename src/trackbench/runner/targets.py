@@ -38,6 +38,9 @@ class Targets:
             )
             for sensor in self._scene.sensors
         }
+        placing = {s.name for s in self._scene.sensors if s.config.measures_position()}
+        self._placing = placing or {*self._valid}
+        """Names of the sensors that measure a position; all where none does."""
         self._arrival = {
             name: np.array([scan.arrival_time for scan in measurements.scans if scan.sensor == name])
             for name in self._valid
@@ -74,6 +77,9 @@ class Targets:
 
     def _position(self, number: int) -> Array:
         scan = self.scans[number]
+        if scan.sensor in self._placing and not SENSOR_MODELS[scan.kind].measures_position():
+            # Where nothing states a position, all that anyone knows is where the sensor is.
+            return np.broadcast_to(scan.sensor_pose[:2, None], (2, scan.valid.size))
         return SENSOR_MODELS[scan.kind].position(scan).mean
 
     def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
@@ -88,7 +94,8 @@ class Targets:
     def _where_due(self, shape: tuple[int, int]) -> tuple[Mask, Mask]:
         """``(instants, objects, runs)`` where estimates count, and the first second after a detection.
 
-        The same for all trackers, so that what one does not read is no excuse.
+        The same for all trackers, so that what one does not read is no excuse. A detection without a position does not
+        make an estimate due, unless no sensor measures one.
 
         An object that was out of view for long counts as a new one: from when it is detected again.
         """
@@ -102,8 +109,8 @@ class Targets:
         def since(numbers: Mapping[str, Indices]) -> Mask:
             """Whether one of the first so many scans of a sensor, by instant, detected an object that was lost."""
             detected = np.zeros((len(self._time), *shape), dtype=bool)
-            for name, number in numbers.items():
-                detected |= latest[name][number] > before[name]
+            for name in self._placing:
+                detected |= latest[name][numbers[name]] > before[name]
             return detected
 
         seen_for = {age: since(self._arrived(self._time - age)) for age in {self._work.settle, FIRST} - {0.0}}

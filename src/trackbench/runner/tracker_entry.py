@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.config.key_units import option_in_words
+from trackbench.base.errors import counted
 from trackbench.base.types import Array, Indices
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics import Evaluation, Interval, health, no_metrics, ratio
@@ -17,6 +18,7 @@ from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.results import FiledRows, Health, TrackerResult
 from trackbench.runner.evaluated import Evaluated, metrics_of_truth
+from trackbench.runner.filed_frames import remarks_on_files
 from trackbench.runner.filed_run import offset_of
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.work import Work
@@ -25,7 +27,7 @@ from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.raw import BASELINE
-from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
 
@@ -64,17 +66,19 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
             offset = offset_of(np.concatenate(pairs, axis=1))
             entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
             entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
-            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name])
+            remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
+            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name], remarks)
         reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
         return TrackerResult(**entry, health=Health(reused_ids=reused))
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
 
 
-def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:
+def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[TrafficScores], remarks: tuple[str, ...]) -> FiledRows:
     read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
+    total = sum(map(len, files))
     # Scenes of one file without runs share its rows.
-    outside = (len(rows) if rows.run is None else read) - there
-    return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent)
+    outside = (read if any(rows.run is not None for rows in files) else total) - there
+    return FiledRows(rows=total, outside=max(outside, 0), silent_runs=silent, remarks=remarks)
 
 
 def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
@@ -107,7 +111,9 @@ def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
     """A tracker in a few words; ``late``: names of the sensors whose scans are."""
     if isinstance(tracker, TracksConfig):
         moved = f", time offset {tracker.time_offset_s:g} s" if tracker.time_offset_s else ""
-        return f"made elsewhere, {PurePath(tracker.path).name}{moved}"
+        files = files_in(tracker.path)
+        what = PurePath(files[0]).name if len(files) == 1 else counted(len(files), "file")
+        return f"made elsewhere, {what}{moved}"
     if isinstance(tracker, PluginConfig):
         options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
         parts = [str(tracker.use), options]

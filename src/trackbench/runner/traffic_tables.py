@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -21,7 +21,7 @@ from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.function_tables import function_records
 from trackbench.runner.hidden_run import TrafficScores
-from trackbench.runner.tables import Records, road_records, run_keys, scan_record, truth_records
+from trackbench.runner.tables import Records, other_truth, road_records, run_keys, scan_record, truth_records
 from trackbench.runner.traffic_sums import TrafficSums, dearest, summed_existence
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
@@ -49,6 +49,8 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
         "truth": truth_records(scene.truth, work.recorded_run),
         "measurements": _detection_records(scene.truth, scans.scans, scans.origins),
         "tracks": [_tracks_record(name, item, time) for name, item in kept.items() if item.recorded is not None],
+        **({"other_tracks": _other_tracks(work, blocks, kept)} if len(work.scenes) > 1 else {}),
+        **other_truth(work),
         "taken": [_taken_record(name, item, scans.scans) for name, item in kept.items() if item.taken is not None],
         "gates": [record for name, item in kept.items() for record in _gate_records(work, name, item, scans.scans)],
         "events": [_events_record(name, blocks, work) for name, blocks in sums.items()],
@@ -75,7 +77,7 @@ def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Ar
     """``(2, K, CORNERS)`` x and y, m: the edge of each gate over the first two components of a measurement.
 
     The sensor's equation is linearised at the track. A gate is an ellipsoid, and its shadow on two components is the
-    ellipse of their covariance with the same threshold.
+    ellipse of their covariance with the same threshold. NaN of a sensor that measures no position.
 
     Args:
         scan: of the sensor, whose pose may be ``(3, K)`` and velocity ``(2, K)``.
@@ -84,6 +86,8 @@ def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Ar
         threshold: of the squared Mahalanobis distance.
     """
     model = SENSOR_MODELS[scan.kind]
+    if not model.measures_position():
+        return np.full((2, mean.shape[1], CORNERS), np.nan)
     pose, velocity = scan.sensor_pose.reshape(3, -1), scan.sensor_velocity.reshape(2, -1)
     slope = model.jacobian(mean, pose, velocity)
     spread = np.einsum("iak,abk,jbk->ijk", slope, covariance, slope) + scan.noise_covariance[..., None]
@@ -142,6 +146,19 @@ def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Reco
         missing = np.full(len(work.scene_of_run), np.nan)
         record |= {column: evaluation.run_columns.get(column, missing) for column in own_columns}
         records.append(record)
+    return records
+
+
+def _other_tracks(work: Work, blocks: Sequence[Block], names: Iterable[str]) -> list[Record]:
+    """The tracks of the recorded run's number in the other scenes, in the order of the scenes."""
+    records: list[Record] = []
+    for block in (block for block in blocks if block.piece.scene != work.recorded_scene):
+        scene = work.scenes[block.piece.scene]
+        for name in names:
+            item = block.outcomes[name]
+            if isinstance(item, TrafficScores) and item.recorded is not None:
+                record = _tracks_record(name, item, scene.truth.time[scene.instants()])
+                records.append({**record, "scene": float(block.piece.scene)})
     return records
 
 

@@ -36,7 +36,7 @@ from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.truth.config.recording import ReferenceTruth
-from trackbench.truth.config.traffic import TracksConfig, read_tracks
+from trackbench.truth.config.traffic import TracksConfig, files_in, read_tracks
 from trackbench.truth.tracks import TrackRows
 
 #: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
@@ -130,8 +130,8 @@ class Work:
     """What computes, wherever it can be had."""
     driven_twice: BlockRuns | None = None
     """The block through which plug-ins are driven a second time."""
-    filed: Mapping[str, TrackRows] = field(default_factory=dict)
-    """By tracker whose tracks were made elsewhere, their rows."""
+    filed: Mapping[str, Sequence[TrackRows]] = field(default_factory=dict)
+    """By tracker whose tracks were made elsewhere, the rows of its file, or of a file for each scene."""
     stretches: int = 0
     """Into how many stretches of time the scores of each scene, a log of one run, are cut; 0: into none."""
     counted_stretches: Sequence[tuple[int, int]] = ()
@@ -160,7 +160,8 @@ class Work:
     def unpaired(self) -> set[str]:
         """The trackers whose tracks were made elsewhere, and do not say of which scans where noise is simulated."""
         recorded = all(sensor.recorded for scene in self.scenes for sensor in scene.sensors)
-        return set() if recorded else {name for name, rows in self.filed.items() if rows.fingerprint is None}
+        without = {name for name, files in self.filed.items() if any(rows.fingerprint is None for rows in files)}
+        return set() if recorded else without
 
     @property
     def engine_here(self) -> Engine:
@@ -344,7 +345,7 @@ def work_of(
     return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=_filed(work))
 
 
-def _filed(work: Work) -> dict[str, TrackRows]:
+def _filed(work: Work) -> dict[str, list[TrackRows]]:
     """The rows of tracks made elsewhere, by tracker.
 
     Raises:
@@ -352,16 +353,19 @@ def _filed(work: Work) -> dict[str, TrackRows]:
             a truth.
     """
     filed, truths = {}, [scene.truth for scene in work.scenes]
+    spans = [(float(truth.start) + truth.time[0], float(truth.start) + truth.time[-1]) for truth in truths]
     for name, config in work.trackers.items():
-        if isinstance(config, TracksConfig):
-            filed[name] = read_tracks(config, name, work.folder or Path())
-            if filed[name].run is None and (work.runs > 1 or not _apart_in_time(work.scenes)):
+        if not isinstance(config, TracksConfig):
+            continue
+        filed[name] = read_tracks(config, name, work.folder or Path())
+        for number, (file, rows) in enumerate(zip(files_in(config.path), filed[name], strict=True)):
+            several = len(filed[name]) > 1
+            if rows.run is None and (work.runs > 1 or not (several or _apart_in_time(work.scenes))):
                 message = "there is no column run, and the scenario has several runs or scenes; use --runs 1, one scene"
-                raise InputError(message, file=config.path)
-            spans = [(float(truth.start) + truth.time[0], float(truth.start) + truth.time[-1]) for truth in truths]
-            problem = why_no_overlap(filed[name], config.time_offset_s, spans)
+                raise InputError(f"{message}, or a list of files, one for each scene", file=file)
+            problem = why_no_overlap(rows, config.time_offset_s, spans[number : number + 1] if several else spans)
             if problem is not None:
-                raise InputError(problem, file=config.path, key=f"trackers.{name}")
+                raise InputError(problem, file=file, key=f"trackers.{name}")
     return filed
 
 

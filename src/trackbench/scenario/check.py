@@ -74,8 +74,8 @@ def _columns(loaded: Scenario) -> list[str]:
     lines = []
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, TracksConfig):
-            notes = read_tracks(tracker, name, loaded.folder).notes
-            lines += [f"{name}: {', '.join(notes)}"] if notes else []
+            every = dict.fromkeys(rows.notes for rows in read_tracks(tracker, name, loaded.folder))
+            lines += [f"{name}: {', '.join(notes)}" for notes in every if notes]
     return lines
 
 

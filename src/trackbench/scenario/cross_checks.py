@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import nearest_choices, same_name
+from trackbench.base.errors import counted, nearest_choices, same_name
 from trackbench.metrics import Field
 from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
@@ -18,7 +18,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
 from trackbench.truth.config import FixedObserver, HighwayOptions, ScriptedOptions
-from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
@@ -117,6 +117,9 @@ def _made_elsewhere(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("trackers", name, "use"), message)
         elif isinstance(scenario.truth, RecordingTruth) and scenario.truth.without_truth:
             yield Problem(("trackers", name, "use"), "there is no truth to score its tracks against")
+        elif len(files := files_in(tracker.path)) > 1 and len(files) != (scenes := len(scenario.truth.scenes())):
+            message = f"{len(files)} files for {counted(scenes, 'scene')}; name one for each, in the same order"
+            yield Problem(("trackers", name, "path"), message)
 
 
 #: How the observer becomes the ego, by the source of the truth; others have none.
@@ -168,7 +171,7 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
                 yield Problem(("trackers", name, "initial", "sensors", index), _no_sensor(scenario, sensor))
         if isinstance(tracker, FilterConfig):
             yield from _assumed(scenario, name, tracker)
-            yield from _first_velocity(scenario, name, tracker)
+            yield from _start(scenario, name, tracker)
             yield from _lag(scenario, name, tracker)
         for key in ("detection_probability", "clutter_density"):
             for sensor in getattr(getattr(tracker, "associate", None), key, {}):
@@ -207,17 +210,28 @@ def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iter
                 yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest_choices(key, options)}")
 
 
-def _first_velocity(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
-    """A stated velocity along the line of sight, of sensors of which none measures it."""
+def _start(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+    """What a tracker needs of its sensors and none of them measures: positions, and a velocity where it is stated."""
     initial = tracker.initial
+    read = tracker.sensors or list(scenario.sensors)
+    starting = initial.sensors or read
+    if not starting or not {*read, *starting} <= {*scenario.sensors}:
+        return
+    kind_of = {name: tracker.sensor_models.get(name, sensor.type) for name, sensor in scenario.sensors.items()}
+    placed = {sensor: SENSOR_MODELS[kind].measures_position() for sensor, kind in kind_of.items()}
+    sensors = " and ".join(f"{sensor} ({kind_of[sensor]})" for sensor in starting)
+    for sensor in read:
+        if tracker.filter == "kf" and not placed[sensor]:
+            message = f"kf converts measurements to positions, and {sensor} ({kind_of[sensor]}) measures none; use ekf"
+            yield Problem(("trackers", name, "filter"), message)
+    if initial.source != "truth" and not any(placed[sensor] for sensor in starting):
+        remedy = "start from a sensor that does" + (", or from: truth" if tracker.associate is None else "")
+        yield Problem(
+            ("trackers", name, "initial"), f"no track can start: none of {sensors} measures a position; {remedy}"
+        )
     if initial.velocity == "zero" or "velocity" not in initial.model_fields_set or tracker.associate is not None:
         return
-    starting = initial.sensors or tracker.sensors or list(scenario.sensors)
-    if not all(sensor in scenario.sensors for sensor in starting):
-        return
-    kinds = {tracker.sensor_models.get(sensor, scenario.sensors[sensor].type) for sensor in starting}
-    if not any(SENSOR_MODELS[kind].measures_velocity() for kind in kinds):
-        sensors = f"{' and '.join(starting)} ({' and '.join(sorted(kinds))})"
+    if not any(SENSOR_MODELS[kind_of[sensor]].measures_velocity() for sensor in starting):
         message = f"{sensors} measures no range rate; remove it, or start from a sensor that does"
         yield Problem(("trackers", name, "initial", "velocity"), message)
 

@@ -14,7 +14,7 @@ from trackbench.base.config import KeyPath
 from trackbench.base.config.explain import explain
 from trackbench.base.errors import InputError, InputErrors, counted, nearest_choices
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.scenario.overrides import apply_overrides, expand_sweeps
+from trackbench.scenario.overrides import apply_overrides, expand_sweeps, from_working_folder
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse_yaml
 from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes
@@ -107,6 +107,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     if not {*document.value} & {*keys}:
         # A file of another kind, which is not to be shown in messages.
         raise InputError(f"this is no scenario: it has none of the keys {', '.join(keys)}", file=path)
+    overrides = [from_working_folder(each, path.resolve().parent) for each in overrides]
     document, sweeps = expand_sweeps(_in_world(apply_overrides(document, overrides)))
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})

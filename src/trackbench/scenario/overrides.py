@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,6 +44,48 @@ def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDoc
         origins = {at: place for at, place in origins.items() if at[: len(path)] != path}
         origins[path] = origin
     return replace(document, value=value, origins=origins)
+
+
+def from_working_folder(override: str, folder: Path) -> str:
+    """Return a ``key.path=value`` in which the files that it names have their full path.
+
+    Relative paths start in the working folder. What only the scenario's folder has is left as it is, and so are the
+    options of a tracker's own.
+
+    Args:
+        override: what is set over a scenario.
+        folder: the scenario's, where the paths in its file start.
+    """
+    key, _, text = override.partition("=")
+    try:
+        value = parse_yaml(text, override).value
+    except InputError:
+        return override
+    if folder == Path.cwd() or "options" in key.split("."):
+        return override
+    named = [part for part in key.strip().split(".") if not part.isdecimal()][-1:]
+    moved = _with_full_paths(value, "".join(named), folder)
+    return override if moved == value else f"{key}={json.dumps(moved, ensure_ascii=False)}"
+
+
+#: Keys of a scenario whose value names files; a program without a / is looked for on PATH.
+FILE_KEYS = ("path", "library", "command")
+
+
+def _with_full_paths(value: Any, key: str, folder: Path) -> Any:
+    if isinstance(value, dict):
+        return {
+            name: item if name == "options" else _with_full_paths(item, name, folder) for name, item in value.items()
+        }
+    if isinstance(value, list):
+        keys = ["argument" if key == "command" and number else key for number in range(len(value))]
+        return [_with_full_paths(item, own, folder) for item, own in zip(value, keys, strict=True)]
+    if key not in (*FILE_KEYS, "argument") or not isinstance(value, str) or value.startswith(("$", "~")):
+        return value
+    is_path = key in ("path", "library") or (key == "command" and "/" in value)
+    if (is_path and not glob(str(folder / value))) or (glob(value) and (is_path or key == "argument")):
+        return str(Path(value).absolute())
+    return value
 
 
 #: Sections whose entries have names, and the keys that say what a new entry is: one of these comes first.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest_choices
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.models.sensors.presets import presets
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth.config.columns import unit_problems
@@ -64,6 +64,8 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
             if component not in needed:
                 yield Problem((*at, component), f"sensor {name} is a {kinds[name]}, which reads {', '.join(needed)}")
         quantities = columns.quantities(model.components, model.units)
+        if columns.copies_within_m is not None and not model.measures_position():
+            yield Problem((*at, "copies_within_m"), f"a {kinds[name]} measures no position to compare; remove it")
         for problem in unit_problems(columns.units, {"time": "time", **quantities}):
             yield Problem((*at, *problem.at), problem.message)
 
@@ -100,7 +102,7 @@ def _hidden(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem
 def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
     first: dict[str, str] = {}
     for name, kind in fed.items():
-        other = first.setdefault(kind, name)
+        other = first.setdefault(sensor_type(kind), name)
         if other != name:
             yield Problem(("sensors", name), f"the recording has one {kind}, and it feeds {other}; remove one of them")
 
@@ -119,10 +121,8 @@ def _synthetic(scenario: ScenarioConfig, truth: RecordingTruth, name: str) -> It
 
 
 def same_every_run(scenario: ScenarioConfig) -> bool:
-    """Whether all measurements are recorded, and no tracker's start is drawn."""
-    if not isinstance(scenario.truth, RecordingTruth):
-        return False
-    drawn = any(
+    """Whether nothing is drawn: no motion, no tracker's start and no measurement, as all of them are recorded."""
+    drawn = scenario.truth.random or any(
         isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values()
     )
     return len(scenario.truth.feeds(scenario.sensor_kinds)) == len(scenario.sensors) and not drawn

@@ -40,7 +40,7 @@ def json_schema() -> Schema:
     for kind, part in filter(None, kinds):
         _sensor(part, kind)
     for model in (FilterConfig, WhiteMotion, TracksConfig):
-        _beside(parts[model.__name__], model)
+        _beside(parts[model.__name__], model, parts)
     _filed(parts["TracksConfig"])
     _filter(parts["FilterConfig"])
     parts["Expectation"]["oneOf"] = [{"required": [key]} for key in ("below", "above", "is", "better_than")]
@@ -82,7 +82,7 @@ def _untitle(part: Schema) -> None:
 
 
 def _sensor(part: Schema, kind: str) -> None:
-    """A preset stands in for the keys that are required without one."""
+    """A preset stands in for the keys that are required without one; a radar that measures less needs fewer."""
     names = [preset.name for preset in list_presets() if preset.kind == kind]
     if not names:
         part["properties"].pop("preset")
@@ -90,11 +90,12 @@ def _sensor(part: Schema, kind: str) -> None:
     needed = [key for key in part["required"] if key != "type"]
     part["required"] = ["type"]
     part["properties"]["preset"] = {"enum": names, "description": part["properties"]["preset"]["description"]}
-    part["if"] = {"not": {"required": ["preset"]}}
+    instead = [{"required": [key]} for key in ("preset", "measures") if key in part["properties"]]
+    part["if"] = {"not": {"anyOf": instead}}
     part["then"] = {"required": needed}
 
 
-def _beside(part: Schema, model: type[OptionsBeside]) -> None:
+def _beside(part: Schema, model: type[OptionsBeside], parts: Schema) -> None:
     """The options that each plug-in needs beside the word that names it."""
     key, plugin = beside(model)
     part["allOf"] = []
@@ -103,6 +104,9 @@ def _beside(part: Schema, model: type[OptionsBeside]) -> None:
         for option in result.model_fields:
             used.setdefault(option, []).append(name)
         own = result.model_json_schema(by_alias=True)
+        for title, inner in own.pop("$defs", {}).items():
+            _untitle(inner)
+            parts.setdefault(title, inner)
         _untitle(own)
         part["properties"] = {**own["properties"], **part["properties"]}
         stated: list[Schema] = [{"required": ["sweep"]}]

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import yaml
 
 from trackbench.base.config import KeyPath
-from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.errors import InputError, InputErrors, shortened_text
+from trackbench.base.files import SCENARIO
 
 #: Of a file as it is read, and again with its aliases and merges expanded; no scenario comes near this.
 MAX_VALUES = 100_000
@@ -22,6 +23,8 @@ MAX_VALUES = 100_000
 MAX_DEPTH = 100
 TOO_DEEP = "nested too deeply"
 _TOO_MANY = f"more than {MAX_VALUES} values, aliases expanded"
+#: As many as the largest file has: only aliases lead to more.
+_TOO_LONG = f"more than {SCENARIO} characters, aliases expanded"
 CONTROL = "a control character, which a scenario cannot hold"
 
 
@@ -68,7 +71,8 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     """Parse one YAML document.
 
     Raises:
-        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag, too many values.
+        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag, too many values
+            or characters.
     """
     try:
         node = _Loader(text, file).get_single_node()
@@ -133,18 +137,20 @@ class _Builder:
         self.origins: dict[KeyPath, Origin] = {}
         self.repeated: list[InputError] = []
         self._open: set[int] = set()
-        self._count = 0
+        self._count = self._characters = 0
+        self._texts: dict[int, str] = {}
+        self._scalars: dict[int, Any] = {}
 
     def build(self, node: yaml.Node, path: KeyPath) -> Any:
         self._count_value(node, path)
         if id(node) in self._open:
             raise self._error("an anchor that contains itself", node, path)
         if node.tag not in _TAGS[type(node)]:
-            raise self._error(f"the tag {node.tag!r} is not known; remove it", node, path)
+            raise self._error(f"the tag {shortened_text(node.tag, 40)!r} is not known; remove it", node, path)
         self._open.add(id(node))
         try:
             if isinstance(node, yaml.ScalarNode):
-                return self._scalar(node, path)
+                return self._scalar(node, self._text(node, path), path)
             if isinstance(node, yaml.SequenceNode):
                 return [self._item(child, (*path, i), child) for i, child in enumerate(node.value)]
             assert isinstance(node, yaml.MappingNode)
@@ -191,8 +197,13 @@ class _Builder:
                     self._open.remove(id(part))
         yield from (entry for entry in node.value if entry[0].tag != _MERGE)
 
-    def _scalar(self, node: yaml.ScalarNode, path: KeyPath) -> Any:
-        text = self._text(node, path)
+    def _scalar(self, node: yaml.ScalarNode, text: str, path: KeyPath) -> Any:
+        """The value of a node, which aliases share."""
+        if id(node) not in self._scalars:
+            self._scalars[id(node)] = self._value(node, text, path)
+        return self._scalars[id(node)]
+
+    def _value(self, node: yaml.ScalarNode, text: str, path: KeyPath) -> Any:
         try:
             match node.tag.removeprefix(_PREFIX):
                 case "null":
@@ -209,9 +220,14 @@ class _Builder:
 
     def _text(self, node: yaml.ScalarNode, path: KeyPath) -> str:
         """The text of a node; what YAML does not allow as it is, is not allowed as an escape either."""
-        if yaml.reader.Reader.NON_PRINTABLE.search(node.value):
-            raise self._error(CONTROL, node, path)
-        return str(node.value)
+        self._characters += len(node.value)
+        if self._characters > SCENARIO:
+            raise self._error(_TOO_LONG, node, path)
+        if id(node) not in self._texts:
+            if yaml.reader.Reader.NON_PRINTABLE.search(node.value):
+                raise self._error(CONTROL, node, path)
+            self._texts[id(node)] = str(node.value)
+        return self._texts[id(node)]
 
     def _error(self, message: str, node: yaml.Node, path: KeyPath) -> InputError:
         return InputError(message, key=dotted(path) or None, file=self.file, line=node.start_mark.line + 1)

@@ -374,6 +374,7 @@ def _scans(
             detection_probability=0.0 if quiet[k] else probability,
             clutter_density=0.0 if quiet[k] else density,
             field_of_view=view,
+            half_range_m=config.states.half_range_m,
         )
         result.append((scan, origins[k, here], merged[k, here]))
     return result

@@ -253,7 +253,7 @@ def unscored(truth: Truth, steps: Indices, x: Array, y: Array, margin: float = 0
     result = np.zeros(x.shape, dtype=bool)
     if truth.unscored is None:
         return result
-    region, limit, boxes = truth.unscored
+    region, limit, boxes, _ = truth.unscored
     result |= np.hypot(x - truth.observer.px[steps, None], y - truth.observer.py[steps, None]) > limit
     if region is not None:
         result |= ~within_polygon(region, x, y)

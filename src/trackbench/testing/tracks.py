@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.types import FieldOfView, Scan, Tracks
+from trackbench.base.types import Array, FieldOfView, Scan, Tracks
 from trackbench.driving.alone import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing.rules import LOST, NOISE, STATE_KEPT, TrackerCheckError, batched_scan, require_state_kept
@@ -137,14 +137,18 @@ def _order_means_nothing(make: Make) -> None:
 
 
 def _never_reuses(make: Make) -> None:
-    seen: set[int] = set()
+    """A track that was not reported for a while comes back where its velocity takes it."""
+    latest: dict[int, tuple[float, Array]] = {}
     before: set[int] = set()
-    for tracks in _answers(make, _with_gaps(range(40, 80))):
-        now = set(tracks.ids.tolist())
-        again = (now - before) & seen
-        if again:
-            raise TrackerCheckError(f"the id {min(again)} is used again after its track had ended")
-        seen, before = seen | now, now
+    scans = _with_gaps(range(40, 80))
+    for scan, tracks in zip(scans, _answers(make, scans), strict=True):
+        reported = dict(zip(tracks.ids.tolist(), tracks.mean.T, strict=True))
+        for track in (reported.keys() - before) & latest.keys():
+            time, state = latest[track]
+            if not np.hypot(*(reported[track] - state)[:2] - (scan.time - time) * state[2:]) < LOST:
+                raise TrackerCheckError(f"the id {track} is used again after its track had ended")
+        latest |= {track: (scan.time, state) for track, state in reported.items()}
+        before = set(reported)
 
 
 def _is_deterministic(make: Make) -> None:

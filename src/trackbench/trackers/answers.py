@@ -15,6 +15,7 @@ TOO_LARGE = "the error, or its ratio to the covariance, is too large for any sco
 GIVEN_UP = "it gave None after an estimate: from then on each scan needs one; predict where a measurement is missed"
 
 OF_ONE = "it gave an estimate of one object; with hidden identities step must return (state, Tracks)"
+OF_SEVERAL = "it gave tracks of several objects, which need sensing: {identities: hidden}"
 #: Stands for the state of a tracker that keeps it elsewhere: in its process, program or library.
 KEPT_THERE = "kept there"
 #: Id that pads the tracks of several runs.
@@ -102,6 +103,8 @@ def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
     if answer is None:
         return None
     if not isinstance(answer, Estimate):
+        if isinstance(answer, tuple) and 3 <= len(answer) <= 5:
+            raise TrackerFault(OF_SEVERAL)
         if not isinstance(answer, tuple) or len(answer) != 2:
             raise TrackerFault(f"step must return (state, (mean, covariance)), not (state, {described(answer)})")
         answer = Estimate(*answer)

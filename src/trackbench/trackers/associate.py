@@ -5,9 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, Tag
 
-from trackbench.base.config import Config, NonNegative, Positive, Probability, Problem, problem_error
+from trackbench.base.config import (
+    LIST,
+    MAPPING,
+    NUMBER,
+    WORD,
+    Config,
+    NonNegative,
+    Positive,
+    Probability,
+    Problem,
+    Sigma,
+    chosen_by,
+    number_or_list,
+    problem_error,
+    shape,
+)
 
 AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
@@ -23,20 +38,21 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "confirm_score": ("gnn", "jpda"),
     "score_drop": ("gnn", "jpda"),
     "delete_misses": COUNTING,
-    "confirm_existence": EXISTENCE,
-    "end_existence": EXISTENCE,
+    "report_existence": EXISTENCE,
     "delete_existence": EXISTENCE,
     "lifetime_s": EXISTENCE,
     "visible_s": EXISTENCE,
     "hidden_s": EXISTENCE,
     "birth_rate_hz": EXISTENCE,
     "undetected": EXISTENCE,
+    "birth_density": EXISTENCE,
     "max_cluster": SHARING,
+    "end_duplicates": SHARING,
 }
 #: The methods that confirm tracks by a rule; each can by counting.
 CONFIRMED_BY: dict[str, tuple[AssociationMethod, ...]] = {"score": ("gnn", "jpda"), "existence": EXISTENCE}
 #: The rule that a key belongs to.
-RULE_OF = {"confirm_score": "score", "score_drop": "score", "confirm_existence": "existence"}
+RULE_OF = {"confirm_score": "score", "score_drop": "score"}
 #: Most scans within which a track may be confirmed.
 LONGEST_WINDOW = 100
 
@@ -56,6 +72,14 @@ def _m_of_n(value: Any) -> bool:
     return value in ("score", "existence") or (
         isinstance(value, list) and len(value) == 2 and {type(number) for number in value} == {int}
     )
+
+
+class GaussianBirths(Config):
+    """A place about which objects begin: a Gaussian of the same standard deviation on both axes."""
+
+    x: float = Field(ge=-1e8, le=1e8, description="Its mean along x in the fixed frame, m.")
+    y: float = Field(ge=-1e8, le=1e8, description="Its mean along y in the fixed frame, m.")
+    sigma_m: Sigma = Field(description="Its standard deviation, m.")
 
 
 class AssociateConfig(Config):
@@ -97,15 +121,17 @@ class AssociateConfig(Config):
         description="A track is deleted this long after its latest detection, s; several periods of the slowest "
         "sensor.",
     )
-    confirm_existence: Fraction = Field(
-        0.95,
-        description="With confirm: existence. A track is reported once its probability of existence has reached this.",
-    )
-    end_existence: Fraction = Field(
-        0.5, description="jipda and pmb. A track that was reported is deleted below this probability of existence."
+    report_existence: Annotated[
+        Annotated[Fraction, Tag(NUMBER)] | Annotated[list[Fraction], Field(min_length=2, max_length=2), Tag(LIST)],
+        chosen_by(number_or_list, "write a probability, such as 0.5, or two, such as [0.95, 0.5]"),
+    ] = Field(
+        [0.95, 0.5],
+        description="jipda and pmb. A track is confirmed when its probability of existence reaches the first of two "
+        "numbers, and from then on is reported while it is at least the second; below, it keeps its id. One number is "
+        "both, and is needed with confirm: [M, N], whose count confirms.",
     )
     delete_existence: Fraction = Field(
-        1e-4, description="jipda and pmb. A track that was not reported yet is deleted below this."
+        1e-4, description="jipda and pmb. A track is deleted below this probability of existence."
     )
     lifetime_s: Positive = Field(
         60, description="jipda and pmb. Mean time that an object stays, s; existence fades at this rate."
@@ -122,6 +148,14 @@ class AssociateConfig(Config):
     undetected: NonNegative = Field(
         10, description="jipda and pmb. Expected number of objects in the view of a sensor before its first scan."
     )
+    birth_density: Annotated[
+        Annotated[Literal["uniform"], Tag(WORD)] | Annotated[GaussianBirths, Tag(MAPPING)],
+        chosen_by(shape, "write uniform, or the mean and standard deviation of a Gaussian: {x: 0, y: 0, sigma_m: 50}"),
+    ] = Field(
+        "uniform",
+        description="jipda and pmb. Where those objects are expected: uniform over the view of each sensor, or a "
+        "Gaussian, whose numbers are then those of the whole plane; it should lie in the view.",
+    )
     max_cluster: int = Field(
         6,
         ge=0,
@@ -130,6 +164,12 @@ class AssociateConfig(Config):
         "tracks, or detections if these are fewer, its association probabilities are exact; beyond, and with 0 in "
         "each cluster, by loopy belief propagation. pmb leaves out pairs of a weight up to 1e-4, which changes no "
         "probability by more than the sum of these weights.",
+    )
+    end_duplicates: bool = Field(
+        False,
+        description="jpda, jipda, pmb. Whether one of two tracks ends that have the same most probable detection and "
+        "states whose squared Mahalanobis distance is at most the number of their components: the tentative one, or "
+        "else the younger.",
     )
     detection_probability: Annotated[
         dict[str, Probability],
@@ -158,14 +198,20 @@ class AssociateConfig(Config):
         return [1, 1] if self.method == "oracle" else [3, 5]
 
     @property
+    def report_limits(self) -> tuple[float, float]:
+        """Least existence probability of a track that is confirmed by it, and of a confirmed one that is reported."""
+        limits = self.report_existence
+        return (limits[0], limits[1]) if isinstance(limits, list) else (limits, limits)
+
+    @property
     def confirmation(self) -> str:
         """What confirms a track, in words."""
         rule = self.confirms_by
         return rule if isinstance(rule, str) else f"{rule[0]} of {rule[1]}"
 
     def problems(self) -> Iterator[Problem]:
-        rule = self.confirms_by
-        for key in (name for name in type(self).model_fields if name in self.model_fields_set):
+        rule, stated = self.confirms_by, self.model_fields_set
+        for key in (name for name in type(self).model_fields if name in stated):
             methods, of_rule = METHODS.get(key, (self.method,)), RULE_OF.get(key, rule)
             if self.method not in methods:
                 yield Problem((key,), f"not used with method: {self.method}; remove it, or use {' or '.join(methods)}")
@@ -182,6 +228,12 @@ class AssociateConfig(Config):
             if not 1 <= needed <= scans <= LONGEST_WINDOW:
                 limits = f"1 to N, and N at most {LONGEST_WINDOW}"
                 yield Problem(("confirm",), f"[M, N] needs M from {limits}, not [{needed}, {scans}]")
-        for key in ("end_existence", "delete_existence"):
-            if self.method in EXISTENCE and getattr(self, key) >= self.confirm_existence:
-                yield Problem((key,), f"must be less than confirm_existence, which is {self.confirm_existence:g}")
+        if self.method in EXISTENCE:
+            confirmed, reported = self.report_limits
+            if isinstance(rule, list) and isinstance(self.report_existence, list) and "report_existence" in stated:
+                yield Problem(("report_existence",), f"one number is needed, such as {reported:g}: [M, N] confirms")
+            if reported > confirmed:
+                yield Problem(("report_existence",), f"the larger comes first: [{reported:g}, {confirmed:g}]")
+            if self.delete_existence > reported:
+                message = f"must not exceed that down to which tracks are reported, {reported:g} of report_existence"
+                yield Problem(("delete_existence",), message)

@@ -76,6 +76,8 @@ class AssumedEffects(Config):
             linear: whether the filter converts measurements to positions, as the Kalman filter does.
         """
         sensor = SENSOR_MODELS[kind]
+        if self.signal_to_noise is not None and not sensor.measures_position():
+            yield Problem(("signal_to_noise",), f"a {kind} measures no position, by which the signal falls; remove it")
         for key in self.states:
             if linear and sensor.components != ("x", "y"):
                 yield Problem((key,), f"kf converts the measurements of a {kind}, which changes their errors; use ekf")

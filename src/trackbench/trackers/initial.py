@@ -176,7 +176,11 @@ def start_tracks(config: InitialConfig, scan: Scan, waiting: TentativeTrack | No
         config: how.
         scan: the measurements.
         waiting: what the start of the scan before left; None at first.
+
+    Measurements of a sensor that measures no position do not count.
     """
+    if not SENSOR_MODELS[scan.kind].measures_position():
+        scan = scan._replace(valid=np.zeros_like(scan.valid))
     position = _position(scan, config)
     if waiting is None:
         batch = scan.valid.shape

@@ -48,9 +48,10 @@ class RawTracker:
             none = PositionFix(nowhere, np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2))
             state = RawState(none, none)
         mean, covariance = SENSOR_MODELS[scan.kind].position(scan)
-        new = PositionFix(np.where(scan.valid, scan.time, np.nan), mean, linalg.expand(covariance, mean[None]))
-        later = scan.valid & ~(state.last.time >= scan.time)
-        better = scan.valid & (state.last.time == scan.time) & (_size(new) < _size(state.last))
+        stated = scan.valid & ~np.isnan(mean[0])
+        new = PositionFix(np.where(stated, scan.time, np.nan), mean, linalg.expand(covariance, mean[None]))
+        later = stated & ~(state.last.time >= scan.time)
+        better = stated & (state.last.time == scan.time) & (_size(new) < _size(state.last))
         last = _choose(later | better, new, state.last)
         before = _choose(later, state.last, state.before)
         dt = last.time - before.time

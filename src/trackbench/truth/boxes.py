@@ -11,12 +11,15 @@ import numpy as np
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array, Mask, Truth
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.config.traffic import BoxesOptions
 from trackbench.truth.formats.tables import TableFormat
+from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
 from trackbench.truth.recorded.rows import read_table
+from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import (
     LONGEST_GAP_S,
     SAME_STAMP_S,
@@ -32,8 +35,13 @@ from trackbench.truth.tracks import (
 LARGEST = 20_000_000
 
 
-def load_boxes(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ...]]:
-    """The truth, and how the file was read, a line.
+def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Truth, tuple[str, ...]]:
+    """Return the truth, and lines on how the file was read and on what contradicts itself in it.
+
+    Args:
+        config: the ``truth`` of a scenario.
+        folder: where relative paths start.
+        sensors: whether the scenario has sensors, which stand at the observer.
 
     Raises:
         InputError: the file cannot be read or is damaged, or has no object.
@@ -55,7 +63,7 @@ def load_boxes(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ..
         raise InputError(message, file=file, key="truth.reference.point")
     kinds = {track.id: track.kind for track in tracks}
     for number, kind in enumerate(config.reference.classes or ()):
-        if kind not in kinds.values():
+        if kind.casefold() not in {each.casefold() for each in kinds.values()}:
             classes = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
             raise InputError(
                 f"no object is of the class {kind!r}; the file has {classes}", key=f"truth.reference.classes.{number}"
@@ -76,12 +84,18 @@ def load_boxes(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ..
         kinds=kinds,
         start=rows.start + Decimal(repr(first)),
     )
+    if not config.has_observer and not sensors:
+        # Nothing is measured from there: it is where the pictures look from.
+        middle = FixedObserver(x=float(np.round(rows.px.mean())), y=float(np.round(rows.py.mean())))
+        config = config.model_copy(update={"observer": middle})
     truth = with_scored_region(truth_on_grid(config, drive, grid(drive, {})), config.reference, drive)
     beside = _beside(drive, truth) & ~truth.alive
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
     if config.stretches is not None:
         require_long_enough(truth, {}, config.stretches)
-    return truth, (f"truth: {', '.join(rows.notes)}",) if rows.notes else ()
+    contradiction = contradicted_velocity(rows)
+    notes = [*([", ".join(rows.notes)] if rows.notes else []), *([contradiction] if contradiction else [])]
+    return truth, tuple(f"truth: {note}" for note in notes)
 
 
 def _dont_care(config: BoxesOptions, rows: TrackRows, file: Path) -> Mask:
@@ -120,14 +134,16 @@ def _motion(track: TrafficTrack) -> Motion:
 
 
 def _beside(drive: Drive, truth: Truth) -> Mask:
-    """``(steps, objects)`` which times, of other objects, are within half a period of a row."""
+    """``(steps, objects)`` which times, of other objects, are near a row or between two with none missing between."""
     usual = [float(np.median(np.diff(own.time))) for own in drive.motions.values() if len(own.time) > 1]
     result = np.zeros_like(truth.alive)
     for number, own in enumerate(drive.motions.values()):
-        period = np.median(np.diff(own.time) if len(own.time) > 1 else usual or [0.0])
-        after = np.clip(np.searchsorted(own.time, truth.time), 0, len(own.time) - 1)
-        away = np.abs(own.time[[after, np.maximum(after - 1, 0)]] - truth.time).min(axis=0)
-        result[:, number] = away <= min(period, LONGEST_GAP_S) / 2 * (1 + 1e-9)
+        period, whole = row_period(own.time)
+        period = min(period or float(np.median(usual or [0.0])), LONGEST_GAP_S)
+        _, away, before = nearest_rows(own.time, truth.time)
+        inside = (truth.time > own.time[0]) & (truth.time < own.time[-1])
+        between = inside & np.append(whole & (np.diff(own.time) <= LONGEST_GAP_S), False)[before]
+        result[:, number] = between | (away <= period / 2 * (1 + 1e-9))
     return result
 
 

@@ -5,7 +5,7 @@ The simulator takes a second to import, so nothing here imports it before it is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,22 +61,26 @@ class _Recorded(TruthSource):
         made = (scene.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors) for scene in self.scenes())
         return [note for scene in made for note in scene.notes]
 
+    def _of_scene(self, notes: Iterable[str]) -> tuple[str, ...]:
+        """The notes, each with the name of the scene, where there are several."""
+        return tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in notes)
+
 
 class RecordingTruth(_Recorded, RecordingOptions):
     """Motion from files, and measurements where they have them; each log is a scene."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
         recording = recorded.load_recording(self.scenes()[0], sensors or {}, folder)
-        notes = tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in recording.notes)
+        notes = self._of_scene(recording.notes)
         return LoadedTruth(recording.truth, notes=notes, measurements=recording.measurements)
 
 
 class BoxesTruth(_Recorded, BoxesOptions):
     """Boxes of a file, against which tracks of other files are scored."""
 
-    def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
-        truth, notes = boxes.load_boxes(self, folder)
-        return LoadedTruth(truth, notes=notes)
+    def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
+        truth, notes = boxes.load_boxes(self.scenes()[0], folder, sensors=bool(sensors))
+        return LoadedTruth(truth, notes=self._of_scene(notes))
 
 
 class TrafficTruth(_Recorded, TrafficOptions):

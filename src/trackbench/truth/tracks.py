@@ -151,6 +151,8 @@ class TrafficFormat(Config, ABC):
     """Of its files, such as ``(".csv",)``; none where the recording comes with the package."""
     simultaneous: ClassVar[bool] = True
     """Whether the vehicles of a file drove at the same time."""
+    from_sensor: ClassVar[bool] = False
+    """Whether positions are relative to the sensor, so that the observer stands at the origin."""
 
     def __hash__(self) -> int:
         return hash((type(self), self.model_dump_json()))

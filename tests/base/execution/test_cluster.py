@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -80,11 +81,25 @@ def test_a_cluster_of_this_machine_gives_the_same_bits_and_leaves_no_process(lin
     assert without_times(found) == without_times(run_scenario(line, truths))
 
 
+def test_there_are_no_more_workers_than_pieces_of_work() -> None:
+    with executor(cluster="local:64") as cluster:
+        pieces = [cluster.submit(_busy) for _ in range(2)]
+        assert len({piece.result() for piece in pieces}) <= 2
+        assert isinstance(cluster, dask_cluster.Cluster)
+        assert cluster._local is not None
+        assert len(cluster._local._workers) == 2
+
+
+def _busy() -> int:
+    time.sleep(1)
+    return os.getpid()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (["--cluster", "here"], "--cluster: write tcp://HOST:PORT or local:4, not 'here'\n"),
-        (["--cluster", "local:0"], "--cluster: write tcp://HOST:PORT or local:4, not 'local:0'\n"),
+        (["--cluster", "local:0"], "--cluster: write local:1 to local:1024, not 'local:0'\n"),
         (["--cluster", "tcp://127.0.0.1:9"], "--cluster: no Dask scheduler answers at tcp://127.0.0.1:9\n"),
         (
             ["--cluster", "local:2", "--workers", "2"],

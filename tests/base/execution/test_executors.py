@@ -40,6 +40,21 @@ def test_two_processes_give_the_same_bits(line: Scenario) -> None:
         assert without_times(run_scenario(line, truths, executor=two)) == without_times(run_scenario(line, truths))
 
 
+def test_there_are_no_more_workers_than_pieces_of_work() -> None:
+    others = workers()
+    with executor(64) as many:
+        assert workers() == others
+        for number in (1, 3):
+            calls = [many.submit(time.sleep, 2) for _ in range(number)]
+            assert len(workers() - others) == number
+            for call in calls:
+                call.result()
+        most = [many.submit(os.getpid) for _ in range(3)]
+        assert {call.result() for call in most} <= {process.pid for process in workers() - others}
+        assert len(workers() - others) == 3
+    assert workers() == others
+
+
 def test_a_killed_worker_changes_nothing(line: Scenario) -> None:
     others = set(multiprocessing.active_children())
     killed: list[int] = []

@@ -67,7 +67,7 @@ def test_a_change_is_marked_where_it_is_with_what_changed_with_it(gated: History
 def test_the_page_begins_with_the_gate_and_what_has_changed(gated: History) -> None:
     history = gated
     gate, answer, row, changes, *_ = history_document(history).blocks
-    assert gate == Status("failed: 1 of 2 limits kept", "bad")
+    assert gate == Status("1 of 2 limits kept, 1 broken", "bad")
     assert isinstance(answer, Paragraph)
     said = f"kf worse in result 5: position_rmse +{history.changes[0].difference:.4f} m (+20.0 "
     assert answer.text.startswith(said)
@@ -143,7 +143,7 @@ def test_a_single_result_has_nothing_to_be_held_against(tmp_path: Path) -> None:
     history = tb.history(keep([past(0, {"raw": 0.2, "kf": 0.1})], tmp_path), limits={"position_rmse": 5})
     assert {gate.text for gate in history.gates} == {"there is no result before it"}
     assert "0 of 2 limits kept, 2 undecided" in str(history)
-    assert history.passed
+    assert not history.passed
     assert "No change is shown" in str(history)
 
 
@@ -196,7 +196,8 @@ def test_the_command_prints_writes_and_gates(nights: Path, cli: Cli, tmp_path: P
     assert done.status == 1
     assert max(map(len, done.out.splitlines())) <= 80
     assert "worse" in done.out
-    assert done.err == "page/: history.html, history.md, history.json\n"
+    line = "1 of 2 limits kept, 1 broken: exit status 1 (0: all shown kept)"
+    assert done.err.splitlines() == ["page/: history.html, history.md, history.json", line]
     assert re.search(r'tests="2" failures="1"', (tmp_path / "gates.xml").read_text(encoding="utf-8"))
     assert (tmp_path / "page" / "figures" / "history-position_rmse.svg").is_file()
     kept = json.loads((tmp_path / "page" / "history.json").read_text(encoding="utf-8"))

@@ -155,10 +155,76 @@ def test_what_cannot_be_told_apart_is_not_given_a_number(tmp_path: Path) -> None
         assert "mount_y" in offset.or_else
         assert inside(offset.interval.bounds(0.999), -0.05)
         finding = next(one for one in item.findings if one.sensor == name)
-        assert "cannot tell it from" in finding.evidence
+        assert finding.kind == "undecided"
+        assert {"time_offset", "body_point"} <= {*finding.candidates}
+        assert finding.candidates["time_offset"] == pytest.approx(-0.05, abs=0.005)
         # What is left is nearly so: ten times the correlation that makes an interval twice as wide.
         assert abs(offset.correlated[1]) > 0.9
+    assert item.changes == {}
     assert "What this log cannot tell" in str(item)
+
+
+def driven(*pieces: dict[str, Any]) -> dict[str, Any]:
+    """A car that drives off along the axis of the sensor."""
+    return {"car": {"start": {"x": 20, "y": 4, "speed_mps": 8.9, "course_deg": 20}, "pieces": [*pieces]}}
+
+
+MOTIONS = {
+    "steady": driven({"for_s": 12}),
+    "speed varies": driven(
+        {"for_s": 4, "acceleration_mps2": -2.0},
+        {"for_s": 2},
+        {"for_s": 4, "acceleration_mps2": 2.5},
+        {"for_s": 2},
+    ),
+    "circle": driven({"for_s": 12, "turn_rate_degps": 30}),
+    "both vary": driven(
+        {"for_s": 4, "acceleration_mps2": -1.5, "turn_rate_degps": 20},
+        {"for_s": 4, "acceleration_mps2": 2, "turn_rate_degps": -25},
+        {"for_s": 4},
+    ),
+}
+#: What a lidar's log is written with, for 1.1 m along the path at first, and the finding of each with its value.
+CAUSES: dict[str, tuple[dict[str, Any], float]] = {
+    "time_offset": ({"lidar": Errors(time_offset_s=0.124)}, 0.124),
+    "mount_x": ({"lidar": Errors(mount={"x_m": -1.1})}, -1.1),
+    "body_point": ({"lidar": Errors(), "truth_ahead_m": 1.1}, -1.1),
+}
+#: By motion and cause, the errors between which the log does not decide; none: the cause is found.
+UNDECIDED = {
+    ("steady", "time_offset"): {"time_offset", "mount_x", "bias_x", "body_point"},
+    ("steady", "mount_x"): {"time_offset", "mount_x", "bias_x", "body_point"},
+    ("steady", "body_point"): {"time_offset", "mount_x", "bias_x", "body_point"},
+    ("speed varies", "mount_x"): {"mount_x", "body_point"},
+    ("speed varies", "body_point"): {"mount_x", "body_point"},
+    ("circle", "time_offset"): {"time_offset", "body_point"},
+    ("circle", "body_point"): {"time_offset", "body_point"},
+}
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("seed", [3, 104])
+def test_a_cause_is_found_only_where_no_other_explains_the_log(
+    tmp_path: Path, motion: str, cause: str, seed: int
+) -> None:
+    written, value = CAUSES[cause]
+    log = write_log(tmp_path, seed=seed, duration_s=12, objects=MOTIONS[motion], moving=False, radar=None, **written)
+    item = audit(log)
+    (finding,) = [each for each in item.findings if each.kind in (*CAUSES, "undecided")]
+    among = UNDECIDED.get((motion, cause))
+    if among is None:
+        assert finding.kind == cause
+        assert finding.value == pytest.approx(value, rel=0.1)
+    else:
+        assert finding.kind == "undecided"
+        assert {*finding.candidates} == among
+        assert finding.candidates[cause] == pytest.approx(value, rel=0.1)
+        assert "Nothing is put in" in finding.fix
+    assert bool(item.changes) == (among is None and cause != "body_point")
+    item.save(tmp_path / "out")
+    offset = load_scenario(tmp_path / "out" / "scenario.yaml").config.truth.measurements["lidar"].time_offset_s
+    assert offset == (pytest.approx(0.124, rel=0.1) if among is None and cause == "time_offset" else 0)
 
 
 def test_a_bias_of_azimuth_is_a_turned_mount_in_any_log(clean: Callable[[int], ReportableAudit]) -> None:

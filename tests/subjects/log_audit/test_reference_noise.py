@@ -49,7 +49,10 @@ def test_a_noisy_reference_is_no_error_of_the_sensors(
 
 def test_small_errors_are_found_beside_a_noisy_reference(tmp_path: Path) -> None:
     item = audit(write_log(tmp_path, objects=WALKERS, moving=False, radar=SMALL, truth_sigma_m=0.1))
-    assert {finding.kind for finding in item.findings} == {"time_offset", "mount_yaw", "sigma"}
+    # At the walkers' nearly steady speed, 30 ms are as well a point of the body 4 cm behind.
+    assert {finding.kind for finding in item.findings} == {"undecided", "mount_yaw", "sigma"}
+    (undecided,) = [finding for finding in item.findings if finding.candidates]
+    assert undecided.candidates["time_offset"] == pytest.approx(0.03, abs=0.01)
     assert {finding.component for finding in item.findings} == {None, "range", "azimuth", "range_rate"}
     estimates = item.sensors["radar"].fit.estimates
     for name, value in (("time_offset", 0.03), ("mount_yaw", math.radians(1))):

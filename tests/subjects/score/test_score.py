@@ -11,64 +11,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pandas as pd
 import pytest
-from trackeval.metrics import CLEAR, HOTA, Identity
+from tests.support.trackeval_scores import RATE, as_kitti, as_motchallenge, by_trackeval, drawn
 
 import trackbench as tb
 from trackbench.api import session
-
-FRAMES, RATE, CUTOFF = 80, 10.0, 5.0
-
-
-def drawn(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Boxes of three cars, and tracks that miss, change their ids, and are false: frame, id, x, y."""
-    random = np.random.default_rng(seed)
-    frame = np.arange(FRAMES)
-    boxes = [
-        pd.DataFrame({"frame": frame, "id": car + 1, "x": 1.5 * frame + 6 * car, "y": 4.0 * car}) for car in range(3)
-    ]
-    truth = pd.concat(boxes, ignore_index=True)
-    tracks = truth[random.random(len(truth)) > 0.15].copy()
-    tracks[["x", "y"]] += random.normal(0, 1.2, (len(tracks), 2))
-    # Two tracks change places half way, and one goes on under another id.
-    late = tracks.frame >= FRAMES // 2
-    tracks["id"] = np.where(late & tracks.id.isin((1, 2)), 3 - tracks.id, tracks.id)
-    tracks["id"] = np.where(late & (tracks.id == 3), 7, tracks.id)
-    false = pd.DataFrame({"frame": random.integers(0, FRAMES, 12), "id": np.arange(20, 32), "x": 50.0, "y": -9.0})
-    return truth, pd.concat([tracks, false], ignore_index=True).sort_values(["frame", "id"], ignore_index=True)
-
-
-def by_trackeval(truth: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, float]:
-    numbers = {name: number for number, name in enumerate(tracks.id.unique())}
-    frames = [(truth[truth.frame == k], tracks[tracks.frame == k]) for k in range(FRAMES)]
-    data: dict[str, Any] = {
-        "num_timesteps": FRAMES,
-        "num_gt_ids": 3,
-        "num_tracker_ids": len(numbers),
-        "num_gt_dets": len(truth),
-        "num_tracker_dets": len(tracks),
-        "gt_ids": [own.id.to_numpy() - 1 for own, _ in frames],
-        "tracker_ids": [own.id.map(numbers).to_numpy() for _, own in frames],
-        "similarity_scores": [
-            np.maximum(
-                0,
-                1
-                - np.hypot(a.x.to_numpy()[:, None] - b.x.to_numpy(), a.y.to_numpy()[:, None] - b.y.to_numpy()) / CUTOFF,
-            )
-            for a, b in frames
-        ],
-    }
-    quiet = {"PRINT_CONFIG": False}
-    scores = HOTA().eval_sequence(data) | CLEAR(quiet).eval_sequence(data) | Identity(quiet).eval_sequence(data)
-    return {name: float(np.mean(scores[name])) for name in ("HOTA", "MOTA", "IDF1")}
-
-
-def as_motchallenge(rows: pd.DataFrame, file: Path) -> None:
-    file.write_text("".join(f"{r.frame + 1},{r.id},-1,-1,-1,-1,1,{r.x!r},{r.y!r},0\n" for r in rows.itertuples()))
-
-
-def as_kitti(rows: pd.DataFrame, file: Path) -> None:
-    numbers = "{0.frame} {0.id} Car 0 0 0 1 2 3 4 1.5 1.8 4.5 {y!r} 1.5 {0.x!r} 0\n"
-    file.write_text("".join(numbers.format(r, y=-r.y) for r in rows.itertuples()))
 
 
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning:trackeval")
@@ -78,7 +24,7 @@ def test_files_of_benchmarks_score_as_in_trackeval(form: str, write: Callable[..
     write(truth, tmp_path / "gt.txt")
     write(tracks, tmp_path / "tracks.txt")
     result = tb.score(tmp_path / "tracks.txt", tmp_path / "gt.txt", format=form, rate_hz=RATE)["tracks"]
-    theirs = by_trackeval(truth, tracks)
+    theirs = by_trackeval([(truth, tracks)])
     assert 0.2 < theirs["HOTA"] < 0.8
     ours = {name: result.metrics[name.lower()].value for name in theirs}
     assert ours == pytest.approx(theirs, abs=1e-9)
@@ -195,6 +141,7 @@ def test_gates_stand_in_the_json(files: Path, cli: Callable[..., Any]) -> None:
         (["old.csv", "--gate", "nees:2"], "neither a larger nor a smaller nees is better"),
         (["mot.txt"], "does not tell the format"),
         (["mot.txt", "--format", "mot"], "no format 'mot'"),
+        (["old.csv", "--truth-format", "cvs"], "--truth-format: no format 'cvs'; did you mean 'csv'?"),
         (["mot.txt", "--format", "motchallenge"], "give their number per second, --rate"),
         (["picture.txt", "--format", "motchallenge", "--rate", "10"], "these are boxes in the picture"),
         (["empty.csv"], "the file is empty"),
@@ -206,7 +153,7 @@ def test_mistakes_are_one_line(files: Path, cli: Callable[..., Any], arguments: 
     as_motchallenge(drawn(0)[0], files / "mot.txt")
     (files / "picture.txt").write_text("1,1,5,6,7,8,1,-1,-1,-1\n")
     (files / "empty.csv").write_text("")
-    done = cli("score", *arguments, "--truth", "boxes.csv")
+    done = cli("score", "--truth", "boxes.csv", "--truth-format", "csv", *arguments)
     assert done.status == 2
     assert message in done.err.splitlines()[-1]
     assert not (files / "results" / "boxes").exists()

@@ -231,4 +231,34 @@ def test_trackers_of_a_folder_share_the_headers_and_nothing_else(tmp_path: Path,
 
 
 def test_a_language_goes_with_a_tracker_in_it(cli: Cli) -> None:
-    assert "--language goes with a tracker in c, not with metric" in cli("new", "metric", "m", "--language", "c").err
+    assert "--language c does not go with metric" in cli("new", "metric", "m", "--language", "c").err
+    several = cli("new", "multi-tracker", "m", "--language", "c")
+    assert "--language c does not go with multi-tracker; it comes in python and cpp" in several.err
+
+
+def test_a_tracker_of_several_objects_in_c_plus_plus_runs_as_printed(tmp_path: Path, cli: Cli) -> None:
+    if shutil.which("make") is None or shutil.which("g++") is None:
+        pytest.skip("there is no compiler, or no make")
+    written = cli("new", "multi-tracker", "mine", "--language", "cpp")
+    assert written.status == 0, written.err
+    build = next(line.split() for line in written.out.splitlines() if line.startswith("  make"))
+    assert subprocess.run(build, cwd=tmp_path, capture_output=True, check=False).returncode == 0
+    scenario = ("mine.yaml", "--runs", "2", "--out", "own")
+    # Both the scenario that is written and one that comes with the package, in heavy rain.
+    shipped = ("traffic/cut_in", "--runs", "2", "--trackers", "gnn,mine", "--set", "trackers.mine.use.command=[./mine]")
+    for arguments, most in ((scenario, 1.0), (shipped, 2.0)):
+        done = cli("run", *arguments, "--json", "--no-recording")
+        assert done.status == 0, done.err
+        mine, gnn = (
+            next(entry["metrics"] for entry in json.loads(done.out)["trackers"] if entry["name"] == name)
+            for name in ("mine", "gnn")
+        )
+        assert mine["gospa"]["value"] < 1.1 * gnn["gospa"]["value"] < most
+        assert mine["hota"]["value"] > 0.95
+        assert mine["id_switches"]["value"] == 0
+    code = f'from trackbench.testing import check_tracker; check_tracker({USE}, identities="hidden", confirm=(3, 5))'
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+USE = {"command": ["./mine"]}

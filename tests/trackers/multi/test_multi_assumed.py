@@ -148,7 +148,7 @@ def test_existence_reckons_with_the_detection_probability_of_the_range(method: s
 
 def test_a_scan_finds_the_share_of_its_view_that_the_signal_lets_it_detect() -> None:
     start, signal = Undetected(10.0, {}), SignalRange(**SIGNAL)
-    left = start.after_scan(seen_at(50.0, 0.0, False), 0.9, signal).in_view("radar")
+    left = start.after_scan(seen_at(50.0, 0.0, False), 0.9, signal.half_range_m).in_view("radar")
     radii = 250.0 * np.sqrt((np.arange(4000) + 0.5) / 4000)
     # Eight points of the radius against four thousand.
     assert left == pytest.approx(10.0 * (1 - 0.9 * detected(radii).mean()), rel=0.01)

@@ -30,17 +30,34 @@ def messages(associate: dict[str, Any], **keys: Any) -> list[tuple[str, str]]:
             "existence is not used with method: gnn; use [M, N], or",
         ),
         (
-            {"method": "pmb", "confirm": [3, 5], "confirm_existence": 0.9},
-            "confirm_existence",
-            "only used with confirm: existence; remove it, or write confirm: existence",
+            {"method": "pmb", "confirm": [3, 5], "report_existence": [0.9, 0.5]},
+            "report_existence",
+            "one number is needed, such as 0.5: [M, N] confirms",
         ),
+        ({"method": "pmb", "report_existence": [0.5, 0.9]}, "report_existence", "the larger comes first: [0.9, 0.5]"),
+        (
+            {"method": "gnn", "report_existence": 0.5},
+            "report_existence",
+            "not used with method: gnn; remove it, or use",
+        ),
+        ({"method": "gnn", "end_duplicates": True}, "end_duplicates", "not used with method: gnn; remove it, or use"),
+        (
+            {"method": "gnn", "birth_density": "uniform"},
+            "birth_density",
+            "not used with method: gnn; remove it, or use",
+        ),
+        ({"method": "pmb", "birth_density": 3}, "birth_density", "write uniform, or the mean and standard deviation"),
         ({"method": "gnn", "delete_existence": 0.1}, "delete_existence", "not used with method: gnn; remove it, or"),
         ({"method": "gnn", "max_cluster": 3}, "max_cluster", "not used with method: gnn; remove it, or use jpda or"),
         ({"method": "gnn", "score_drop": 3.0}, "score_drop", "only used with confirm: score; remove it, or write"),
         ({"method": "naive", "confirm": "score"}, "confirm", "score is not used with method: naive; use [M, N], or"),
         ({"method": "gnn", "confirm": [5, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [5, 3]"),
         ({"method": "gnn", "confirm": [0, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [0, 3]"),
-        ({"method": "pmb", "delete_existence": 0.99}, "delete_existence", "must be less than confirm_existence, which"),
+        (
+            {"method": "pmb", "delete_existence": 0.6},
+            "delete_existence",
+            "must not exceed that down to which tracks are reported, 0.5 of report_existence",
+        ),
     ],
 )
 def test_options_that_do_not_go_together(associate: dict[str, Any], key: str, message: str) -> None:
@@ -76,3 +93,9 @@ def test_each_method_has_a_rule_that_confirms_unless_given() -> None:
         "oracle": "1 of 1",
     }  # fmt: skip
     assert AssociateConfig(method="pmb", confirm=[2, 3]).confirmation == "2 of 3"
+
+
+def test_one_number_confirms_and_reports() -> None:
+    assert AssociateConfig(method="pmb").report_limits == (0.95, 0.5)
+    assert AssociateConfig(method="pmb", report_existence=0.4).report_limits == (0.4, 0.4)
+    assert AssociateConfig(method="jipda", confirm=[2, 3], report_existence=0.3).report_limits[1] == 0.3

@@ -28,13 +28,13 @@ def scan(sensor: str, pose: Any = FRONT, half_angle: float = np.pi, time: float 
 
 @pytest.mark.parametrize("velocity_sigma", [3.0, 20.0])
 def test_a_filter_of_positions_expects_every_false_alarm_of_the_scan(velocity_sigma: float) -> None:
-    found = intensity(scan("radar"), 2, PMB, 10.0, np.array([1.0, 0.5]), velocity_sigma)
+    found = intensity(scan("radar"), False, PMB, 10.0, np.array([1.0, 0.5]), velocity_sigma)
     np.testing.assert_allclose(found.false_alarms * np.pi * RANGE**2, 5.0)
     np.testing.assert_allclose(found.new_objects * np.pi * RANGE**2, [10.0, 5.0])
 
 
 def test_one_of_all_components_has_the_stated_density() -> None:
-    found = intensity(scan("radar"), 3, PMB, 10.0, np.ones(1), 20.0)
+    found = intensity(scan("radar"), True, PMB, 10.0, np.ones(1), 20.0)
     np.testing.assert_allclose(found.false_alarms, 5.0 / (RANGE * 2 * np.pi * 2 * RATES))
 
 

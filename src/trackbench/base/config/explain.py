@@ -172,7 +172,7 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
             return (*path, _discriminator(context)), f"missing; choose from: {', '.join(members(place.annotation))}"
         case "union_tag_invalid":
             hint = nearest_choices(context["tag"], members(place.annotation))
-            return (*path, _discriminator(context)), f"{context['tag']!r} is not known; {hint}"
+            return (*path, _discriminator(context)), f"{_show(context['tag'])} is not known; {hint}"
         case "missing" if marked(place.annotation) is not None and place.model is None:
             return path, f"missing; choose from: {', '.join(words(place.annotation))}"
         case "missing" if place.beside is not None and place.model is not None:
@@ -184,7 +184,7 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case "literal_error":
             choices = words(place.annotation)
             if isinstance(value, str):
-                return path, f"{value!r} is not known; {nearest_choices(value, choices)}"
+                return path, f"{_show(value)} is not known; {nearest_choices(value, choices)}"
             return path, f"must be a word, not {_show(value)}; choose from: {', '.join(choices)}"
         case "extra_forbidden":
             return path, "unknown key"
@@ -207,7 +207,7 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case "dict_type" | "model_type" | "model_attributes_type":
             return path, _mapping(value, place)
         case "string_pattern_mismatch":
-            return path, f"{value!r} is not possible: only a to z, 0 to 9, _ and -"
+            return path, f"{_show(value)} is not possible: only a to z, 0 to 9, _ and -"
         case "too_short" | "too_long" if context.get("min_length", 1) > 1 or kind == "too_long":
             wanted = context.get("min_length") or context["max_length"]
             least = "at least " if kind == "too_short" and longest(place.annotation) is None else ""

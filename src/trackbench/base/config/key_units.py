@@ -80,7 +80,7 @@ SPELLINGS = {
     "rad/s2": "radps2",
 }
 
-_NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d[\d_]*(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+_NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:[0-9][0-9_]*(?:[.,][0-9]+)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(\S*)\s*")
 
 
 def find_unit(name: str) -> Unit | None:

@@ -7,9 +7,13 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 
+from trackbench.base.errors import InputError
 from trackbench.base.execution.task import Here, InProcess, Shared, Task, one_blas_thread
 
-__all__ = ["Here", "InProcess", "Task", "executor", "one_blas_thread"]
+__all__ = ["MOST_WORKERS", "Here", "InProcess", "Task", "executor", "one_blas_thread"]
+
+#: Processes of one machine.
+MOST_WORKERS = 1024
 
 log = logging.getLogger(__name__)
 
@@ -24,8 +28,14 @@ def executor(workers: int | None = 1, cluster: str | None = None) -> Iterator[Ex
         cluster: ``tcp://HOST:PORT`` of a Dask scheduler, or ``local:N`` for one with N workers on this machine.
 
     Raises:
-        InputError: the cluster cannot be reached, or what it takes is not installed.
+        InputError: the cluster cannot be reached, or what it takes is not installed; ``workers`` is no number of
+            processes, or stands beside a cluster.
     """
+    if workers is not None and (type(workers) is not int or not 1 <= workers <= MOST_WORKERS):
+        problem = f"{workers!r} is no number of processes; give a whole one from 1 to {MOST_WORKERS}"
+        raise InputError(problem, key="workers")
+    if (workers or 1) > 1 and cluster is not None:
+        raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
     with one_blas_thread():
         chosen = _chosen(workers, cluster)
         log.info("the work runs %s", chosen)

@@ -7,16 +7,17 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor, Future, InvalidStateError
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Event, Thread
+from threading import Event, Lock, Thread
 from typing import Any
 
 from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.execution import MOST_WORKERS
 from trackbench.base.execution.task import Task
 from trackbench.base.process import uninterrupted
 from trackbench.base.supervised import begin_worker, how_worker_ended, tell_scratch
@@ -32,14 +33,12 @@ except ImportError as missing:
 
 #: How long a scheduler or its workers may take to answer, s.
 PATIENCE = 20
-#: How long the workers of this machine may take to start, s.
-START = 60
 #: How long a worker that is told to end may take, s.
 FAREWELL = 1
 #: Between two looks whether the workers of this machine are there, s.
 INTERVAL = 0.2
-LOCAL = re.compile(r"local:([1-9]\d{0,3})")
-REMOTE = re.compile(r"(tcp|tls|ucx|ws|wss)://.+:\d+")
+LOCAL = re.compile(r"local:([0-9]{1,4000})")
+REMOTE = re.compile(r"(tcp|tls|ucx|ws|wss)://.+:[0-9]{1,5}")
 SETTINGS = {
     # A scene of random motion may be large; it is sent once to each worker.
     "distributed.admin.large-graph-warning-threshold": "1TB",
@@ -60,8 +59,7 @@ class Cluster(Executor):
         address: of the scheduler, as the user wrote it.
         client: connected to it.
         started: what was started for it, and ends with it.
-        workers: those of this machine.
-        notes: the folder in which they leave which plug-in is at work.
+        local: the workers of this machine, if it is a cluster of this machine.
     """
 
     def __init__(
@@ -69,15 +67,15 @@ class Cluster(Executor):
         address: str,
         client: distributed.Client,
         started: ExitStack,
-        workers: Sequence[subprocess.Popen[bytes]] = (),
-        notes: Path | None = None,
+        local: LocalWorkers | None = None,
     ) -> None:
-        self._address, self._client, self._started, self._notes = address, client, started, notes
+        self._address, self._client, self._started, self._local = address, client, started, local
+        self._notes = None if local is None else local.notes
         self._pending: set[Future[Any]] = set()
         self._failure: TrackbenchError | None = None
         self._closing = Event()
-        if notes is not None:
-            Thread(target=self._watch, args=(workers, notes), daemon=True).start()
+        if local is not None:
+            Thread(target=self._watch, args=(local,), daemon=True).start()
         self._executor = client.get_executor(pure=False)
         self._sent: dict[int, tuple[Task, distributed.Future[Any]]] = {}
 
@@ -105,19 +103,57 @@ class Cluster(Executor):
         self._started.close()
 
     def __str__(self) -> str:
-        workers = self._client.scheduler_info()["workers"]
-        return f"on the Dask cluster {self._address} ({len(workers)} workers)"
+        number = len(self._client.scheduler_info()["workers"]) if self._local is None else self._local.most
+        return f"on the Dask cluster {self._address} ({number} workers)"
 
-    def _watch(self, workers: Sequence[subprocess.Popen[bytes]], notes: Path) -> None:
-        """Fail all that is not done once too many workers have ended; Dask would wait for others to come."""
+    def _watch(self, local: LocalWorkers) -> None:
+        """Start workers for the pending calls; fail all that is not done once too many workers have ended."""
         while not self._closing.wait(INTERVAL):
-            ended = [worker for worker in workers if worker.poll() is not None]
-            if len(ended) > min(MOST_ENDED, len(workers) - 1):
-                how = how_worker_ended(notes, ended[-1].pid, ended[-1].returncode)
-                self._failure = TrackbenchError(f"no result: {len(ended)} of {len(workers)} workers have ended: {how}")
+            failure = local.staff(len(self._pending))
+            if failure is not None:
+                self._failure = TrackbenchError(failure)
                 for outcome in list(self._pending):
                     _fail(outcome, self._failure)
                 return
+
+
+class LocalWorkers:
+    """Workers on this machine: no more than there are pieces of work.
+
+    Args:
+        scheduler: its address.
+        notes: the folder in which they leave which plug-in is at work.
+        most: number of workers at most.
+    """
+
+    def __init__(self, scheduler: str, notes: Path, most: int) -> None:
+        self.notes, self.most, self._scheduler = notes, most, scheduler
+        self._workers: list[subprocess.Popen[bytes]] = []
+        self._lock, self._closed = Lock(), False
+
+    def staff(self, calls: int) -> str | None:
+        """Start the workers that are missing; return what is wrong where too many have ended.
+
+        Args:
+            calls: number of those that have not ended.
+        """
+        ended = [worker for worker in self._workers if worker.poll() is not None]
+        if len(ended) > min(MOST_ENDED, self.most - 1):
+            how = how_worker_ended(self.notes, ended[-1].pid, ended[-1].returncode)
+            return f"no result: {len(ended)} of {self.most} workers have ended: {how}"
+        for _ in range(len(self._workers) - len(ended), min(self.most, calls)):
+            with self._lock:
+                if not self._closed:
+                    self._workers.append(_start_worker(self._scheduler, str(self.notes)))
+        return None
+
+    def close(self) -> None:
+        """Kill them."""
+        with self._lock:
+            self._closed = True
+        for worker in self._workers:
+            worker.kill()
+            worker.wait()
 
 
 def connected(address: str) -> Cluster:
@@ -136,7 +172,10 @@ def connected(address: str) -> Cluster:
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
+        local = None
         if here is not None:
+            if not 1 <= int(here[1]) <= MOST_WORKERS:
+                raise InputError(f"write local:1 to local:{MOST_WORKERS}, not {address!r}", key="--cluster")
             scratch = stack.enter_context(TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True))
             tell_scratch(Path(scratch))
             scheduler = distributed.LocalCluster(
@@ -147,24 +186,18 @@ def connected(address: str) -> Cluster:
                 scheduler_kwargs={"local_directory": scratch, "dashboard_address": "127.0.0.1:0", "dashboard": False},
             )
             stack.callback(_close, scheduler)
-            workers = []
-            for _ in range(int(here[1])):
-                workers.append(_start_worker(scheduler.scheduler_address, scratch))
-                stack.callback(_kill, workers[-1])
+            local = LocalWorkers(scheduler.scheduler_address, Path(scratch), int(here[1]))
+            stack.callback(local.close)
         try:
             client = distributed.Client(address if here is None else scheduler.scheduler_address, timeout=PATIENCE)
             stack.callback(_close, client)
             if here is None:
                 client.wait_for_workers(1, timeout=PATIENCE)
-            else:
-                client.wait_for_workers(int(here[1]), timeout=START)
         except TimeoutError as error:
             raise InputError(f"no Dask scheduler with workers answers at {address}", key="--cluster") from error
         except OSError as error:
             raise InputError(f"no Dask scheduler answers at {address}", key="--cluster") from error
-        if here is None:
-            return Cluster(address, client, stack.pop_all())
-        return Cluster(address, client, stack.pop_all(), workers, Path(scratch))
+        return Cluster(address, client, stack.pop_all(), local)
 
 
 def _start_worker(address: str, scratch: str) -> subprocess.Popen[bytes]:
@@ -177,11 +210,6 @@ def _start_worker(address: str, scratch: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, *options]
     with uninterrupted():
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=2, env={**os.environ, **QUIET})
-
-
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    process.kill()
-    process.wait()
 
 
 def _close(connection: distributed.Client | distributed.LocalCluster) -> None:

@@ -34,12 +34,12 @@ class LocalProcesses(Executor):
     """Processes of this machine; what is lost when one of them dies is done once more by fresh ones.
 
     Args:
-        number: of processes.
+        number: of processes at most; there are no more than calls that have not ended.
     """
 
     def __init__(self, number: int) -> None:
         self._number = number
-        self._deaths = 0
+        self._deaths = self._open = 0
         self._failure = TrackbenchError(DIED)
         self._scratch = TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True)
         self._notes = Path(self._scratch.name)
@@ -53,6 +53,9 @@ class LocalProcesses(Executor):
     def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """A future of the call."""
         outcome: Future[Any] = Future()
+        with self._lock:
+            self._open += 1
+        outcome.add_done_callback(self._ended)
         self._start(outcome, partial(call, *args, **kwargs))
         return outcome
 
@@ -65,17 +68,28 @@ class LocalProcesses(Executor):
         return f"in {self._number} processes of this machine" if self._number > 1 else "in another process"
 
     def _new(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(
+        # The number decides on the length of the queue too.
+        pool = ProcessPoolExecutor(
             self._number, initializer=_begin, initargs=(os.getpid(), self._notes), env=ENVIRONMENT
         )
+        pool._max_workers = 1
+        return pool
+
+    def _ended(self, _: Future[Any]) -> None:
+        with self._lock:
+            self._open -= 1
 
     def _start(self, outcome: Future[Any], call: Callable[[], Any]) -> None:
         with self._lock:
             pool = self._pool
             try:
-                # The first call starts the processes.
+                # A call starts the processes that are missing.
+                pool._max_workers = max(pool._max_workers, min(self._number, self._open))
                 with uninterrupted():
                     future = pool.submit(call)
+                    # Loky's thread was woken before they were there, and has to watch them too.
+                    with pool._shutdown_lock:
+                        pool._executor_manager_thread_wakeup.wakeup()
             except BrokenProcessPool as error:
                 self._again(pool, outcome, call, error)
                 return

@@ -9,6 +9,7 @@ from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrackScope, Tr
 from trackbench.metrics.traffic.table import (
     ASSOCIATION_METRICS,
     DETECTION_METRICS,
+    OF_FALSE_TRACKS,
     TRACK_METRICS,
     TRACKS,
     RunRatio,
@@ -18,6 +19,7 @@ from trackbench.metrics.traffic.table import (
 __all__ = [
     "ASSOCIATION_METRICS",
     "DETECTION_METRICS",
+    "OF_FALSE_TRACKS",
     "TRACKS",
     "TRACK_METRICS",
     "Associations",

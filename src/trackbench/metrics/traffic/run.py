@@ -33,7 +33,7 @@ from trackbench.metrics.traffic.mot_metrics import (
     track_of_each,
 )
 from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, ospa2
-from trackbench.metrics.traffic.table import DETECTION_METRICS, TRACK_METRICS
+from trackbench.metrics.traffic.table import DETECTION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS
 from trackbench.metrics.traffic.tgospa import tgospa_by_cost
 from trackbench.metrics.traffic.track_quality import (
     ExistenceBins,
@@ -95,6 +95,14 @@ class RunScores(NamedTuple):
     """The values of its beginnings, up to some instants."""
     on: Sequence[NearPairs] = ()
     """The pairs of a track and the object that it is on, due or optional."""
+
+    def without_false_tracks(self) -> RunScores:
+        """Return the scores without what counts tracks on no object, and so says nothing where these are ignored."""
+        values, *until = (
+            {path: sums for path, sums in each.items() if path not in OF_FALSE_TRACKS}
+            for each in (self.values, *self.until)
+        )
+        return self._replace(values=values, until=tuple(until), existence=None)
 
     def object_of(self, shape: tuple[int, ...]) -> Indices:
         """``(T, K)`` the object that each track is on; -1 where it is on none."""

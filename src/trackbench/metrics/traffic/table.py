@@ -178,6 +178,11 @@ TRACK_METRICS = by_name(
 )
 #: Those of them that need the object of each detection.
 ASSOCIATION_METRICS = [metric for path, metric in TRACK_METRICS.items() if path.startswith("association_")]
+#: Those of them that count tracks on no object.
+OF_FALSE_TRACKS = (
+    *("gospa_false", "hota", "deta", "assa", "idf1", "mota", "false_tracks"),
+    *("track_purity", "siap_ambiguity", "siap_spuriousness"),
+)
 #: Those of runs without one.
 DETECTION_METRICS = by_name(
     of_detections("track_count", "1", "mean number of tracks after a scan"),

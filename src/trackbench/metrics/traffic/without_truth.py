@@ -14,7 +14,9 @@ from trackbench.metrics.traffic.run import RunScores
 from trackbench.metrics.traffic.set_distances import GospaParts
 from trackbench.metrics.traffic.track_quality import RunSums
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.models.sensors.detection import detected_share
 from trackbench.trackers.answers import NO_TRACK
+from trackbench.trackers.assume import distance_from_sensor
 from trackbench.trackers.multi.gate import in_field_of_view
 
 NONE = -1
@@ -183,5 +185,7 @@ def _log_score(scan: Scan, config: Sensor, predicted: Tracks, log_density: Array
     probability = np.where(in_field_of_view(predicted.mean[:2], scan), scan.detection_probability or 0.0, 0.0)
     if predicted.existence is not None:
         probability = probability * predicted.existence
+    if scan.half_range_m is not None:
+        probability = probability * detected_share(distance_from_sensor(predicted.mean[:2], scan), scan.half_range_m)
     intensity = UNPREDICTED / config.volume() + np.einsum("k,kd->d", probability, np.exp(log_density))
     return float(np.log(intensity).sum() - probability.sum() - UNPREDICTED)

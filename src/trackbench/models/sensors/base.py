@@ -45,6 +45,11 @@ Latency = Annotated[
 ]
 
 
+def sensor_type(kind: str) -> str:
+    """Return the type of the sensor whose scans are of a kind: "radar" of "radar(range, azimuth)"."""
+    return kind.partition("(")[0]
+
+
 class Mount(Config):
     """The sensor's pose on the observer."""
 
@@ -79,6 +84,8 @@ class Sensor(Config, ABC):
     """The unit of each in a measurement: "m", "rad", "m/s"."""
     sigma_options: ClassVar[tuple[str, ...]]
     """The option that is the standard deviation of each, its unit at the end: "azimuth_sigma_deg"."""
+    unused: ClassVar[tuple[str, ...]] = ()
+    """Options that a preset may give and this kind does not use."""
 
     type: str = Field("", description="The kind of sensor.")
     preset: str | None = Field(
@@ -142,16 +149,19 @@ class Sensor(Config, ABC):
             return data
         kind = data.get("type") or cls.kind()
         if data.get("effects") in WORDS:
-            data = {**data, "effects": typical(kind) if data["effects"] == "typical" else []}
+            is_typical = data["effects"] == "typical"
+            data = {**data, "effects": typical(sensor_type(kind), cls.components) if is_typical else []}
         if not isinstance(data.get("preset"), str):
             return {"type": kind, **data}
-        of_kind = {name: preset for name, preset in presets().items() if preset.kind == kind}
+        of_kind = {name: preset for name, preset in presets().items() if preset.kind == sensor_type(kind)}
         preset = of_kind.get(data["preset"])
         if preset is None:
-            problem = f"no {kind} preset has the name {data['preset']!r}; {nearest_choices(data['preset'], of_kind)}"
+            nearest = nearest_choices(data["preset"], of_kind)
+            problem = f"no {sensor_type(kind)} preset has the name {data['preset']!r}; {nearest}"
             reject(cls.__name__, [Problem(("preset",), problem)])
             return data
-        return {"type": kind, **preset.values, **data}
+        values = {key: value for key, value in preset.values.items() if key not in cls.unused}
+        return {"type": kind, **values, **data}
 
     def problems(self) -> Iterator[Problem]:
         stated: KeyPath = ("states", "clutter_per_scan") if self.states.clutter_per_scan else ()
@@ -165,6 +175,8 @@ class Sensor(Config, ABC):
             if not LEAST_SIGMA <= sigma <= LARGEST_SIGMA:
                 message = f"{sigma:g} in SI units: it must be from {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
                 yield Problem((name,), f"{message}; beyond, errors are lost in rounding")
+        if self.states.half_range_m is not None and not self.measures_position():
+            yield Problem(("states", "half_range_m"), f"a {self.kind()} measures no position; remove it")
         least, most = self.latency
         if least > most:
             yield Problem(("latency_s",), f"the least comes first: [{most:g}, {least:g}]")
@@ -241,7 +253,15 @@ class Sensor(Config, ABC):
     @classmethod
     @abstractmethod
     def position(cls, scan: Scan) -> Gaussian:
-        """The position ``(2, ...)`` in the fixed frame that a measurement states, with its covariance."""
+        """The position ``(2, ...)`` in the fixed frame that a measurement states, with its covariance.
+
+        NaN where the sensor measures no position.
+        """
+
+    @classmethod
+    def measures_position(cls) -> bool:
+        """Whether one measurement states a position, so that a track can start from it."""
+        return True
 
     @classmethod
     def radial_velocity(cls, scan: Scan) -> Array:

@@ -160,6 +160,11 @@ class StatedDetection(Config):
     detection_probability: Probability | None = Field(
         None, description="Of a vehicle in the field of view; the sensor's detection_probability unless given."
     )
+    half_range_m: Positive | None = Field(
+        None,
+        description="Range at which half of these vehicles are detected, m: the probability falls with the range by "
+        "the curve of detection.half_range_m. It is the same at all ranges unless given.",
+    )
     clutter_per_scan: NonNegative | None = Field(
         None, description="Mean number of false alarms per scan, uniform in view; clutter.per_scan unless given."
     )

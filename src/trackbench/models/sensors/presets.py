@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -13,6 +13,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from trackbench.base.config import problem_error
+from trackbench.base.config.key_units import split_key
 from trackbench.base.errors import nearest_choices
 
 
@@ -87,6 +88,13 @@ def _entries() -> dict[str, list[dict[str, Any]]]:
     return dict(yaml.safe_load(text))
 
 
-def typical(kind: str) -> list[dict[str, Any]]:
-    """The typical effects of a kind of sensor; none of one that is not built in."""
-    return [entry["options"] for entry in _entries().get(kind, [])]
+def typical(kind: str, components: Collection[str]) -> list[dict[str, Any]]:
+    """Return the typical effects of a kind of sensor on what it measures; none of one that is not built in."""
+
+    def kept(value: Any) -> Any:
+        """Return the sizes of components that it measures, of sizes such as {azimuth_deg: 0.1}."""
+        is_sizes = isinstance(value, dict)
+        return {key: size for key, size in value.items() if split_key(key)[0] in components} if is_sizes else value
+
+    every = [{key: kept(value) for key, value in entry["options"].items()} for entry in _entries().get(kind, [])]
+    return [options for options in every if {} not in options.values()]

@@ -1,17 +1,23 @@
-"""Radar: range, azimuth, range rate."""
+"""Radar: range, azimuth, range rate, or some of them."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+import builtins
+import math
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, create_model, model_validator
 
 from trackbench.base import linalg
-from trackbench.base.config import Angle
+from trackbench.base.config import Angle, KeyPath, Problem
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.base.units import cos_sin, exp_minus_one
-from trackbench.models.sensors.base import Sensor
+from trackbench.models.sensors.base import SENSOR_MODELS, Sensor
+
+T = TypeVar("T")
 
 #: Range below which the direction to a target is not defined, m; keeps Jacobians finite on the sensor itself.
 MIN_RANGE = 1e-6
@@ -51,29 +57,73 @@ class Polar(Sensor):
 
 
 class Radar(Polar):
-    """Measures range, azimuth and range rate (relative to the moving sensor)."""
+    """Measures range, azimuth and range rate (relative to the moving sensor), or those of them that it names."""
 
+    measures: list[Literal["range", "azimuth", "range_rate"]] = Field(
+        ["range", "azimuth", "range_rate"],
+        min_length=1,
+        description="What it measures: some of range, azimuth and range_rate, such as [range, azimuth]. The standard "
+        "deviation and the bias of what it does not measure are left out.",
+    )
     range_rate_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range rate, m/s.")
     range_rate_bias_mps: float = Field(0, description="Constant error of the range rate, m/s.")
 
+    # Each choice of fewer has a subclass, in PARTIAL_RADARS.
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")
     sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "azimuth_sigma_deg", "range_rate_sigma_mps")
 
+    def __new__(cls, **options: Any) -> Radar:
+        return super().__new__(cls._measuring(options))
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_its_class(cls, data: Any, handler: ModelWrapValidatorHandler[Radar], info: ValidationInfo) -> Radar:
+        model = cls._measuring(data)
+        if model is cls:
+            return handler(data)
+        return model.model_validate({**data, "type": model.kind()}, context=info.context)
+
+    @classmethod
+    def _measuring(cls, options: Any) -> builtins.type[Radar]:
+        """Return the subclass of ``Radar`` for the components that the options name; this class where there is none."""
+        named = options.get("measures") if isinstance(options, dict) and cls is Radar else None
+        components = tuple(name for name in Radar.components if isinstance(named, list) and name in named)
+        return PARTIAL_RADARS.get(components, cls)
+
+    def problems(self) -> Iterator[Problem]:
+        for i, name in enumerate(self.measures):
+            if name in self.measures[:i]:
+                yield Problem(("measures", i), f"{name} is named twice; remove one")
+        stated: list[KeyPath] = [(key,) for key in self.unused if getattr(self, key) is not None]
+        if "range_rate" not in self.components and "range_rate_mps" in self.clutter.model_fields_set:
+            stated.append(("clutter", "range_rate_mps"))
+        named = f"measures is [{', '.join(self.components)}], which is without it"
+        yield from (Problem(at, f"{named}; remove this, or add its component to measures") for at in stated)
+        yield from super().problems()
+
     def biases(self) -> tuple[float, ...]:
-        return (self.range_bias_m, np.deg2rad(self.azimuth_bias_deg), self.range_rate_bias_mps)
+        azimuth = np.deg2rad(self.azimuth_bias_deg or 0.0)
+        return self._measured(self.range_bias_m, azimuth, self.range_rate_bias_mps)
 
     def uniform(self, shares: Array) -> Array:
-        """Uniform in range, azimuth and range rate."""
-        low, high = self.clutter.range_rate_mps
-        fov = np.deg2rad(self.fov_deg)
+        """Uniform in each component."""
+        (low, high), fov = self.clutter.range_rate_mps, np.deg2rad(self.fov_deg)
         assert self.max_range_m is not None
-        return np.stack([shares[0] * self.max_range_m, (shares[1] - 0.5) * fov, low + shares[2] * (high - low)])
+        share = dict(zip(self.components, shares, strict=True))
+        r, azimuth, rate = (share.get(name, 0.0) for name in Radar.components)
+        return np.stack(self._measured(r * self.max_range_m, (azimuth - 0.5) * fov, low + rate * (high - low)))
 
     def volume(self) -> float:
-        """m rad m/s."""
+        """Product of the unit of each component: m rad m/s."""
         low, high = self.clutter.range_rate_mps
         assert self.max_range_m is not None
-        return float(self.max_range_m * np.deg2rad(self.fov_deg) * (high - low))
+        return float(math.prod(self._measured(self.max_range_m, np.deg2rad(self.fov_deg), high - low)))
+
+    @classmethod
+    def _measured(cls, range_: T, azimuth: T, range_rate: T) -> tuple[T, ...]:
+        """Return the values of the components that this class measures."""
+        values = {"range": range_, "azimuth": azimuth, "range_rate": range_rate}
+        return tuple(values[name] for name in cls.components)
 
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
@@ -82,7 +132,7 @@ class Radar(Polar):
         c, s = np.cos(pose[2]), np.sin(pose[2])
         azimuth = np.arctan2(c * dy - s * dx, c * dx + s * dy)
         rate = (dx * (target[2] - velocity[0]) + dy * (target[3] - velocity[1])) / r
-        return linalg.vector([r, azimuth, rate])
+        return linalg.vector(cls._measured(r, azimuth, rate))
 
     @classmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
@@ -91,15 +141,54 @@ class Radar(Polar):
         ux, uy = dx * inverse, dy * inverse
         # Velocity across the line of sight, over the range: the rate at which the line of sight turns.
         turn = (ux * (target[3] - velocity[1]) - uy * (target[2] - velocity[0])) * inverse
-        return linalg.matrix([[ux, uy, 0, 0], [-uy * inverse, ux * inverse, 0, 0], [-uy * turn, ux * turn, ux, uy]])
+        return linalg.matrix(
+            cls._measured([ux, uy, 0, 0], [-uy * inverse, ux * inverse, 0, 0], [-uy * turn, ux * turn, ux, uy])
+        )
+
+    @classmethod
+    def position(cls, scan: Scan) -> Gaussian:
+        if cls.measures_position():
+            return super().position(scan)
+        nowhere = np.full((2, 2, *scan.measurement.shape[1:]), np.nan)
+        return Gaussian(nowhere[0], nowhere)
+
+    @classmethod
+    def measures_position(cls) -> bool:
+        return {"range", "azimuth"} <= set(cls.components)
 
     @classmethod
     def radial_velocity(cls, scan: Scan) -> Array:
+        if not cls.measures_velocity():
+            return super().radial_velocity(scan)
         along = along_sight(scan)
         return linalg.vector([along[0] + scan.sensor_velocity[0], along[1] + scan.sensor_velocity[1]])
+
+    @classmethod
+    def measures_velocity(cls) -> bool:
+        return len(cls.components) == len(Radar.components)
 
 
 def along_sight(scan: Scan) -> Array:
     """``(2, ...)`` the third component of a measurement as a vector along the line of sight, in the fixed frame."""
     c, s = cos_sin(scan.measurement[1] + scan.sensor_pose[2])
     return linalg.vector([scan.measurement[2] * c, scan.measurement[2] * s])
+
+
+def _partial_radar(components: tuple[str, ...]) -> type[Radar]:
+    """Return the radar that measures these components, which pickle finds in this module by its name."""
+    name = "".join(part.title().replace("_", "") for part in components) + "Radar"
+    rows = [Radar.components.index(part) for part in components]
+    unmeasured = [key for i, key in enumerate(Radar.sigma_options) if i not in rows]
+    unused = (*unmeasured, *(key.replace("_sigma_", "_bias_") for key in unmeasured))
+    fields: dict[str, Any] = dict.fromkeys(unused, (float | None, None))
+    model = create_model(name, __base__=Radar, __module__=__name__, **fields)
+    model.components, model.unused, model.angular = components, unused, tuple(rows.index(i) for i in {1} & {*rows})
+    model.sigma_options, model.units = (tuple(of[i] for i in rows) for of in (Radar.sigma_options, Radar.units))
+    SENSOR_MODELS.found[f"radar({', '.join(components)})"] = globals()[name] = model
+    return model
+
+
+#: The radars that measure some components and not all, by these.
+PARTIAL_RADARS = {
+    components: _partial_radar(components) for size in (1, 2) for components in combinations(Radar.components, size)
+}

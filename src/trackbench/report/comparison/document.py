@@ -43,6 +43,7 @@ from trackbench.report.comparison.sentences import (
     set_letter,
 )
 from trackbench.report.numbers import half_width, short
+from trackbench.report.scenes import parts_in_words
 from trackbench.report.tables import unit_after_heading
 from trackbench.results import json_text
 
@@ -209,8 +210,8 @@ def _how(result: ComparedResult) -> str:
 def _explanation(items: Sequence[PairDifference], number: int) -> str:
     """``number``: of the differences by all metrics."""
     ways = []
-    if paired := sorted({(item.paired_runs, item.scenes, item.stretches or 0) for item in items if item.paired_runs}):
-        ways.append(f"paired over {' or '.join(_parts(*each) for each in paired)}")
+    if paired := sorted({_parts(item, item.paired_runs) for item in items if item.paired_runs}):
+        ways.append(f"paired over {' or '.join(paired)}")
     if any(item.paired_runs is None for item in items):
         ways.append("unpaired (Welch's test)")
     together = "" if number == len(items) else " by all metrics together"
@@ -225,9 +226,9 @@ def _explanation(items: Sequence[PairDifference], number: int) -> str:
     )
 
 
-def _parts(runs: int, scenes: int, stretches: int) -> str:
-    """What differences are paired over."""
-    of = f"{scenes} scenes of {counted(runs // scenes, 'run')}" if scenes > 1 else counted(runs, "run")
+def _parts(item: PairDifference, runs: int) -> str:
+    """Say over which runs, scenes or stretches a difference is paired."""
+    of, stretches = parts_in_words(item.scenes_in_words, runs, item.scenes), item.stretches
     return f"{stretches} stretch{'es' * (stretches > 1)} of time of {of}" if stretches else of
 
 

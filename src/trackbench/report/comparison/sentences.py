@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import OrderInWorlds
+from trackbench.compare.limits import limits_in_words
 from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
@@ -15,8 +16,6 @@ from trackbench.report.comparison.figures import competitors
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, rounded, short, signed
 from trackbench.scenario.worlds import MEANING
 
-#: Outcomes of a limit by which a gate fails.
-FAILED = ("failed", "error")
 #: The metrics that rank, in words.
 NAMES = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
 #: Turned round, what is said of a difference.
@@ -25,33 +24,26 @@ _TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller":
 LISTED = 3
 
 
-def gate_items(comparison: Comparison, outcomes: Sequence[str]) -> tuple[Item, ...]:
-    """The limits with one of some outcomes."""
+def gate_items(comparison: Comparison) -> tuple[Item, ...]:
+    """Return a line for each limit that is not shown to be kept, those that are broken first."""
     place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
     return tuple(
         Item(
             f"{place}{{1}}, {{0.metric}}: {{0.text}}".format(item, entrant_name(comparison, item.entrant)),
             label=item.outcome.upper(),
-            tone="bad" if item.outcome in FAILED else "warn",
+            tone="warn" if item.outcome == "undecided" else "bad",
         )
-        for item in comparison.gates
-        if item.outcome in outcomes
+        for item in sorted(comparison.gates, key=lambda item: item.outcome == "undecided")
+        if item.outcome != "passed"
     )
-
-
-def kept_limits(outcomes: Sequence[str], passed: bool) -> Status:
-    """How many limits are kept, and how many are undecided."""
-    kept, undecided = (outcomes.count(outcome) for outcome in ("passed", "undecided"))
-    words = f"{kept} of {counted(len(outcomes), 'limit')} kept{f', {undecided} undecided' if undecided else ''}"
-    return Status(words if passed else f"failed: {words}", "good" if passed else "bad")
 
 
 def answer_blocks(comparison: Comparison) -> Iterator[Block]:
     """Whether the gate failed, and for each metric who is best, or what has changed."""
     if comparison.gates:
-        yield kept_limits([item.outcome for item in comparison.gates], comparison.passed)
-    if failed := gate_items(comparison, FAILED):
-        yield Items(failed)
+        yield Status(limits_in_words(comparison.outcomes), "good" if comparison.passed else "bad")
+    if not_kept := gate_items(comparison):
+        yield Items(not_kept)
     lost = _lost(comparison)
     for metric, items in comparison.by_metric():
         best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
@@ -60,8 +52,6 @@ def answer_blocks(comparison: Comparison) -> Iterator[Block]:
         lost = ""
     if lost:
         yield Paragraph(lost.strip(), strong=True)
-    if undecided := gate_items(comparison, ["undecided"]):
-        yield Section("Undecided limits", (Items(undecided),), folded=True)
 
 
 def _lost(comparison: Comparison) -> str:

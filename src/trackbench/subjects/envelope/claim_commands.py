@@ -11,7 +11,7 @@ import click
 
 from trackbench import results
 from trackbench.base.execution import executor
-from trackbench.cli.options import FAILED_EXPECTATION, Whole, github_option, isolation_options, write_suites
+from trackbench.cli.options import FAILED_EXPECTATION, WORKERS, Whole, github_option, isolation_options, write_suites
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option
 from trackbench.driving.isolation import Isolation
@@ -107,7 +107,7 @@ MOST_SHOWN = 20
     metavar="DIR",
     help="Folder of the modules and logs that the scenario names.",
 )
-@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays.")
+@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N.")
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and nothing else.")

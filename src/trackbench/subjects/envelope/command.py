@@ -12,9 +12,11 @@ from rich.console import Console
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError, similar_names
 from trackbench.base.execution import executor
+from trackbench.base.process import FAILED_PLUGIN
 from trackbench.base.subjects import resolve
 from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import (
+    WORKERS,
     Whole,
     engine_option,
     github_option,
@@ -24,7 +26,6 @@ from trackbench.cli.options import (
     scenario_paths,
     write_suites,
 )
-from trackbench.cli.run import FAILED_TRACKER
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
@@ -99,7 +100,7 @@ def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str)
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("The folder NAME-envelope is written there.", "results")
-@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays. Same claim.")
+@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same claim.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
 @engine_option
 @isolation_options
@@ -183,4 +184,4 @@ def envelope_command(
     else:
         print_document(envelope_summary(made), Console())
         click.echo(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")
-    raise click.exceptions.Exit(FAILED_TRACKER if any(made.claim.failures.values()) else 0)
+    raise click.exceptions.Exit(FAILED_PLUGIN if any(made.claim.failures.values()) else 0)

@@ -117,6 +117,7 @@ def _sensor(sensor: IdealSensor, hidden: bool) -> dict[str, Any]:
     }
     if hidden:
         entry["detection_probability"], entry["clutter_density"] = stated_detection(config)
+        entry["half_range_m"] = config.states.half_range_m
     return entry
 
 

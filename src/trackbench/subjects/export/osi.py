@@ -38,7 +38,7 @@ def osi_scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
         InputError: a sensor is one of which OSI has no detections.
     """
     for name, sensor in source.loaded.config.sensors.items():
-        if not isinstance(sensor, Radar | Lidar):
+        if not isinstance(sensor, Radar | Lidar) or not sensor.measures_position():
             message = f"OSI has no detections of a {sensor.type}; choose another format"
             raise InputError(message, key=f"sensors.{name}.type", file=source.loaded.path)
     names = [*source.loaded.config.sensors]
@@ -86,7 +86,9 @@ def _sensor_data(scan: Scan, sensor: Sensor, number: int) -> bytes:
         if radar:
             position = _message(DETECTED_AT, _doubles(measured[0], measured[1], 0.0))
             position += _message(DETECTED_RMSE, _doubles(sigma[0], sigma[1], 0.0))
-            rate = _double(RADIAL_VELOCITY, measured[2]) + _double(RADIAL_VELOCITY_RMSE, sigma[2])
+            rate = b""
+            if sensor.measures_velocity():
+                rate = _double(RADIAL_VELOCITY, measured[2]) + _double(RADIAL_VELOCITY_RMSE, sigma[2])
             detections.append(labelled + position + rate)
         else:
             polar = float(np.hypot(*measured)), float(np.arctan2(measured[1], measured[0]))

@@ -13,12 +13,11 @@ from dataclasses import dataclass, field
 
 from trackbench.base.errors import InputError
 from trackbench.compare.comparability import Comparability, comparability, require_same_metric
-from trackbench.compare.comparison import GateOutcome, GateResult, PairDifference
+from trackbench.compare.comparison import GateOutcome, GateResult, JudgedLimit, PairDifference
 from trackbench.compare.differences import Match, judged_differences
 from trackbench.compare.limits import Limit, gate_results, require_directed
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
-from trackbench.results.metric_value import ResultModel
 from trackbench.subjects.history.past_results import PastResult, PooledResults
 
 #: What a tracker's result is compared with, and how; or why not.
@@ -173,16 +172,12 @@ OPTION = "--gate"
 _ORDER: tuple[GateOutcome, ...] = ("error", "failed", "undecided", "passed")
 
 
-class HistoryGate(ResultModel):
+class HistoryGate(JudgedLimit):
     """A limit held against one tracker of the last result."""
 
     tracker: str
-    metric: str
-    percent: float
-    outcome: GateOutcome
     against: int | None
     """Of the window, the result that it does worst against; None where there is none."""
-    text: str
 
 
 def history_gates(

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import one_blas_thread
+from trackbench.compare.comparison import GateOutcome
 from trackbench.compare.limits import Limit
 from trackbench.metrics import Metric
 from trackbench.results import MetricValue, merged_places
@@ -108,8 +109,13 @@ class History(ResultModel):
 
     @property
     def passed(self) -> bool:
-        """Whether every limit is kept, as far as is known."""
-        return all(gate.outcome not in ("failed", "error") for gate in self.gates)
+        """Whether every limit is shown to be kept."""
+        return all(outcome == "passed" for outcome in self.outcomes)
+
+    @property
+    def outcomes(self) -> list[GateOutcome]:
+        """Outcomes of all limits."""
+        return [gate.outcome for gate in self.gates]
 
     def json(self) -> dict[str, Any]:  # type: ignore[override]
         """As JSON values."""

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
-from trackbench.base.errors import counted
+from trackbench.base.errors import InputError, counted
+from trackbench.compare.limits import limits_in_words
 from trackbench.document import (
     Block,
     Cell,
@@ -24,6 +25,7 @@ from trackbench.document import (
     Paragraph,
     Row,
     Section,
+    Status,
     Table,
     Tone,
     TrackerStyle,
@@ -31,8 +33,8 @@ from trackbench.document import (
 )
 from trackbench.document.drawing import INK
 from trackbench.document.palette import Styles, tracker_figure, tracker_styles
-from trackbench.report.comparison.sentences import LISTED, kept_limits, number_left_out, unit_after
-from trackbench.report.junit import Case, Suite, result_file
+from trackbench.report.comparison.sentences import LISTED, number_left_out, unit_after
+from trackbench.report.junit import Suite, limit_case
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, reach_text, short, signed
 from trackbench.report.tables import unit_after_heading
 from trackbench.results import MetricValue
@@ -70,9 +72,13 @@ def saved_history(file: Path) -> Document:
     """The page of a history that was kept as JSON.
 
     Raises:
-        InputError: it cannot be read, or is none of this version.
+        InputError: it cannot be read, is none of this version, or scores a tracker that it does not list.
     """
-    return history_document(read_model(History, file, "history", [SCHEMA_VERSION]))
+    history = read_model(History, file, "history", [SCHEMA_VERSION])
+    try:
+        return history_document(history)
+    except KeyError as error:
+        raise InputError(f"it scores {error}, which is not among its trackers", file=file) from None
 
 
 def _answer(history: History) -> str:
@@ -106,7 +112,7 @@ def _percent(item: HistoryChange) -> str:
 
 def _blocks(history: History, styles: Styles) -> Iterator[Block]:
     if history.gates:
-        yield kept_limits([gate.outcome for gate in history.gates], history.passed)
+        yield Status(limits_in_words(history.outcomes), "good" if history.passed else "bad")
     yield Paragraph(_answer(history), strong=True)
     if len(history.results) > 1:
         yield Row(tuple(history_figure(history, metric, styles) for metric in history.metrics))
@@ -298,12 +304,12 @@ def _day(made_at: str) -> str:
 def suite_of_history(history: History) -> Suite:
     """The limits as test cases."""
     cases = [
-        Case(
-            f"{gate.tracker} {gate.metric} not worse by more than {gate.percent:g} %",
-            f"{history.scenario}.{gate.tracker}",
-            gate.outcome,
+        limit_case(
+            history.scenario,
+            gate.tracker,
+            gate,
             gate.text if gate.against is None else f"against result {gate.against}: {gate.text}",
-            result_file(history.results[-1].folder),
+            history.results[-1].folder,
         )
         for gate in history.gates
     ]

@@ -11,13 +11,12 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.sensing.detections import stated_detection
-from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
+from trackbench.subjects.log_audit.explanations import Explanation, explanations
+from trackbench.subjects.log_audit.joint_fit import JointFit, converged
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, Unlabelled, clock_drift
-from trackbench.subjects.log_audit.sensor_log import SensorLog, WrongUnit
+from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog, WrongUnit
 from trackbench.truth.config.columns import COMPONENT_QUANTITIES
 
-#: A finding changes a measurement by at least this share of the standard deviation of its noise.
-EFFECT = 0.1
 #: A standard deviation is off if it is wrong by at least this factor.
 SIGMA_OFF = 1.1
 #: The noise depends on the range if it changes by at least this factor over the middle 80 % of the ranges.
@@ -31,6 +30,8 @@ OUTLIERS = 0.005
 #: Boxes are elsewhere if they have fewer than this share of the stated detections, and more than it of those that miss
 #: are detections near no box.
 ELSEWHERE = 0.5
+#: The kind of a finding of which several errors may be the cause.
+UNDECIDED = "undecided"
 #: Probability with which a log without errors gives no finding of an error, a noise or a shape.
 FAMILY = 0.95
 
@@ -50,8 +51,8 @@ class LogFinding:
     """In SI units and radians."""
     ci95: tuple[float, float] | None = None
     unit: str | None = None
-    or_else: tuple[str, ...] = ()
-    """Errors from which this log does not tell it."""
+    candidates: dict[str, float] = field(default_factory=dict)
+    """Errors that explain the log equally well, with the value of each in SI units and radians; empty for one error."""
     component: str | None = None
     changes: dict[str, Any] = field(default_factory=dict)
     """What puts it right in the scenario, by dotted key; empty where the log itself has to be changed."""
@@ -80,7 +81,8 @@ class SensorAudit:
     def tests(self) -> int:
         """How many errors, noises and shapes are judged, and the drift."""
         shapes = sum(noise.exponent is not None for noise in self.noise)
-        return 0 if self.fit is None else 1 + len(self.fit.estimates) + len(sigma_keys(self.log)) + shapes
+        errors = 0 if self.fit is None else len(self.fit.estimates) + len(self.log.errors)
+        return 0 if self.fit is None else 1 + errors + len(sigma_keys(self.log)) + shapes
 
 
 #: The units in which angles and times are read.
@@ -93,6 +95,17 @@ _WORDS = {
     ),
     "mount_x": ("mount is {} behind where it is stated", "mount is {} in front of where it is stated"),
     "mount_y": ("mount is {} to the right of where it is stated", "mount is {} to the left of where it is stated"),
+    BODY_POINT: (
+        "measurements are of a point of the body {} behind that of the truth",
+        "measurements are of a point of the body {} in front of that of the truth",
+    ),
+}
+#: What shows each kind of error where it is taken for another.
+_TELLING = {
+    "time_offset": "where objects stand, brake or accelerate, as a clock moves nothing that stands still",
+    "mount": "where objects are at other bearings, as an error of the mount stays with the sensor",
+    "bias": "where objects are at other bearings and ranges, as a bias is the same for all",
+    BODY_POINT: "where objects turn or drive the other way, as a point of the body turns with it",
 }
 
 
@@ -118,40 +131,59 @@ def bounds_shown(bounds: tuple[float, float], unit: str) -> str:
     return f"{low:.{places}f} to {high:.{places}f}{name}"
 
 
-def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, Any]) -> LogFinding:
-    """That a sensor has an error of time, mount or a bias."""
-    value, unit = estimate.interval.value, estimate.unit
+def statement(name: str, value: float, unit: str) -> str:
+    """Say what an error of a sensor is: "time stamps are 80 ms late"."""
     size = quantity_text(abs(value), unit)
-    if estimate.name in _WORDS:
-        title = f"{sensor}: its {_WORDS[estimate.name][int(value > 0)].format(size)}"
-    else:
-        component = estimate.name.removeprefix("bias_").replace("_", " ")
-        title = f"{sensor}: its {component} reads {size} too {'much' if value > 0 else 'little'}"
+    if name in _WORDS:
+        return _WORDS[name][int(value > 0)].format(size)
+    component = name.removeprefix("bias_").replace("_", " ")
+    return f"{component} reads {size} too {'much' if value > 0 else 'little'}"
+
+
+def error_finding(
+    log: SensorLog, item: Explanation, same_as: Mapping[str, float], changes: Mapping[str, Any]
+) -> LogFinding:
+    """That a sensor has an error of time, mount, a bias or the measured point."""
+    value, unit = item.interval.value, log.errors[item.name]
     evidence = (
-        f"{spelt(estimate.name)} {quantity_text(value, unit, signed=True)} "
-        f"(95 %: {bounds_shown(estimate.interval.bounds(), unit)}); "
-        f"it moves a measurement by {estimate.effect:.2g} sigma (RMS)."
+        f"{spelt(item.name)} {quantity_text(value, unit, signed=True)} "
+        f"(95 %: {bounds_shown(item.interval.bounds(), unit)}); "
+        f"it moves a measurement by {item.effect:.2g} sigma (RMS)."
     )
-    if estimate.or_else:
-        others = " and ".join(spelt(name) for name in estimate.or_else)
-        title += f", or it is its {others}"
-        evidence += f" This log cannot tell it from {others}: the value holds if there is none of that."
-    for name, bias in estimate.same_as.items():
+    for name, bias in same_as.items():
         equal = quantity_text(bias, "rad" if unit == "rad" else "m", signed=True)
         evidence += f" A {spelt(name)} of {equal} would be the same in any log."
+    if item.rivals:
+        return _undecided(log, item, evidence)
     setting = "; ".join(f"{key}: {new}" for key, new in changes.items())
     fix = f"Set {setting}" if changes else "Correct the log: this format has no key for it"
+    if item.name == BODY_POINT:
+        fix = "Move the truth's positions there, or state of which point they are: truth.reference.point"
     return LogFinding(
-        kind=estimate.name,
-        sensor=sensor,
-        title=title,
+        kind=item.name,
+        sensor=log.name,
+        title=f"{log.name}: its {statement(item.name, value, unit)}",
         evidence=evidence,
         fix=f"{fix}.",
         value=value,
-        ci95=estimate.interval.bounds(),
+        ci95=item.interval.bounds(),
         unit=unit,
-        or_else=estimate.or_else,
         changes=dict(changes),
+    )
+
+
+def _undecided(log: SensorLog, item: Explanation, evidence: str) -> LogFinding:
+    """That one of several errors is there, and nothing says which."""
+    candidates = {item.name: item.interval.value, **item.rivals}
+    statements = [f"its {statement(name, value, log.errors[name])}" for name, value in candidates.items()]
+    kinds = dict.fromkeys(name if name in _TELLING else name.partition("_")[0] for name in candidates)
+    return LogFinding(
+        kind=UNDECIDED,
+        sensor=log.name,
+        title=f"{log.name}: {', or '.join(statements)}",
+        evidence=f"Each alone explains this log as well as the others. {evidence}",
+        fix=f"Nothing is put in. Look {'; and '.join(_TELLING[kind] for kind in kinds)}.",
+        candidates=candidates,
     )
 
 
@@ -164,7 +196,7 @@ def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict
             key = "yaw_deg" if name == "mount_yaw" else f"{name.removeprefix('mount_')}_m"
             change = float(np.rad2deg(value)) if name == "mount_yaw" else value
             changes[name] = {f"sensors.{log.name}.mount.{key}": _rounded(getattr(mount, key) + change, change)}
-        elif entry is None:
+        elif entry is None or name == BODY_POINT:
             changes[name] = {}
         elif name == "time_offset":
             key = f"truth.readings.{log.name}.time_offset_s"
@@ -287,15 +319,12 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
             ci95=drift.bounds(),
             unit="s",
         )
-    wrong_errors = [
-        name
-        for name, estimate in fit.estimates.items()
-        if estimate.effect >= EFFECT and estimate.interval.excludes(0.0, level)
-    ]
-    start = {name: fit.errors[name] for name in wrong_errors}
-    changes = error_changes(item.log, converged(item.log, wrong_errors, start) if wrong_errors else {})
-    for name in wrong_errors:
-        yield error_finding(sensor, fit.estimates[name], changes[name])
+    shown = explanations(item.log, fit, level)
+    start = {error.name: error.interval.value for error in shown}
+    changes = error_changes(item.log, converged(item.log, [*start], start) if start else {})
+    for error in shown:
+        estimate = fit.estimates.get(error.name)
+        yield error_finding(item.log, error, estimate.same_as if estimate else {}, changes[error.name])
     if not drifts:
         yield from _noises(item, level)
 

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import Array, Mask
 from trackbench.base.units import wrap_angle
 from trackbench.metrics.blocks import BlockInterval, Blocks, blocks_of
-from trackbench.subjects.log_audit.sensor_log import SensorLog
+from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog
 from trackbench.truth.recorded.robust import residual_scale
 
 #: Rows with a residual beyond this many standard deviations are outliers and not used.
@@ -26,6 +26,9 @@ TRIED = 2000
 #: A time offset is started from if it makes the spread of the residuals smaller by this share.
 WORTH = 0.1
 STEPS = 15
+#: Another point of the body is estimated with the other errors, whose intervals it makes wider, if it differs from zero
+#: with this probability.
+SURE = 0.999
 FEWEST_ROWS = 20
 
 
@@ -81,18 +84,28 @@ def joint_fit(log: SensorLog) -> JointFit:
 
     The residual is linearised in the errors around the best ones so far and solved by least squares, weighted by the
     noise that is estimated with them, without outliers, until nothing changes (Gauss-Newton). Of errors that the log
-    cannot tell apart, one is estimated as if the others were zero, and named with them.
+    cannot tell apart, one is estimated as if the others were zero, and named with them. The measured point of a body is
+    taken as that of the truth unless the log shows another.
 
     The estimates are those at which derivatives and residuals are orthogonal, not those with the least squares: between
     two rows of the reference its noise is smaller, so the least squares lie there whatever the clock. The derivatives
     have other noise than the residuals (instrumental variables; Fuller 1987, "Measurement Error Models").
     """
     start = {"time_offset": _best_offset(log)}
-    names, unidentified, same = _identifiable(log, start)
+    fit = _fit_from(log, start, with_body_point=False)
+    if BODY_POINT in fit.unidentified:
+        return fit
+    with_point = _fit_from(log, start, with_body_point=True)
+    point = with_point.estimates.get(BODY_POINT)
+    return with_point if point is not None and point.interval.excludes(0.0, SURE) else fit
+
+
+def _fit_from(log: SensorLog, start: Mapping[str, float], *, with_body_point: bool) -> JointFit:
+    names, unidentified, same = _identifiable(log, start, with_body_point)
     errors = {name: start.get(name, 0.0) for name in names}
     for round_number in range(2):
         errors = converged(log, names, errors)
-        identifiable = _identifiable(log, errors)
+        identifiable = _identifiable(log, errors, with_body_point)
         if round_number or identifiable[0] == names:
             break
         names, unidentified, same = identifiable
@@ -121,7 +134,7 @@ def _best_offset(log: SensorLog) -> float:
 
 
 def _identifiable(
-    log: SensorLog, errors: Mapping[str, float]
+    log: SensorLog, errors: Mapping[str, float], with_body_point: bool
 ) -> tuple[list[str], dict[str, tuple[str, ...]], dict[str, list[str]]]:
     """The errors that can be estimated together; those that cannot, with what hides them; those that are the same."""
     every = list(log.errors)
@@ -138,18 +151,20 @@ def _identifiable(
     second_names = {}
     for i, name in enumerate(every):
         if name.startswith("bias_"):
-            share, left = _explained(alike, i, mount)
+            share, left = explained_share(alike, i, mount)
             if left < SAME:
                 second_names[i] = mount[int(np.argmax(np.abs(share)))]
     first = [every.index(name) for name in ("time_offset", "mount_yaw")]
     rest = [i for i, name in enumerate(every) if name.startswith("bias_") and i not in second_names]
     kept: list[int] = []
     hidden: dict[str, tuple[str, ...]] = {}
-    for i in (*first, *rest, every.index("mount_x"), every.index("mount_y")):
+    for i in (*first, *rest, *map(every.index, ("mount_x", "mount_y", BODY_POINT))):
         if size[i] < 1e-9 * np.sqrt(max(finite.sum(), 1)):
             hidden[every[i]] = ()
             continue
-        share, left = _explained(alike, i, kept)
+        share, left = explained_share(alike, i, kept)
+        if every[i] == BODY_POINT and left >= LEAST_INFORMATION and not with_body_point:
+            continue
         if left < LEAST_INFORMATION:
             strong = np.abs(share) > 0.2 * np.abs(share).max()
             hidden[every[i]] = tuple(every[j] for j, by in zip(kept, strong, strict=True) if by)
@@ -161,8 +176,14 @@ def _identifiable(
     return [every[i] for i in kept], hidden, same
 
 
-def _explained(alike: Array, error: int, others: list[int]) -> tuple[Array, float]:
-    """How the derivatives of some errors add up to those of another, and the share of its information that is left."""
+def explained_share(alike: Array, error: int, others: list[int]) -> tuple[Array, float]:
+    """Return how the derivatives of some errors add up to those of another, and the share of its information left.
+
+    Args:
+        alike: cosines of the angles between the derivatives of all errors.
+        error: number of the error.
+        others: numbers of the others.
+    """
     if not others:
         return np.empty(0), 1.0
     share = np.linalg.lstsq(alike[np.ix_(others, others)], alike[others, error], rcond=None)[0]
@@ -213,18 +234,8 @@ def _finished(
     columns, rest = (derivatives / scale)[:, :, inlier], (residual / scale)[:, inlier]
     blocks = blocks_of(log.log.time[inlier], log.log.object[inlier], rest)
     size = len(names)
-    squares = np.einsum("pmr,qmr->pqr", columns, columns).reshape(size * size, -1)
-    products = np.einsum("pmr,mr->pr", columns, rest)
-
-    def solved(sums: Array) -> Array:
-        matrix = np.moveaxis(sums[: size * size].reshape(size, size, -1), -1, 0)
-        right = np.moveaxis(sums[size * size :].reshape(size, -1), -1, 0)
-        # Blocks that were drawn may not determine every error: the least of the solutions.
-        solution = np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right[:, :, None])[:, :, 0].T)
-        return solution[:, 0] if sums.ndim == 1 else solution
-
-    steps = blocks.intervals(np.concatenate([squares, products]), solved)
-    gram = squares.sum(axis=1).reshape(size, size)
+    steps = block_intervals(columns, rest, blocks)
+    gram = np.einsum("pmr,qmr->pq", columns, columns)
     inverse = np.linalg.pinv(gram, hermitian=True)
     spread = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
     correlation = inverse / np.outer(spread, spread)
@@ -257,6 +268,22 @@ def _finished(
         ~inlier & np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1)),
         blocks,
     )
+
+
+def block_intervals(columns: Array, target: Array, blocks: Blocks) -> list[BlockInterval]:
+    """Return what least squares make of ``columns`` ``(p, m, rows)`` for ``target`` ``(m, rows)``, with intervals."""
+    size = len(columns)
+    squares = np.einsum("pmr,qmr->pqr", columns, columns).reshape(size * size, -1)
+    products = np.einsum("pmr,mr->pr", columns, target)
+
+    def solved(sums: Array) -> Array:
+        matrix = np.moveaxis(sums[: size * size].reshape(size, size, -1), -1, 0)
+        right = np.moveaxis(sums[size * size :].reshape(size, -1), -1, 0)
+        # Blocks that were drawn may not determine every error: the least of the solutions.
+        solution = np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right[:, :, None])[:, :, 0].T)
+        return solution[:, 0] if sums.ndim == 1 else solution
+
+    return blocks.intervals(np.concatenate([squares, products]), solved)
 
 
 def _second_values(log: SensorLog, errors: Mapping[str, float], same: Mapping[str, list[str]]) -> dict[str, float]:

@@ -18,6 +18,7 @@ from trackbench.truth.config.columns import COMPONENT_QUANTITIES, UNITS, Measure
 from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Log, Motion, RowOrder, carrier
+from trackbench.truth.recorded.reference import moved_ahead
 from trackbench.truth.recorded.robust import THIRD, body_sigmas, travelled, white_sigma
 from trackbench.truth.sources import RecordingTruth
 
@@ -165,8 +166,12 @@ def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck
 
 #: The errors of time and mounting that every sensor may have, with their units.
 POSE_ERRORS = {"time_offset": "s", "mount_yaw": "rad", "mount_x": "m", "mount_y": "m"}
+#: How far the measured point of a body is ahead of the truth's, along its heading, m.
+BODY_POINT = "body_point"
+#: A slower body without a stated heading keeps the course that it had, m/s.
+SLOW_MPS = 0.5
 #: Steps of central differences; a time offset is differentiated over the rows of the reference.
-_STEPS = {"mount_yaw": 1e-4, **dict.fromkeys(("mount_x", "mount_y", "px", "py", "vx", "vy"), 1e-3)}
+_STEPS = {"mount_yaw": 1e-4, **dict.fromkeys((BODY_POINT, "mount_x", "mount_y", "px", "py", "vx", "vy"), 1e-3)}
 
 
 @dataclass(frozen=True)
@@ -190,9 +195,9 @@ class SensorLog:
 
     @property
     def errors(self) -> dict[str, str]:
-        """All errors that are looked for, with their units: of time and mounting, and a bias of each component."""
+        """All errors that are looked for, with their units: of time, mounting, components and the measured point."""
         biases = {f"bias_{name}": unit for name, unit in zip(self.components, self.config.units, strict=True)}
-        return {**POSE_ERRORS, **biases}
+        return {**POSE_ERRORS, **biases, BODY_POINT: "m"}
 
     @property
     def measurement(self) -> Array:
@@ -211,7 +216,7 @@ class SensorLog:
         Errors are those of the sensor, and "px", "py", "vx", "vy" of the truth of all objects.
         """
         time = self.log.time + errors.get("time_offset", 0.0)
-        target = self.target(time, self.log.object)
+        target = self.target(time, self.log.object, errors.get(BODY_POINT, 0.0))
         target += np.array([errors.get(name, 0.0) for name in ("px", "py", "vx", "vy")])[:, None]
         motion = sensor_motion(self.observer(time), self._mount(errors))
         seen = self.config.measure(target, motion.pose, motion.velocity)
@@ -228,10 +233,17 @@ class SensorLog:
         motion = sensor_motion(self.observer(at), self._mount(errors))
         return np.asarray(Radar.measure(self.target(at, owner), motion.pose, motion.velocity)[:2])
 
-    def target(self, time: Array, owner: Indices) -> Array:
-        """``(4, n)`` px, py, vx, vy of objects; NaN where their truth, or the observer's, is not known."""
+    def target(self, time: Array, owner: Indices, ahead: float = 0.0) -> Array:
+        """Return px, py, vx, vy of objects, ``(4, n)``; NaN where their truth, or the observer's, is not known.
+
+        Args:
+            time: ``(n,)`` s.
+            owner: ``(n,)`` number of the object.
+            ahead: m, how far in front of the truth's point the state is taken.
+        """
         state = np.full((4, len(time)), np.nan)
         for number, motion in enumerate(self.drive.motions.values()):
+            motion = _moved_along_course(motion, ahead)
             first, last = self.drive.span(number)
             own = (owner == number) & (time >= first) & (time <= last)
             for row, values in enumerate((motion.px, motion.py, motion.vx, motion.vy)):
@@ -276,6 +288,15 @@ class SensorLog:
                 "yaw_deg": mount.yaw_deg + float(np.rad2deg(errors.get("mount_yaw", 0.0))),
             }
         )
+
+
+def _moved_along_course(motion: Motion, ahead: float) -> Motion:
+    """A body without a heading that never moves has no front, and stays."""
+    heading, moves = motion.heading, np.hypot(motion.vx, motion.vy) > SLOW_MPS
+    if ahead and heading is None and moves.any():
+        course = np.unwrap(np.arctan2(motion.vy, motion.vx)[moves])
+        heading = np.interp(motion.time, motion.time[moves], course)
+    return motion if heading is None or not ahead else moved_ahead(motion, heading, ahead)
 
 
 #: A gap is longer than this many usual intervals.

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.cli.options import OptionValues, RunOptions, Whole
+from trackbench.cli.options import Finite, OptionValues, RunOptions, Whole
 from trackbench.results import json_text
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
         TRACKER,
         click.option("--vehicle", metavar="NAME", help="Scene and plots of this vehicle; with --worst: its moments."),
         worst_option("Stop at the moment of the largest position error, or of the Nth largest, at its vehicle."),
-        click.option("--at", type=float, metavar="T", help="Stop at this time, in seconds."),
+        click.option("--at", type=Finite(0), metavar="T", help="Stop at this time, in seconds."),
     ):
         command = option(command)
     return command
@@ -163,7 +163,7 @@ def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
 
 @click.command("inspect", cls=MomentCommand)
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--at", type=float, metavar="T", help="The scene at this time, in seconds.")
+@click.option("--at", type=Finite(0), metavar="T", help="The scene at this time, in seconds.")
 @worst_option("The worst moment of each tracker, or the N worst; with hidden identities the N costliest events.")
 @click.option("--vehicle", metavar="NAME", help="With --worst: of this vehicle alone. With --open: show it.")
 @TRACKER

@@ -8,26 +8,35 @@ from pathlib import Path
 import click
 
 from trackbench import results
-from trackbench.cli.options import FAILED_EXPECTATION, artifact_options, github_option, out_option, write_suites
+from trackbench.cli.options import Finite, artifact_options, end_with_limits, github_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
 
 @click.command("score")
-@click.argument("tracks", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False), metavar="TRACKS...")
+@click.argument("tracks", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TRACKS...")
 @click.option(
     "--truth",
     required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
+    multiple=True,
+    type=click.Path(path_type=Path),
     metavar="BOXES",
-    help="File of the true boxes, by the same clock.",
+    help="File of the true boxes, by the same clock; of several sequences a folder, or given again.",
 )
 @click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
-@click.option("--format", "form", metavar="NAME", help="Of files whose ending does not tell: kitti, motchallenge.")
+@click.option("--format", "form", metavar="NAME", help="Of the files, whatever their ending, as kitti or ros.")
+@click.option("--truth-format", metavar="NAME", help="Of BOXES, where it is another; auto: by the ending.")
 @click.option(
-    "--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
+    "--rate", type=Finite(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
 )
 @click.option(
-    "--time-offset", type=click.FloatRange(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
+    "--origin",
+    type=Finite(-180, 180),
+    nargs=2,
+    metavar="LAT LON",
+    help="Degrees of a point nearby, for columns of latitude and longitude.",
+)
+@click.option(
+    "--time-offset", type=Finite(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
 )
 @click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="As gospa:0.8, or gospa:2% of the first.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
@@ -39,10 +48,12 @@ from trackbench.cli.terminal import quiet_option
 @quiet_option("One line, and what failed.")
 def score_command(
     tracks: tuple[Path, ...],
-    truth: Path,
+    truth: tuple[Path, ...],
     columns: tuple[str, ...],
     form: str | None,
+    truth_format: str | None,
     rate: float | None,
+    origin: tuple[float, float] | None,
     time_offset: float,
     gates: tuple[str, ...],
     settings: tuple[str, ...],
@@ -56,15 +67,18 @@ def score_command(
     """Score tracks of a file against boxes of another.
 
     Several files of tracks are compared with each other. Columns are known by
-    usual names, which are shown. The scenario that it is stands in DIR too.
+    usual names, which are shown. The scenario that it is stands in DIR too. A
+    folder of boxes holds several sequences, and a folder of tracks one tracker's,
+    in files of the same names; intervals rest on five sequences or more.
 
     \b
     Examples:
       trackbench score tracks.csv --truth boxes.csv --map x=pos_x
+      trackbench score old/ new/ --truth boxes/
       trackbench score old.csv new.csv --truth boxes.csv --gate gospa:2%
 
     \b
-    Exit status: 0 gates passed, 1 one failed, 2 bad input, 3 a tracker
+    Exit status: 0 each gate is kept, 1 one is not, 2 bad input, 3 a tracker
     failed, 4 cannot write
     """
     from trackbench.api.plan import RunPlan
@@ -79,16 +93,16 @@ def score_command(
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
     limits = [Gate.parse(text) for text in gates]
-    for limit in limits:
-        limit.require_files(len(tracks))
     for text in columns:
         if "=" not in text:
             raise InputError(f"write KEY=COLUMN, such as x=pos_x, not {text!r}", key="--map")
     stated = [(key, column) for key, _, column in (text.partition("=") for text in columns)]
     if junit is not None:
         results.require_file(junit, "--junit")
-    options = FileOptions(stated, form, rate)
+    options = FileOptions(stated, form, rate, origin, truth_format)
     loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
+    for limit in limits:
+        limit.require_files(len(loaded.config.trackers))
     output = RunOutput(as_json, quiet)
     gates_kept = GateOutput(limits, as_json)
     output.followers = [gates_kept]
@@ -105,4 +119,4 @@ def score_command(
         summary = result.json()
         summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
         click.echo(json.dumps(summary, indent=2, allow_nan=False))
-    raise click.exceptions.Exit(status([result]) or (0 if kept else FAILED_EXPECTATION))
+    end_with_limits([case.outcome for case in cases], status([result]))

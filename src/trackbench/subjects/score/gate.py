@@ -11,6 +11,7 @@ import click
 
 from trackbench.api.plan import Listener
 from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.numbers import stated_number
 from trackbench.compare.comparison import GateOutcome
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report.junit import Case
@@ -42,10 +43,7 @@ class Gate(NamedTuple):
         if TRACK_METRICS[metric].better is None:
             raise InputError(f"neither a larger nor a smaller {metric} is better", key=OPTION)
         relative = number.endswith("%")
-        try:
-            limit = float(number.removesuffix("%"))
-        except ValueError:
-            limit = math.nan
+        limit = stated_number(number.removesuffix("%"))
         if not math.isfinite(limit) or (relative and limit < 0):
             raise InputError(f"{number!r} is no number, or no percentage of 0 or more", key=OPTION)
         return cls(metric, limit, relative)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,10 +14,12 @@ import yaml
 from pydantic_core import PydanticCustomError
 
 from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.types import Array
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
-from trackbench.truth.config.traffic import format_of
+from trackbench.subjects.score.sequences import paired_sequences
+from trackbench.truth.config.traffic import AUTO, format_of
 from trackbench.truth.formats.tables import QUANTITIES, column_layout, read_header
 from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
 from trackbench.truth.tracks import TRAFFIC_FORMATS, read_rows
@@ -33,60 +36,66 @@ class FileOptions(NamedTuple):
     columns: Sequence[tuple[str, str]]
     """Keys with their columns, perhaps with a unit: ``timestamp:ns``; files may call one differently."""
     format: str | None = None
-    """Of files whose ending does not tell it."""
+    """Of the files; None or auto: by the ending of each."""
     rate_hz: float | None = None
     """Of files that count frames."""
+    origin: tuple[float, float] | None = None
+    """Of tables with latitude and longitude, those of the point that becomes x = y = 0, degrees."""
+    truth_format: str | None = None
+    """Of the boxes, where it is not that of the tracks."""
+
+    @property
+    def of_truth(self) -> FileOptions:
+        """The options of the file of boxes."""
+        return self._replace(format=self.truth_format or self.format)
 
 
 def scoring_scenario(
     tracks: Sequence[Path],
-    truth: Path,
+    truth: Sequence[Path],
     options: FileOptions,
     folder: Path,
     *,
     time_offset_s: float = 0.0,
     overrides: Sequence[str] = (),
 ) -> Scenario:
-    """The scenario.
+    """Return the scenario that scores tracks against boxes, in one sequence or in several.
 
     Args:
-        tracks: files, each of which is a tracker.
-        truth: the file of boxes.
+        tracks: files or folders, see :func:`paired_sequences`.
+        truth: files of boxes, or folders of them.
         options: of all files.
         folder: where the scenario's file is to be, from which its paths start.
         time_offset_s: added to the time stamps of all tracks, s.
         overrides: ``key.path=value`` each.
 
     Raises:
-        InputError: a file cannot be read, or it is not known what its columns are.
+        InputError: a file cannot be read or has no partner, or it is not known what its columns are.
     """
-    files = [*tracks, truth]
-    for file in files:
-        if not file.is_file():
-            beside = [each.name for each in file.parent.iterdir()] if file.parent.is_dir() else []
-            raise InputError(f"there is no such file; {nearest_choices(file.name, beside)}", file=file)
-    _require_known(options.columns, files, options)
-    boxes = _entry(truth, options, folder)
+    sequences = paired_sequences(tracks, truth, options.format, options.of_truth.format)
+    number = len(sequences.truth)
+    _require_known([*chain(*sequences.tracks)], sequences.truth, options)
+    boxes = _entry_of_sequences(sequences.truth, options.of_truth, folder)
     form = TRAFFIC_FORMATS[boxes["format"]]
-    rows = read_rows(form.model_validate({k: v for k, v in boxes.items() if k in form.model_fields}), truth)
-    name = re.sub("[^a-z0-9_-]+", "_", truth.stem.lower())[:64].strip("_") or "boxes"
-    stretches = min(MOST_STRETCHES, int(np.ptp(rows.time) / SHORTEST))
-    enough = stretches >= FEWEST_SCENES and len(np.unique(stretch_of(rows.time, stretches))) == stretches
-    cut = {"stretches": stretches} if enough else {}
+    options_of_form = form.model_validate({k: v for k, v in boxes.items() if k in form.model_fields})
+    every = [read_rows(options_of_form, file) for file in sequences.truth]
+    name = re.sub("[^a-z0-9_-]+", "_", sequences.name.lower())[:64].strip("_") or "boxes"
+    stretches = _stretches([rows.time for rows in every])
+    cut = {"stretches": stretches} if stretches else {}
     offset = {"time_offset_s": time_offset_s} if time_offset_s else {}
+    against = sequences.truth[0].name if number == 1 else f"{number} sequences of {sequences.name}"
     content = {
         "name": name,
-        "description": f"Tracks made elsewhere against {truth.name}.",
+        "description": f"Tracks made elsewhere against {against}.",
         "truth": {
             "source": "recorded-boxes",
             **boxes,
             **cut,
-            "observer": {"x": float(np.round(rows.px.mean())), "y": float(np.round(rows.py.mean()))},
         },
         "sensing": {"identities": "hidden"},
         "trackers": {
-            tracker: {"use": "tracks", **_entry(file, options, folder), **offset}
-            for tracker, file in zip(tracker_names(tracks), tracks, strict=True)
+            tracker: {"use": "tracks", **_entry_of_sequences(files, options, folder), **offset}
+            for tracker, files in zip(tracker_names(sequences.trackers), sequences.tracks, strict=True)
         },
         "monte_carlo": {"runs": 1},
     }
@@ -94,13 +103,23 @@ def scoring_scenario(
     return scenario_of(text, folder / f"{name}.yaml", overrides)
 
 
-def tracker_names(files: Iterable[Path]) -> list[str]:
-    """A name for each file: its own, with its folder's or a number where two are alike."""
+def _stretches(times: Sequence[Array]) -> int:
+    """Into how many stretches of time each sequence is cut; 0 where there are enough, or where they are too short."""
+    shortest = min(float(np.ptp(time)) for time in times)
+    count = min(MOST_STRETCHES, int(shortest / SHORTEST))
+    if len(times) >= FEWEST_SCENES or count < 2 or count * len(times) < FEWEST_SCENES:
+        return 0
+    return count if all(len(np.unique(stretch_of(time, count))) == count for time in times) else 0
+
+
+def tracker_names(places: Iterable[Path]) -> list[str]:
+    """Name each file or folder: by its own name, with its folder's or a number where two are alike."""
     names: list[str] = []
-    for file in files:
-        name = _word(file.stem)
+    for file in places:
+        own = file.name if file.is_dir() else file.stem
+        name = _word(own)
         if name in names:
-            name = _word(f"{file.absolute().parent.name}_{file.stem}")
+            name = _word(f"{file.absolute().parent.name}_{own}")
         number, begin = 2, name
         while name in names:
             name, number = f"{begin}_{number}", number + 1
@@ -114,15 +133,24 @@ def _word(text: str) -> str:
 
 
 def _format(file: Path, options: FileOptions) -> str:
-    try:
-        return format_of(file.name)
-    except PydanticCustomError as error:
-        if options.format is None:
+    if options.format in (None, AUTO):
+        try:
+            return format_of(file.name)
+        except PydanticCustomError as error:
             raise InputError(error.message().replace("name it in format", "give --format"), file=file) from None
-        if options.format not in TRAFFIC_FORMATS.names():
-            message = f"no format {options.format!r}; {nearest_choices(options.format, TRAFFIC_FORMATS.names())}"
-            raise InputError(message, key="--format") from None
-        return options.format
+    if options.format not in TRAFFIC_FORMATS.names():
+        message = f"no format {options.format!r}; {nearest_choices(options.format, TRAFFIC_FORMATS.names())}"
+        raise InputError(message, key="--truth-format" if options.format == options.truth_format else "--format")
+    return options.format
+
+
+def _entry_of_sequences(files: Sequence[Path], options: FileOptions, folder: Path) -> dict[str, Any]:
+    """What a scenario says of the files of several sequences, which are read alike."""
+    first, *others = (_entry(file, options, folder) for file in files)
+    for file, entry in zip(files[1:], others, strict=True):
+        if {**entry, "path": ""} != {**first, "path": ""}:
+            raise InputError(f"its format or its columns are not those of {files[0]}: make them alike", file=file)
+    return first if not others else {**first, "path": [entry["path"] for entry in (first, *others)]}
 
 
 def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
@@ -146,7 +174,10 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
     columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
-    return {**entry, "columns": columns}
+    origin = (
+        {} if options.origin is None else {"origin": dict(zip(("lat_deg", "lon_deg"), options.origin, strict=True))}
+    )
+    return {**entry, "columns": columns, **origin}
 
 
 def _column(text: str, names: Sequence[str]) -> str:
@@ -154,15 +185,17 @@ def _column(text: str, names: Sequence[str]) -> str:
     return text if text in names else text.rpartition(":")[0] or text
 
 
-def _require_known(columns: Sequence[tuple[str, str]], files: Sequence[Path], options: FileOptions) -> None:
+def _require_known(tracks: Sequence[Path], truth: Sequence[Path], options: FileOptions) -> None:
     """Make sure that each column that is named is in one of the files.
 
     Raises:
         InputError: it is in none, or the key is none.
     """
-    tables = [(file, form) for file in files if (form := _format(file, options)) in TABLES]
+    forms = [(file, _format(file, options)) for file in tracks]
+    forms += [(file, _format(file, options.of_truth)) for file in truth]
+    tables = [(file, form) for file, form in forms if form in TABLES]
     names = list(dict.fromkeys(name for file, form in tables for name in read_header(file, form)))
-    for key, text in columns:
+    for key, text in options.columns:
         if key not in QUANTITIES:
             raise InputError(f"no column is called {key!r}; {nearest_choices(key, QUANTITIES)}", key="--map")
         if _column(text, names) not in names:

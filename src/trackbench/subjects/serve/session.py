@@ -19,7 +19,7 @@ from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Stepper
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
-from trackbench.models.sensors import Lidar, Radar
+from trackbench.models.sensors import Lidar, Radar, sensor_type
 from trackbench.scenario import Scenario
 from trackbench.sensing.view import sensor_motion, silent
 from trackbench.subjects.serve.protocol import Marker
@@ -85,12 +85,13 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
         raise loaded.locate(InputError(message, key="sensing.identities"))
     sensors: dict[str, ServedSensor] = {}
     for sensor_name, sensor in config.sensors.items():
-        other = sensors.get(sensor.type)
+        kind = sensor_type(sensor.type)
+        other = sensors.get(kind)
         if other is not None:
-            message = f"a second {sensor.type} beside {other.name}; the simulator has one lidar and one radar"
+            message = f"a second {kind} beside {other.name}; the simulator has one lidar and one radar"
             raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
         if isinstance(sensor, Lidar | Radar):
-            sensors[sensor.type] = ServedSensor(
+            sensors[kind] = ServedSensor(
                 sensor_name, sensor, *_noise_and_pose(sensor, getattr(config.truth, "observer", None))
             )
     if not sensors:
@@ -160,12 +161,13 @@ class Session:
         values = np.array(measurement.measurement)[:, None]
         if measurement.kind == "radar":
             values[1] = wrap_angle(values[1])
+            values = values[[Radar.components.index(name) for name in sensor.config.components]]
         time = (measurement.stamp - first) / SECOND
         valid = ~silent(sensor.config, np.array([time]))
         scan = Scan(
             time=time,
             sensor=sensor.name,
-            kind=measurement.kind,
+            kind=sensor.config.type,
             measurement=np.where(valid, values, np.nan),
             valid=valid,
             noise_covariance=sensor.noise_covariance,

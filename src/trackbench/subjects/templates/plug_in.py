@@ -33,14 +33,14 @@ class Language(NamedTuple):
     """The command that builds it."""
 
 
-def _built(ending: str, template: str, *headers: str) -> Language:
+def _built(ending: str, template: str, *headers: str, scenario: str = "tracker.yaml.j2") -> Language:
     shared = {name: f"languages/{name}" for name in (*headers, *HEADERS, "Makefile")}
-    files = {f"{{name}}.{ending}": f"languages/{template}", "{name}.yaml": "templates/tracker.yaml.j2", **shared}
+    files = {f"{{name}}.{ending}": f"languages/{template}", "{name}.yaml": f"templates/{scenario}", **shared}
     return Language(files, "{{command: [./{name}]}}", "make {name}")
 
 
 LANGUAGES: Mapping[str, Language] = {
-    "cpp": _built("cpp", "tracker.cpp.j2", "trackbench.hpp"),
+    "cpp": _built("cpp", "tracker.cpp.j2", "ekf.hpp", "trackbench.hpp"),
     "cpp-eigen": _built("cpp", "tracker_eigen.cpp.j2", "trackbench.hpp"),
     "c": _built("c", "tracker.c.j2"),
     "python-program": Language(
@@ -48,7 +48,10 @@ LANGUAGES: Mapping[str, Language] = {
         "{{command: [python3, {name}.py]}}",
     ),
 }
-
+#: Those of a tracker of several objects.
+OF_SEVERAL: Mapping[str, Language] = {
+    "cpp": _built("cpp", "multi_tracker.cpp.j2", "ekf.hpp", "trackbench.hpp", scenario="multi_tracker.yaml.j2"),
+}
 
 #: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
 KINDS: Mapping[str, Mapping[str, str]] = {
@@ -83,7 +86,7 @@ def new(kind: str, name: str, out: Path, around: str | None = None, language: st
         name: of the module; the class is named after it, and a metric in results too.
         out: the folder, made if there is none.
         around: ``"module:Class"`` of a filter with ``predict`` and ``update`` that the tracker runs.
-        language: of a tracker: ``python`` or one of ``LANGUAGES``.
+        language: of a tracker: ``python``, or one of ``LANGUAGES``; of several objects one of ``OF_SEVERAL``.
 
     Returns:
         The files, in the order of ``KINDS``.
@@ -98,8 +101,10 @@ def new(kind: str, name: str, out: Path, around: str | None = None, language: st
         raise InputError(f"{name!r} would hide an installed module of this name: use another one")
     if around is not None and kind != "tracker":
         raise InputError(f"--around goes with a tracker, not with a {kind}")
-    if language != PYTHON and (kind != "tracker" or around is not None):
-        raise InputError(f"--language goes with a tracker in {language}, not with {'--around' if around else kind}")
+    languages = {"tracker": LANGUAGES, "multi-tracker": OF_SEVERAL}.get(kind, {})
+    if language != PYTHON and (language not in languages or around is not None):
+        choices = f"; it comes in {' and '.join([PYTHON, *languages])}" if languages and not around else ""
+        raise InputError(f"--language {language} does not go with {'--around' if around else kind}{choices}")
     if kind == "metric" and (unfit := unfit_name(name)):
         raise InputError(f"no metric can be written: {unfit}")
     filter_ = None if around is None else wrapped_class(around)
@@ -110,7 +115,7 @@ def new(kind: str, name: str, out: Path, around: str | None = None, language: st
     if filter_ is not None:
         patterns["{name}.py"] = "templates/around.py.j2"
     if language != PYTHON:
-        patterns = dict(LANGUAGES[language].files)
+        patterns = dict(languages[language].files)
     values = {"name": name, "cls": class_name(name), "use": _named(name, language), "around": filter_}
     texts = {}
     for pattern, template in patterns.items():
@@ -252,7 +257,7 @@ def _parameters(method: Any) -> list[inspect.Parameter]:
     type=NearestChoice([PYTHON, *LANGUAGES]),
     default=PYTHON,
     metavar="LANGUAGE",
-    help="Of a tracker of one object: python, cpp, cpp-eigen, c or python-program.  [default: python]",
+    help="Of a tracker: python, cpp, cpp-eigen, c, python-program; of several objects python, cpp.  [default: python]",
 )
 @click.option("--around", metavar="MODULE:CLASS", help="A filter with predict and update for the tracker to run.")
 @out_option("Where to.", ".")
@@ -267,6 +272,7 @@ def new_command(kind: str, name: str, language: str, around: str | None, out: Pa
       trackbench new tracker my_tracker
       trackbench new multi-tracker my_tracks
       trackbench new tracker my_tracker --language cpp
+      trackbench new multi-tracker my_tracks --language cpp
       trackbench new tracker my_ekf --around my_filters:Ekf
     """
     paths = new(kind, name, out, around, language)

@@ -13,6 +13,7 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import executor
 from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import (
+    WORKERS,
     Whole,
     engine_option,
     isolation_options,
@@ -57,7 +58,7 @@ from trackbench.scenario.shipped import files_of_scenarios
     metavar="FILE",
     help="The scenario with the found values.  [tuned.yaml; for several the folder tuned]",
 )
-@click.option("--workers", type=Whole(1), metavar="N", default=1, help="Processes; same result.")
+@click.option("--workers", type=WORKERS, metavar="N", default=1, help="Processes; same result.")
 @engine_option
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")

@@ -114,7 +114,7 @@ MOST_NAMED = 8
 #: Usual values of when tracks of several objects begin.
 GATE = (0.9, 0.99999)
 CONFIRM = ([2, 2], [2, 3], [3, 3], [3, 4], [3, 5], [4, 6])
-CONFIRM_EXISTENCE = (0.5, 0.999)
+REPORT_EXISTENCE = (0.5, 0.999)
 
 
 def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
@@ -173,7 +173,7 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
         if method != "oracle":
             parameters.append(Parameter("associate.gate", "odds", *GATE))
         if entry.associate.confirms_by == "existence":
-            parameters.append(Parameter("associate.confirm_existence", "odds", *CONFIRM_EXISTENCE))
+            parameters.append(Parameter("associate.report_existence", "odds", *REPORT_EXISTENCE))
         elif entry.associate.confirms_by != "score":
             parameters.append(Parameter("associate.confirm", "choice", choices=CONFIRM))
     if not parameters:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError
 from trackbench.base.scipy_functions import scipy_function
 from trackbench.subjects.tuning.entry import Values, module_file, plain
@@ -323,6 +324,8 @@ def _open(name: str, storage: Path | None, directions: list[Direction]) -> optun
     from sqlalchemy import NullPool
 
     try:
+        if storage.is_file() and storage.stat().st_size:
+            open_tables(storage).close()
         with _quiet():
             return optuna.create_study(
                 directions=directions,
@@ -332,5 +335,6 @@ def _open(name: str, storage: Path | None, directions: list[Direction]) -> optun
                 load_if_exists=True,
             )
     except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        text = error.message if isinstance(error, InputError) else str(error)
+        reason = text.splitlines()[0] if text else type(error).__name__
         raise InputError(f"is no study that can be written: {reason}", key="--storage", file=storage) from None

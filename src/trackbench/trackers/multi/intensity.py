@@ -14,8 +14,7 @@ from trackbench.base.types import Array, FieldOfView, Scan
 from trackbench.filters import AnyBelief, Filter
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.detection import detected_share
-from trackbench.models.sensors.effects.signal import SignalRange
-from trackbench.trackers.associate import AssociateConfig
+from trackbench.trackers.associate import AssociateConfig, GaussianBirths
 from trackbench.trackers.assume import AssumedSensors, distance_from_sensor, measured_distance
 from trackbench.trackers.multi.gate import in_field_of_view
 
@@ -54,22 +53,22 @@ class Undetected(NamedTuple):
         """The expected number in the view of a sensor, of each run ``(runs,)`` where sensors differ between runs."""
         return self.views[sensor].expected if sensor in self.views else self.unseen
 
-    def after_scan(self, scan: Scan, probability: float, signal: SignalRange | None = None) -> Undetected:
-        """What is left where the scan detects each object in its view with this probability, times its signal's."""
+    def after_scan(self, scan: Scan, probability: float, half_range_m: float | None = None) -> Undetected:
+        """What is left where the scan detects each object in its view with this probability, halved at a range in m."""
         field = scan.field_of_view or FieldOfView(np.pi, np.inf)
         views = {**self.views, scan.sensor: View(field, scan.sensor_pose, self.in_view(scan.sensor))}
         left = {}
         for name, view in views.items():
             # Of its own view the scan sees all.
-            own = name == scan.sensor and signal is None
-            share = 1.0 if own else seen_share(view, scan, signal)
+            own = name == scan.sensor and half_range_m is None
+            share = 1.0 if own else seen_share(view, scan, half_range_m)
             left[name] = view._replace(expected=view.expected * (1.0 - probability * share))
         return Undetected(self.unseen, left)
 
 
-def seen_share(view: View, scan: Scan, signal: SignalRange | None = None) -> float | Array:
-    """The share of a view that a scan looks at, or of the objects in it that it detects by their signal; ``(runs,)``
-    where sensors differ between runs."""
+def seen_share(view: View, scan: Scan, half_range_m: float | None = None) -> float | Array:
+    """The share of a view that a scan looks at, or of the objects in it that it detects where it detects half of those
+    at a range in m; ``(runs,)`` where sensors differ between runs."""
     reach = view.field.max_range if np.isfinite(view.field.max_range) else UNLIMITED_RANGE
     both = np.concatenate([view.pose, scan.sensor_pose]).reshape(6, -1)
     # Runs of one scene stand together, with the same sensors: of each scene once.
@@ -80,7 +79,7 @@ def seen_share(view: View, scan: Scan, signal: SignalRange | None = None) -> flo
     angle = pose[2] + view.field.half_angle * _ANGLES[:, None]
     away = reach * _RADII[:, None]
     points = pose[:2] + away * np.array([np.cos(angle), np.sin(angle)])
-    detected = 1.0 if signal is None else detected_share(distance_from_sensor(points, scan), signal.half_range_m)
+    detected = 1.0 if half_range_m is None else detected_share(distance_from_sensor(points, scan), half_range_m)
     # In one order, whatever the number of runs.
     share: Array = np.add.accumulate(in_field_of_view(points, scan) * detected, axis=0)[-1] / len(_RADII)
     return float(share[0]) if view.pose.ndim == 1 else share[first.cumsum() - 1]
@@ -106,20 +105,20 @@ class Intensity(NamedTuple):
 
 def intensity(
     scan: Scan,
-    components: int,
+    as_measured: bool,
     config: AssociateConfig,
     undetected: float | Array,
     detection: float | Array,
     velocity_sigma: float,
 ) -> Intensity:
-    """What is expected in a scan.
+    """Return the densities of false alarms and of objects without a track in a scan.
 
-    False alarms and objects without a track are taken to be uniform over the field of view. A filter that compares
-    positions takes all false alarms in view, spread over its area.
+    False alarms are uniform over the field of view; objects without a track too, unless the options state a Gaussian.
+    A filter that compares positions takes all false alarms in view, spread over its area.
 
     Args:
         scan: says what the sensor states.
-        components: of what the filter compares: fewer than the scan has where it converts them to a position.
+        as_measured: whether the filter compares the measurements as they are; else it converts them to positions.
         config: may override what the sensor states.
         undetected: expected number of objects in view that no scan has found, ``(N,)`` where it differs.
         detection: probability that an object is detected, ``(N,)`` where each detection is if it differs.
@@ -130,25 +129,48 @@ def intensity(
     stated = config.clutter_density.get(scan.sensor, scan.clutter_density or 0.0)
     volume = view.volume or measured
     false_alarms = max(stated * volume, FEWEST_FALSE_ALARMS)
-    if components == len(scan.measurement):
-        return Intensity(false_alarms / volume, undetected / measured * detection)
-    return Intensity(false_alarms / positions, undetected / positions * detection)
+    births, sensor = config.birth_density, SENSOR_MODELS[scan.kind]
+    new_objects = undetected / (measured if as_measured else positions) * detection
+    if isinstance(births, GaussianBirths) and sensor.measures_position():
+        place, noise = sensor.position(scan)
+        factor = linalg.cholesky(noise + linalg.expand(births.sigma_m**2 * np.eye(2), noise))
+        away = place - linalg.expand(np.array([births.x, births.y]), place)
+        new_objects = undetected * np.exp(factor.log_density(factor.whiten(away))) * detection
+        if as_measured:
+            new_objects /= volume_per_area(scan.kind, measured_distance(scan), velocity_sigma)
+    return Intensity(false_alarms / (volume if as_measured else positions), new_objects)
 
 
 @lru_cache(maxsize=64)
 def volumes(kind: str, view: FieldOfView, velocity_sigma: float) -> tuple[float, float]:
-    """Of the measurement space, in its units, and of the field of view, m^2.
+    """Return the volume of the measurement space, in its units, and the area of the field of view, m^2.
 
-    The measurement's derivative half-way to the largest range says by how much an area is stretched (for range and
-    azimuth this is exact); a component that the velocity moves has the width of its distribution, sqrt(2 pi) sigma.
+    For range and azimuth the stretch of an area half-way to the largest range is exact. Where one component alone
+    depends on the position, a length along or across the line of sight is stretched.
     """
     sensor = SENSOR_MODELS[kind]
     reach = view.max_range if np.isfinite(view.max_range) else UNLIMITED_RANGE
     area = view.half_angle * reach**2
+    if sensor.measures_position():
+        return float(area * volume_per_area(kind, np.array(reach / 2), velocity_sigma)), area
     h = sensor.jacobian(np.array([reach / 2, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(2))
+    places = sum(unit != "m/s" for unit in sensor.units)
+    rest = linalg.matmul_transposed(h[places:, 2:], h[places:, 2:]) * 2 * np.pi * velocity_sigma**2
+    seen = h[:places, :2] * [reach, view.half_angle * reach]
+    return float(np.sqrt(np.linalg.det(linalg.matmul_transposed(seen, seen)) * np.linalg.det(rest))), area
+
+
+def volume_per_area(kind: str, distance: Array, velocity_sigma: float) -> Array:
+    """Return the volume of the measurement space per area of positions, at distances ``(...)`` from the sensor, m.
+
+    The measurement's derivative says by how much an area is stretched. A component that the velocity moves has the
+    width of its distribution, sqrt(2 pi) sigma.
+    """
+    zero = np.zeros_like(distance)
+    h = SENSOR_MODELS[kind].jacobian(np.array([distance, zero, zero, zero]), np.zeros(3), np.zeros(2))
     rest = linalg.matmul_transposed(h[2:, 2:], h[2:, 2:]) * 2 * np.pi * velocity_sigma**2
-    stretch = abs(np.linalg.det(h[:2, :2])) * np.sqrt(np.linalg.det(rest))
-    return float(area * stretch), area
+    of_position, of_velocity = (np.linalg.det(np.moveaxis(part, (0, 1), (-2, -1))) for part in (h[:2, :2], rest))
+    return np.asarray(np.abs(of_position) * np.sqrt(of_velocity))
 
 
 @dataclass(frozen=True)
@@ -164,6 +186,11 @@ class Detectability:
         stated = 1.0 if scan.detection_probability is None else scan.detection_probability
         return self.overrides.get(scan.sensor, stated)
 
+    def half_range_m(self, scan: Scan) -> float | None:
+        """Range at which half of these objects are detected, m: assumed, or as the scan states it."""
+        signal = self.assumed.signal(scan.sensor)
+        return scan.half_range_m if signal is None else signal.half_range_m
+
     def probabilities(
         self, filter: Filter[Any], belief: AnyBelief, at_tracks: Scan, scan: Scan
     ) -> tuple[float | Array, float | Array]:
@@ -175,9 +202,9 @@ class Detectability:
             at_tracks: the scan with the sensor of each track.
             scan: with the detections.
         """
-        stated, signal = float(self.stated(scan)), self.assumed.signal(scan.sensor)
-        if signal is None:
+        stated, half_range_m = float(self.stated(scan)), self.half_range_m(scan)
+        if half_range_m is None:
             return stated, stated
         position = filter.cartesian(belief).mean[:2]
-        of_tracks = stated * detected_share(distance_from_sensor(position, at_tracks), signal.half_range_m)
-        return of_tracks, stated * detected_share(measured_distance(scan), signal.half_range_m)
+        of_tracks = stated * detected_share(distance_from_sensor(position, at_tracks), half_range_m)
+        return of_tracks, stated * detected_share(measured_distance(scan), half_range_m)

@@ -12,7 +12,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Indices, Mask, indices
 from trackbench.engine.equations import Compute, Equations, Values
 from trackbench.filters import AnyBelief, Belief
-from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
+from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.initial import SAME_TIME
 from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, duplicates
 from trackbench.trackers.multi.table import NONE, TrackFilter, TrackTable, empty, selected_detections
@@ -109,10 +109,8 @@ class ExistenceLogic:
     """
 
     confirm: float
-    end: float
-    """Below this a confirmed track is deleted."""
     delete: float
-    """Below this a tentative one is."""
+    """Below this a track is deleted."""
     lifetime: float
     """Mean, s."""
     hides: float
@@ -141,7 +139,7 @@ class ExistenceLogic:
         return result
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        result: Mask = evidence[0] < np.where(confirmed, self.end, self.delete)
+        result: Mask = evidence[0] < self.delete
         return result
 
 
@@ -181,7 +179,7 @@ class CountedExistence:
 
 
 #: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
-#: detection; ``after_time`` and ``after_scan`` move it on; ``confirms`` tells which tracks are to be reported, and
+#: detection; ``after_time`` and ``after_scan`` move it on; ``confirms`` tells which tracks get an id, and
 #: ``deletes`` which end, each ``(L,)``.
 TrackLogic = CountLogic | ScoreLogic | ExistenceLogic | CountedExistence
 
@@ -192,7 +190,7 @@ def track_logic(config: AssociateConfig) -> TrackLogic:
     if rule == "score":
         return ScoreLogic(config.confirm_score, config.score_drop)
     hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
-    limits = config.confirm_existence, config.end_existence, config.delete_existence
+    limits = config.report_limits[0], config.delete_existence
     existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
     if rule == "existence":
         return existence
@@ -257,7 +255,7 @@ class TrackManager:
         # Of none, which is -1, the last.
         used = np.concatenate([at.detections.column, [NONE]]).take(result.detection)
         ends = np.asarray(after["ends"], dtype=bool)
-        if self.associate.method in SHARING:
+        if self.associate.end_duplicates:
             ends |= duplicates(result.detection, confirmed, *self._compared(result.belief))
         table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
         return table, ends

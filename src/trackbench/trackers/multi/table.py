@@ -98,16 +98,19 @@ def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[Trac
     return table._replace(id=ids), next_id + np.bincount(run, minlength=len(next_id))
 
 
-def reported_tracks(table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int) -> Tracks:
-    """The confirmed tracks as arrays with a last axis of runs, padded.
+def reported_tracks(
+    table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float
+) -> Tracks:
+    """Return the confirmed tracks of sufficient existence as arrays with a last axis of runs, padded.
 
     Args:
         table: of all tracks.
         filter: of their beliefs.
         existence: ``(L,)``, if the tracker has it.
         runs: how many.
+        least_existence: of a track that is reported.
     """
-    which = indices(table.id != NONE)
+    which = indices((table.id != NONE) & (True if existence is None else existence >= least_existence))
     shape, missing = (len(which), 1), None
     if runs > 1:
         which = by_run(which, table.run)

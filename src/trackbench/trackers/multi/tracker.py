@@ -12,6 +12,7 @@ from trackbench.base.types import Indices, Scan, Tracks, with_sensor_of
 from trackbench.engine.choice import compute_by, used
 from trackbench.engine.equations import EngineUsed
 from trackbench.filters import AnyBelief, bare
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
@@ -135,7 +136,7 @@ class MultiObjectTracker(ScanTracker):
         in_view = ahead.undetected.in_view(scan.sensor)
         density = intensity(
             detections.scan,
-            len(expected.measurement.mean),
+            self._track_filter.measured(detections.scan).value is detections.scan.measurement,
             config,
             in_view[detections.run] if isinstance(in_view, np.ndarray) else in_view,
             of_detections,
@@ -148,11 +149,13 @@ class MultiObjectTracker(ScanTracker):
         result = associated(config, at, ahead.table, origin, of_tracks, self._manager.compute)
         table, ends = self._manager.judged(ahead.table, result, at)
         begins = self.initial.sensors is None or scan.sensor in self.initial.sensors
+        begins &= SENSOR_MODELS[scan.kind].measures_position()
         table = succeeded(table, ~ends, self._manager.begun(at, result.unclaimed, origin) if begins else None)
         table, next_id = numbered(table, self._manager.logic.confirms(table.evidence), ahead.next_id)
         undetected = ahead.undetected
         if config.method in EXISTENCE:
-            undetected = undetected.after_scan(scan, self._detectability.stated(scan), self.assumed.signal(scan.sensor))
+            detects = self._detectability.stated(scan), self._detectability.half_range_m(scan)
+            undetected = undetected.after_scan(scan, *detects)
         after = MultiObjectState(scan.time, table, next_id, undetected, expected.belief, ahead.table)
         return after, self._tracks(table, runs)
 
@@ -196,7 +199,7 @@ class MultiObjectTracker(ScanTracker):
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
         existence = None if self.associate.method in COUNTING else table.evidence[0]
-        return reported_tracks(table, self._track_filter.filter, existence, runs)
+        return reported_tracks(table, self._track_filter.filter, existence, runs, self.associate.report_limits[1])
 
 
 def _used_of(tracks: Tracks, late: Tracks) -> Indices:

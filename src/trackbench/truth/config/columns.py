@@ -270,8 +270,8 @@ class ReferenceOptions(Config):
     classes: list[str] | None = Field(
         None,
         min_length=1,
-        description="Classes that count, as they stand in columns.class; all unless given. Objects of others hide what "
-        "is behind them.",
+        description="Classes that count, as they stand in columns.class or in the format, whatever their case; all "
+        "unless given. Objects of others hide what is behind them.",
     )
     ignore: dict[str, Annotated[list[CellValue], Field(min_length=1)]] = Field(
         default_factory=dict,
@@ -280,10 +280,16 @@ class ReferenceOptions(Config):
         "after.",
     )
 
+    others: Literal["ignored"] | None = Field(
+        None,
+        description="ignored: tracks on no object are nobody's business, as where one car of many has a reference. "
+        "Missed objects, positions and switches are scored; what counts false tracks is n/a. False unless given.",
+    )
+
     @property
     def of_tracks(self) -> list[str]:
         """The keys that are given of those that say what counts."""
-        return [key for key in ("region", "range_m", "classes", "ignore") if getattr(self, key)]
+        return [key for key in ("region", "range_m", "classes", "ignore", "others") if getattr(self, key)]
 
     def problems(self) -> Iterator[Problem]:
         if self.point == "rear_axle" and self.rear_overhang_m is None:

@@ -28,6 +28,15 @@ Paths = Annotated[
 ]
 
 
+#: The file by which the folder of a ROS 2 bag is known.
+BAG = "metadata.yaml"
+
+
+def is_log(path: Path) -> bool:
+    """Whether a path is a file, or the folder of a ROS 2 bag."""
+    return path.is_file() or (path / BAG).is_file()
+
+
 _PATTERN = re.compile(r"[*?\[]")
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
@@ -59,7 +68,7 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
             remedy = f"it is the folder that holds recordings, such as {example}"
         raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
     for place in (folder / expanded, expanded):
-        if os.path.isdir(place):
+        if os.path.isdir(place) and not is_log(place):
             raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
         if os.path.exists(place):
             return place

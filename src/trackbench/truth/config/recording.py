@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from trackbench.base.config import Angle, Config, KeyPath, Name, Positive, Problem
 from trackbench.base.errors import counted
+from trackbench.models.sensors import sensor_type
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.columns import (
     POINTS,
@@ -66,8 +67,13 @@ class ReferenceTruth(TruthSource):
     )
 
     @property
+    def number_of_logs(self) -> int:
+        """Number of recordings, each of which is a scene."""
+        return 1
+
+    @property
     def counted_stretches(self) -> list[tuple[int, int]]:
-        return [(0, number) for number in range(self.stretches or 0)]
+        return [(log, number) for log in range(self.number_of_logs) for number in range(self.stretches or 0)]
 
 
 class RecordingOptions(ReferenceTruth):
@@ -138,7 +144,7 @@ class RecordingOptions(ReferenceTruth):
 
     @property
     def number_of_logs(self) -> int:
-        """Each of which has a file of each kind."""
+        """Number of logs, each of which has a file of each kind."""
         return max((len(path) for path in self._paths().values() if isinstance(path, list)), default=1)
 
     def scenes(self) -> Sequence[Self]:
@@ -149,8 +155,7 @@ class RecordingOptions(ReferenceTruth):
 
     @property
     def counted_stretches(self) -> list[tuple[int, int]]:
-        every = [(log, number) for log in range(self.number_of_logs) for number in range(self.stretches or 0)]
-        return every[self._every]
+        return super().counted_stretches[self._every]
 
     def unlabelled(self, sensor: str) -> bool:
         """Whether nothing says of which object the recorded detections of a sensor are."""
@@ -214,7 +219,7 @@ class RecordingOptions(ReferenceTruth):
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements are recorded."""
         if self.format == "udacity":
-            return {name: kind for name, kind in kinds.items() if kind in ("lidar", "radar")}
+            return {name: kind for name, kind in kinds.items() if sensor_type(kind) in ("lidar", "radar")}
         return {name: kind for name, kind in kinds.items() if name in self.measurements}
 
     @property

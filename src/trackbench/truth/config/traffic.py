@@ -23,7 +23,7 @@ from trackbench.base.config import (
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
-from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.logs import FileName, find_log, log_names
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficFormat, read_rows
 
@@ -34,6 +34,15 @@ FILE = (
     "such as $TRACKBENCH_DATA are filled in."
 )
 Vehicle = Annotated[str, Field(min_length=1)]
+Files = Annotated[
+    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
+    chosen_by(text_or_list, "write a file, or a list of files, such as [one.csv, two.csv]"),
+]
+
+
+def files_in(path: str | list[str]) -> list[str]:
+    """List the files of a key that names one or several."""
+    return [path] if isinstance(path, str) else path
 
 
 class VehicleObserver(Config):
@@ -162,7 +171,39 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
     """Boxes of a reference as they stand in a file: an id is one object, due at the time stamps of the file."""
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
-    path: str = Field(min_length=1, description=FILE)
+    path: Files = Field(description=f"{FILE} Of several sequences a list of files, each of which is a scene.")
+    _sequence: str = PrivateAttr("")
+
+    @property
+    def scene_name(self) -> str:
+        return self._sequence
+
+    @property
+    def number_of_logs(self) -> int:
+        return len(files_in(self.path))
+
+    def scenes(self) -> Sequence[Self]:
+        files = files_in(self.path)
+        scenes = [self.model_copy(update={"path": file}) for file in files]
+        for scene, name in zip(scenes, log_names(files) if len(files) > 1 else [""], strict=True):
+            scene._sequence = name
+        return scenes
+
+    @property
+    def has_observer(self) -> bool:
+        """Whether it is known where the sensors stand: it is stated, or the origin of the format."""
+        return self.format.from_sensor or "observer" in self.model_fields_set
+
+    def problems(self) -> Iterator[Problem]:
+        files = files_in(self.path)
+        if len(files) > MAX_SCENES:
+            yield Problem(("path",), f"{len(files)} sequences are too many; at most {MAX_SCENES}")
+        for index, file in enumerate(files):
+            if file in files[:index]:
+                yield Problem(("path", index), f"{file} is there already; each sequence is another file")
+        if self.reference.range_m is not None and not self.has_observer:
+            message = "counts from the observer, and the file does not say where that is: state it, such as "
+            yield Problem(("reference", "range_m"), f"{message}observer: {{x: 0, y: 0}}, or use region")
 
 
 AUTO = "auto"
@@ -172,7 +213,7 @@ class TracksConfig(OptionsBeside):
     """Tracks that another program wrote into a file."""
 
     use: Literal["tracks"] = Field(description="tracks.")
-    path: str = Field(min_length=1, description=FILE)
+    path: Files = Field(description=f"{FILE} Or a list of files, one for each scene in the order of the scenes.")
     format: FileFormat = Field(
         description=f"{FORMAT}. Its options, such as columns and units, stand beside it. auto, or none: by the ending "
         "of the file, where it tells."
@@ -188,9 +229,11 @@ class TracksConfig(OptionsBeside):
     @model_validator(mode="before")
     @classmethod
     def _by_ending(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or data.get("format", AUTO) != AUTO or not isinstance(data.get("path"), str):
+        if not isinstance(data, dict) or data.get("format", AUTO) != AUTO:
             return data
-        return {**data, "format": format_of(data["path"])}
+        path = data.get("path")
+        first = path[0] if isinstance(path, list) and path else path
+        return {**data, "format": format_of(first)} if isinstance(first, str) else data
 
     @property
     def sensors(self) -> None:
@@ -219,8 +262,8 @@ def format_of(path: str) -> str:
     raise problem_error(message)
 
 
-def read_tracks(config: TracksConfig, name: str, folder: Path) -> TrackRows:
-    """All rows of a file, in the order of time.
+def read_tracks(config: TracksConfig, name: str, folder: Path) -> list[TrackRows]:
+    """Return all rows of each file, in the order of time.
 
     Args:
         config: the scenario's entry.
@@ -230,5 +273,5 @@ def read_tracks(config: TracksConfig, name: str, folder: Path) -> TrackRows:
     Raises:
         InputError: there is no such file, or it is damaged.
     """
-    file = find_log(config.path, folder, f"trackers.{name}.path")
-    return read_rows(config.format, file).ordered(file)
+    files = [find_log(path, folder, f"trackers.{name}.path") for path in files_in(config.path)]
+    return [read_rows(config.format, file).ordered(file) for file in files]

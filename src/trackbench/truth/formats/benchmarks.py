@@ -16,10 +16,11 @@ from pydantic import Field
 
 from trackbench.base.config import Positive
 from trackbench.base.errors import InputError, counted
+from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth import jumps
-from trackbench.truth.recorded.rows import log_text, stated_number
+from trackbench.truth.recorded.rows import log_text
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
 
@@ -103,6 +104,7 @@ class Kitti(RowsFormat):
     """KITTI tracking: labels, or tracks with a score after them; x is forward and y left of the camera."""
 
     endings: ClassVar[tuple[str, ...]] = (".txt",)
+    from_sensor: ClassVar[bool] = True
     rate_hz: Positive = Field(10, description="Frames per second, Hz; frame 0 is at 0 s.")
 
     def rows(self, file: Path) -> TrackRows:

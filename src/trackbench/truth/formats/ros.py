@@ -7,7 +7,9 @@ Sources: REP 103, "Standard Units of Measure and Coordinate Conventions"; defini
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -15,15 +17,19 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
-from trackbench.base.files import LARGE, read_bytes
+from trackbench.base.files import LARGE, SCENARIO, read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
+from trackbench.truth.config.logs import BAG
 from trackbench.truth.formats.tables import FROM_ZERO_S
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
-#: Of a folder of files, the one that names the others.
-METADATA = "metadata.yaml"
+#: In YAML, where the reader of bags would follow it without a limit.
+ANCHOR = re.compile(rb"(?:^|[\s,\[{])&\S")
+#: How a database begins.
+SQLITE = b"SQLite format 3\0"
 #: ``visualization_msgs/msg/Marker``: a box, and the actions that show it.
 CUBE, SHOWN = 1, (0,)
 #: ``autoware_perception_msgs/msg/ObjectClassification``
@@ -117,10 +123,16 @@ class RosBag(RowsFormat):
             from rosbags.highlevel import AnyReader
         except ImportError:
             raise InputError("ROS bags need one more package: pip install 'trackbench[ros]'", file=file) from None
-        read_bytes(file, most=LARGE)
+        named = file / BAG if file.is_dir() else file
+        is_folder = named.name == BAG
+        content = read_bytes(named, most=SCENARIO if is_folder else LARGE)
+        if is_folder and ANCHOR.search(content):
+            raise InputError("an anchor (&), which the metadata of a bag does not need; write the value out", file=file)
         default = self._default_types(file)
         try:
-            with AnyReader([file.parent if file.name == METADATA else file], default_typestore=default) as bag:
+            for part in filter(Path.is_file, named.parent.iterdir()) if is_folder else [file]:
+                _require_plain(part)
+            with AnyReader([named.parent if is_folder else file], default_typestore=default) as bag:
                 types = {item.topic: item.msgtype for item in bag.connections if item.msgtype in READERS}
                 topic = self._topic(types, file)
                 own = [item for item in bag.connections if item.topic == topic]
@@ -163,6 +175,16 @@ class RosBag(RowsFormat):
                 f"several topics have tracks: name one in topic: {', '.join(sorted(types)[:5])}", file=file
             )
         return next(iter(types))
+
+
+def _require_plain(file: Path) -> None:
+    """Make sure that a part of a bag, if it is an SQLite database, has tables alone and names each topic once."""
+    with file.open("rb") as stream:
+        if stream.read(len(SQLITE)) != SQLITE:
+            return
+    with closing(open_tables(file)) as database:
+        if database.execute("SELECT id FROM topics GROUP BY id HAVING count(*) > 1").fetchone():
+            raise InputError("a topic is there twice", file=file)
 
 
 def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:

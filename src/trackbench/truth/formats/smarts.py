@@ -8,14 +8,14 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 from typing import Any, ClassVar
-from urllib.parse import quote
 
 import numpy as np
 
+from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError
-from trackbench.base.files import require_regular
 from trackbench.truth.tracks import MOST_ROWS, RowsFormat, TrackRows
 
+STATES = "vehicle_id, sim_time, position_x, position_y, heading_rad, speed"
 #: Of a vehicle in NGSIM, which SMARTS keeps; a size that it does not know is 0 or NULL.
 KINDS = {1: "motorcycle", 2: "car", 3: "truck"}
 
@@ -26,21 +26,17 @@ class Smarts(RowsFormat):
     endings: ClassVar[tuple[str, ...]] = (".shf",)
 
     def rows(self, file: Path) -> TrackRows:
-        require_regular(file)
-        address = f"file:{quote(str(file.resolve()))}?mode=ro&immutable=1"
+        database = open_tables(file)
+        # A row takes some bytes: of a file that names one page again and again, no more than its bytes are read.
+        most = min(MOST_ROWS, file.stat().st_size)
         try:
-            database = sqlite3.connect(address, uri=True)
-        except sqlite3.Error as error:
-            raise InputError(f"not a traffic history: {error}", file=file) from None
-        try:
-            rows = database.execute(
-                "SELECT vehicle_id, sim_time, position_x, position_y, heading_rad, speed, COALESCE(length, 0), "
-                "COALESCE(width, 0), type FROM Trajectory LEFT JOIN Vehicle ON vehicle_id = Vehicle.id"
-            ).fetchmany(MOST_ROWS)
-            if not rows:
+            found = database.execute(f"SELECT {STATES} FROM Trajectory").fetchmany(most)
+            if not found:
                 raise InputError("there is no vehicle in this file", file=file)
-            *columns, kinds = zip(*rows, strict=True)
-            owner, time, x, y, heading, speed, length, width = map(_numbers, columns)
+            bodies = database.execute("SELECT id, COALESCE(length, 0), COALESCE(width, 0), type FROM Vehicle")
+            by_id = {number: body for number, *body in bodies.fetchmany(most)}
+            *numeric, kinds = zip(*((*row, *by_id.get(row[0], (0, 0, 0))) for row in found), strict=True)
+            owner, time, x, y, heading, speed, length, width = map(_numbers, numeric)
             ids = [str(int(number)) for number in owner.tolist()]
         except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
             raise InputError(f"not a traffic history that can be read: {error}", file=file) from None

@@ -5,9 +5,9 @@ Which column is what is told by usual names and shown; what they leave in doubt 
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -20,7 +20,8 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
-from trackbench.truth.recorded.rows import Rows, log_text, read_table, reading_parquet, time_stamps
+from trackbench.truth.formats.geographic import GeographicOrigin
+from trackbench.truth.recorded.rows import Rows, csv_rows, read_table, reading_parquet
 from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
 
 #: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
@@ -81,6 +82,17 @@ UNIT_WORDS = {"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "nsec": "n
 LONGEST_NAME = 64
 
 
+#: Words of the names of columns of degrees, and what may stand beside them there.
+LATITUDE, LONGITUDE = {"lat", "latitude"}, {"lon", "lng", "long", "longitude"}
+DEGREES = {"x": LONGITUDE, "y": LATITUDE}
+BESIDE = {"deg", "degrees", "gps", "wgs84", "pos", "position"}
+
+
+def _is_degrees(name: str, words: set[str]) -> bool:
+    parts = {*_parts(name)}
+    return bool(parts & words) and parts <= words | BESIDE
+
+
 class ColumnLayout(NamedTuple):
     """Where a table has what."""
 
@@ -121,6 +133,8 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str], required: It
             name, unit = _named(key, stated[key], header)
         else:
             candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
+            if not candidates and key in DEGREES:
+                candidates = [(name, None) for name in header if _is_degrees(name, DEGREES[key])]
             if len(candidates) > 1:
                 names = " or ".join(repr(name) for name, _ in candidates)
                 raise InputError(f"{key} may be {names}: say which, such as {key}={candidates[0][0]}")
@@ -145,10 +159,10 @@ def read_header(file: Path, form: str) -> list[str]:
         InputError: it cannot be read.
     """
     if form == "csv":
-        lines = [line for line in log_text(file).splitlines() if line.strip()]
-        names = [name.strip() for name in next(csv.reader(lines[:1]))]
+        line, cells = next(csv_rows(file))
+        names = [name.strip() for name in cells]
         if len(names) == 1 and (other := re.search(r"[;\t|]", names[0])):
-            raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=1)
+            raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=line)
     else:
         import pyarrow.parquet as pq
 
@@ -222,7 +236,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
             return None
         return ["" if value is None else str(value).strip() for value in rows.columns[layout.columns[key]]]
 
-    stamps = time_stamps(rows, layout.columns["time"], factors["time"])
+    stamps = rows.times(layout.columns["time"], factors["time"])
     start = min(stamps).to_integral_value(ROUND_FLOOR) if max(map(abs, stamps)) > FROM_ZERO_S else Decimal(0)
     time = np.array([float(stamp - start) for stamp in stamps])
     latest = int(np.argmax(time))
@@ -254,7 +268,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
         kind=texts("class"),
         **named,
         start=start,
-        notes=tuple(layout.lines),
+        notes=(*layout.lines, *rows.zone_notes(layout.columns["time"])),
     )
 
 
@@ -270,6 +284,11 @@ class TableFormat(RowsFormat):
         "fingerprint.",
     )
     units: Units = Field(default_factory=Units, description="Units of the columns.")
+    origin: GeographicOrigin | None = Field(
+        None,
+        description="Where x and y are longitude and latitude: the point at which a plane touches the ground; x is "
+        "then the distance to its east and y to its north, m.",
+    )
 
     def problems(self) -> Iterator[Problem]:
         for key in self.columns:
@@ -282,7 +301,22 @@ class TableFormat(RowsFormat):
         except InputError as error:
             raise error.located(file=file, line=None) from None
         factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        return table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
+        x, y = layout.columns["x"], layout.columns["y"]
+        degrees = _is_degrees(x, LONGITUDE), _is_degrees(y, LATITUDE)
+        if _is_degrees(x, LATITUDE) or _is_degrees(y, LONGITUDE) or degrees[0] != degrees[1]:
+            message = f"x is {x!r} and y is {y!r}: x is the longitude (east) and y the latitude (north), or neither is"
+            raise InputError(message, file=file)
+        if all(degrees):
+            factors |= {"x": 1.0, "y": 1.0}
+        rows = table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
+        if not all(degrees):
+            return rows
+        if self.origin is None:
+            here = f"{{lat_deg: {rows.py[0]:.3f}, lon_deg: {rows.px[0]:.3f}}}"
+            message = f"{x!r} and {y!r} are degrees, and metres are scored: state a point nearby as origin, such as "
+            raise InputError(f"{message}origin: {here} (score: --origin {rows.py[0]:.3f} {rows.px[0]:.3f})", file=file)
+        east, north = self.origin.plane(rows.py, rows.px)
+        return replace(rows, px=east, py=north)
 
 
 class Csv(TableFormat):

@@ -81,7 +81,7 @@ def _on_grid(config: RecordingOptions, drive: Drive, kinds: Mapping[str, str]) -
         name: measurements_on_grid(log, kinds[name], looked[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }
-    lines = [*notes(drive, counts)]
+    lines = [*dict.fromkeys(drive.notes), *notes(drive, counts)]
     if config.hidden:
         truth = with_scored_region(truth, config.reference, clipped)
         # Objects have numbers of their own.

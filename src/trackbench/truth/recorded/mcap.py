@@ -73,7 +73,8 @@ def of_topic(messages: Sequence[Message], schemas: Collection[str], part: LogPar
         topics = {topic: topics[topic]}
     schema = next((schema for schema in schemas if schema in topics.values()), None)
     if schema is None:
-        raise InputError(f"there are no {what} in this file; known are messages of {', '.join(schemas)}", file=file)
+        message = f"there are no {what} in this file; known are messages of {', '.join(schemas)}"
+        raise InputError(message + "; format ros reads bags of ROS 2" * (what == "tracks"), file=file)
     chosen = [name for name, own in topics.items() if own == schema]
     if len(chosen) > 1:
         problem = f"{counted(len(chosen), 'topic')} have {schema}: name one in topic: {foxglove.first_names(chosen)}"

@@ -25,9 +25,10 @@ def ignored_rows(table: Rows, ignore: Mapping[str, Sequence[str]]) -> Mask:
     result = np.zeros(len(table), dtype=bool)
     for column, values in ignore.items():
         numbers = {number for value in values if (number := _number(value)) is not None}
+        words = {value.casefold() for value in values}
         for row, cell in enumerate(table.columns[column]):
             text = "" if cell is None else str(cell).strip()
-            result[row] |= text in values or _number(text) in numbers
+            result[row] |= text.casefold() in words or _number(text) in numbers
     return result
 
 
@@ -41,9 +42,12 @@ def _number(text: str) -> float | None:
 def moved_to_centre(motion: Motion, config: ReferenceTruth) -> Motion:
     """The motion of the centre of a box, from that of the point that the reference has."""
     ahead = _to_centre(config.reference, config.length_m if motion.length is None else motion.length)
-    if motion.heading is None or not np.any(ahead):
-        return motion
-    heading = np.unwrap(motion.heading)
+    return motion if motion.heading is None or not np.any(ahead) else moved_ahead(motion, motion.heading, ahead)
+
+
+def moved_ahead(motion: Motion, heading: Array, ahead: Array | float) -> Motion:
+    """Return the motion of a point ``ahead`` m in front of the body's own, along ``heading`` ``(rows,)`` rad."""
+    heading = np.unwrap(heading)
     turning = slope(heading, motion.time) if motion.yaw_rate is None else motion.yaw_rate
     x, y = ahead * np.cos(heading), ahead * np.sin(heading)
     return motion._replace(px=motion.px + x, py=motion.py + y, vx=motion.vx - turning * y, vy=motion.vy + turning * x)
@@ -88,18 +92,20 @@ def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) 
         alive[:, number] &= ~_in_gap(motion.time, truth.time)
     target = truth.target
     if reference.classes is not None:
-        target = np.array([kinds.get(name) in reference.classes for name in truth.ids])
+        counted = {kind.casefold() for kind in reference.classes}
+        target = np.array([kinds.get(name, "").casefold() in counted for name in truth.ids])
     region = reference.region
     if isinstance(region, BoxRegion):
         (x, right), (y, top) = region.x_m, region.y_m
         region = [[x, y], [right, y], [right, top], [x, top]]
     unscored = None
-    if region is not None or reference.range_m is not None or drive.boxes.size:
+    ignored = reference.others is not None
+    if region is not None or reference.range_m is not None or drive.boxes.size or ignored:
         limit = np.inf if reference.range_m is None else reference.range_m
         corners = None if region is None else np.array(region, dtype=float)
-        unscored = Unscored(corners, limit, _lasting(drive.boxes, drive.frames))
+        unscored = Unscored(corners, limit, _lasting(drive.boxes, drive.frames), ignored)
     noise = noise_of_motions(drive.motions.values())
-    source = {**truth.source, "recorded_noise": noise._asdict()}
+    source = {**truth.source, "recorded_noise": noise._asdict(), **({"others": "ignored"} if ignored else {})}
     return replace(truth, alive=alive, target=target, unscored=unscored, recorded_noise=noise, source=source)
 
 

@@ -38,7 +38,7 @@ from trackbench.truth.recorded.drive import (
 )
 from trackbench.truth.recorded.mcap import LogPart
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
-from trackbench.truth.recorded.rows import Rows, read_table, seconds_from, time_stamps
+from trackbench.truth.recorded.rows import Rows, read_table, seconds_from
 from trackbench.truth.recorded.scans import (
     Scans,
     column_measurements,
@@ -68,7 +68,7 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     wanted += [columns.kind, *ignore, *(observer.stated.values() if observer is not None and not observer.path else ())]
     file = find_log(config.path, folder, "truth.path")
     table = read_table(file, config.format, wanted, LogPart("boxes", columns.topic))
-    stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
+    stamps = table.times(columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = seconds_from(start, stamps)
     _require_not_long(table, columns.time, seconds)
@@ -78,9 +78,11 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     own = table.only(~dropped) if dropped.any() else table
     motions, order = _motions(own, columns, seconds[~dropped], config)
     boxes = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
+    zones = table.zone_notes(columns.time)
     moving = None
     if observer is not None and observer.path is not None:
-        moving = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
+        moving, added = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
+        zones += added
     elif observer is not None:
         _require_one_pose_a_time(table, observer, seconds)
         moving = observer_motion(table, observer, seconds, units)
@@ -91,8 +93,9 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         if entry.path is not None:
             needed = columns_of(entry) if unlabelled else _own(entry, columns)
             source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
+            zones += source.zone_notes(entry.time or columns.time)
         unit = entry.units.get("time", columns.units.get("time"))
-        times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))
+        times = seconds_from(start, source.times(entry.time or columns.time, units.factor("time", unit)))
         times = times + entry.time_offset_s
         if unlabelled:
             detections[name] = scans_of(source, entry, times, units, kinds[name])
@@ -105,7 +108,8 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         for item, kind in zip(_names(own, columns), own.names(columns.kind, optional=True), strict=True):
             classes.setdefault(item, kind)
     read = {"file": table.file.name, "rows": len(table)}
-    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), boxes, classes, start)
+    frames = np.unique(seconds)
+    return Drive(motions, order, moving, logs, read, detections, frames, boxes, classes, start, tuple(zones))
 
 
 def load_unlabelled(
@@ -121,9 +125,10 @@ def load_unlabelled(
         name: _detections_of_file(name, entry, columns_of(entry), config, folder) for name, entry in entries.items()
     }
     stamps = {
-        name: time_stamps(tables[name], entry.time or "", units.factor("time", entry.units.get("time")))
+        name: tables[name].times(entry.time or "", units.factor("time", entry.units.get("time")))
         for name, entry in entries.items()
     }
+    zones = [note for name, entry in entries.items() for note in tables[name].zone_notes(entry.time or "")]
     start = min(min(of) for of in stamps.values())
     scans = {}
     for name, entry in entries.items():
@@ -133,11 +138,12 @@ def load_unlabelled(
     times = np.unique(np.concatenate([of.time for of in scans.values()]))
     observer = fixed_observer(config.observer, len(times))
     if config.ego is not None:
-        moving = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
+        moving, added = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
+        zones += added
         times = times_with_observer(times, moving, "measurements", "truth.ego")
         observer = carrier(moving, times)
     recorded: dict[str, Recorded] = {name: recorded_detections(of, times) for name, of in scans.items()}
-    return _no_objects(config, times, observer), recorded, tuple(scan_notes(scans, times, "observer"))
+    return _no_objects(config, times, observer), recorded, (*zones, *scan_notes(scans, times, "observer"))
 
 
 def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> Truth:
@@ -165,13 +171,13 @@ def _detections_of_file(
 
 def _observer_of_file(
     columns: ObserverColumns, time: str, config: RecordingOptions, folder: Path, start: Decimal
-) -> Motion:
-    """The observer's motion from a file of its own, whose column of times is ``time``."""
+) -> tuple[Motion, list[str]]:
+    """The observer's motion from a file of its own, whose column of times is ``time``, and lines about these times."""
     key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
     file = find_log(columns.path or "", folder, key)
     table = read_table(file, config.format, [time, *columns.stated.values()], LogPart("frame", columns.frame))
-    stamps = time_stamps(table, time, config.units.factor("time", columns.units.get("time")))
-    return observer_motion(table, columns, seconds_from(start, stamps), config.units)
+    stamps = table.times(time, config.units.factor("time", columns.units.get("time")))
+    return observer_motion(table, columns, seconds_from(start, stamps), config.units), table.zone_notes(time)
 
 
 def _require_not_long(table: Rows, column: str, seconds: Array) -> None:

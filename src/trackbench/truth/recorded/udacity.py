@@ -11,12 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.base.numbers import stated_number
+from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.rows import log_text, stated_number
+from trackbench.truth.recorded.rows import log_text
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -124,10 +126,13 @@ def load_udacity(config: RecordingOptions, kinds: Mapping[str, str], folder: Pat
     )
     logs = {}
     for name, kind in config.feeds(kinds).items():
-        rows = [i for i, item in enumerate(measurements) if item.kind == kind]
+        every = SENSOR_MODELS[sensor_type(kind)].components
+        components = [every.index(part) for part in SENSOR_MODELS[kind].components]
+        rows = [i for i, item in enumerate(measurements) if item.kind == sensor_type(kind)]
         if not rows:
             raise InputError(f"the file has no line of a {kind}, which sensor {name} is", file=file)
-        measurement, owner = np.array([measurements[i].measurement for i in rows]).T, np.zeros(len(rows), dtype=np.intp)
+        measurement = np.array([measurements[i].measurement for i in rows]).T[components]
+        owner = np.zeros(len(rows), dtype=np.intp)
         logs[name] = Log(seconds[rows], owner, measurement, seconds[rows], row_order(seconds[rows], owner)[1])
     order = row_order(times, np.zeros(len(times), dtype=np.intp))[1]
     return Drive({OBJECT: motion}, order, None, logs, {"file": file.name, "lines": len(measurements)})

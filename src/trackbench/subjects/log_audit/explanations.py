@@ -1,0 +1,105 @@
+"""Which errors of a sensor a log shows, and which others would explain it equally well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.metrics.blocks import BlockInterval
+from trackbench.subjects.log_audit.joint_fit import LEAST_INFORMATION, JointFit, block_intervals, explained_share
+from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog
+
+#: A finding changes a measurement by at least this share of the standard deviation of its noise.
+EFFECT = 0.1
+
+
+class Explanation(NamedTuple):
+    """An error that a log shows, or several of which it does not tell the one."""
+
+    name: str
+    """Of the error."""
+    interval: BlockInterval
+    """Its value in the unit of the error."""
+    effect: float
+    """RMS of what it does to a measurement, in standard deviations of its noise."""
+    rivals: dict[str, float]
+    """Errors that explain the measurements as well in its place, with the value that each would have."""
+
+
+def explanations(log: SensorLog, fit: JointFit, level: float) -> list[Explanation]:
+    """Return the errors that a log shows.
+
+    First come the errors that differ from zero whatever all others are. Of the rest several may be so alike that each
+    hides the others: as long as one of them alone differs from zero, the one with the largest effect is added. A rival
+    explains the measurements in the place of an error, and leaves nothing significant for it.
+
+    Args:
+        log: of the sensor.
+        fit: the joint fit of the log.
+        level: probability with which an interval holds the true value.
+    """
+    problem = _Linearised(log, fit, level)
+    shown: dict[str, Explanation] = {}
+    for name in problem.names:
+        interval = problem.interval([other for other in problem.names if other != name], name)
+        if problem.matters(name, interval):
+            interval = fit.estimates[name].interval if name in fit.estimates else interval
+            shown[name] = Explanation(name, interval, problem.effect(name, interval), {})
+    while True:
+        hidden = {*shown, *(rival for item in shown.values() for rival in item.rivals)}
+        single = {name: problem.interval([*shown], name) for name in problem.names if name not in hidden}
+        effects = {name: problem.effect(name, each) for name, each in single.items() if problem.matters(name, each)}
+        if not effects:
+            return list(shown.values())
+        best = max(effects, key=effects.__getitem__)
+        shown[best] = Explanation(best, single[best], effects[best], problem.rivals(best, [*shown]))
+
+
+class _Linearised:
+    """Every error of a sensor in the linear problem around the joint fit."""
+
+    def __init__(self, log: SensorLog, fit: JointFit, level: float) -> None:
+        second_names = {other for estimate in fit.estimates.values() for other in estimate.same_as}
+        self.names = [name for name in log.errors if name not in second_names and fit.unidentified.get(name) != ()]
+        columns = (log.derivatives(fit.errors, self.names) / fit.scale)[:, :, fit.inlier]
+        known = np.isfinite(columns).all(axis=(0, 1))
+        self._columns = np.where(known, columns, 0.0)
+        values = np.array([fit.errors.get(name, 0.0) for name in self.names])
+        residual = np.where(known, (fit.residual / fit.scale)[:, fit.inlier], 0.0)
+        self._target = residual + np.einsum("p,pmr->mr", values, self._columns)
+        self._blocks, self._level = fit.blocks, level
+        gram = np.einsum("pmr,qmr->pq", self._columns, self._columns)
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        self._alike, self._effects = gram / np.outer(size, size), size / np.sqrt(max(int(known.sum()), 1))
+        bodies = [motion.length.max() for motion in log.drive.motions.values() if motion.length is not None]
+        self._half_length = 0.5 * float(max([log.truth.length_m, *bodies]))
+
+    def interval(self, others: Sequence[str], name: str) -> BlockInterval:
+        """Return the interval of an error that is estimated with others, all else zero; endless where they hide it."""
+        chosen = [self.names.index(each) for each in (*others, name)]
+        if explained_share(self._alike, chosen[-1], chosen[:-1])[1] < LEAST_INFORMATION:
+            return BlockInterval(0.0, np.inf, 1)
+        return block_intervals(self._columns[chosen], self._target, self._blocks)[-1]
+
+    def effect(self, name: str, interval: BlockInterval) -> float:
+        """Return the RMS of what an error does to a measurement, in standard deviations of its noise."""
+        return abs(interval.value) * float(self._effects[self.names.index(name)])
+
+    def matters(self, name: str, interval: BlockInterval) -> bool:
+        """Return whether an error differs from zero, by enough, and can be meant: the point is on the body."""
+        is_possible = name != BODY_POINT or abs(interval.value) <= self._half_length
+        return is_possible and self.effect(name, interval) >= EFFECT and interval.excludes(0.0, self._level)
+
+    def rivals(self, name: str, others: Sequence[str]) -> dict[str, float]:
+        """Return the errors that explain the measurements in the place of one that is shown beside others."""
+        result = {}
+        for rival in self.names:
+            if rival == name or rival in others:
+                continue
+            alone = self.interval(others, rival)
+            is_needed = self.interval([*others, rival], name).excludes(0.0, self._level)
+            if self.matters(rival, alone) and not is_needed:
+                result[rival] = alone.value
+        return result

@@ -1,0 +1,216 @@
+"""Time stamps of ISO 8601, and lines before the column names of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from trackbench.base.errors import InputError
+from trackbench.truth.formats.tables import Csv, Parquet
+from trackbench.truth.recorded.rows import iso_stamp
+
+START = Decimal(1_714_564_800)  # 2024-05-01 12:00 UTC
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("2024-05-01T12:00:00Z", "0"),
+        ("2024-05-01T12:00:00.25Z", "0.25"),
+        ("2024-05-01T12:00:00.123456789Z", "0.123456789"),
+        ("2024-05-01T14:00:00,5+02:00", "0.5"),
+        ("2024-05-01T04:30:00-0730", "0"),
+        ("2024-05-01 13:00:00+01", "0"),
+        ("2024-05-01 12:00:00.000001 UTC", "0.000001"),
+        ("20240501T120001Z", "1"),
+        ("2024-05-01t12:00z", "0"),
+        (" 2024-05-01T12:00:00 ", "0"),
+    ],
+)
+def test_spellings_of_a_time_stamp(text: str, seconds: str) -> None:
+    stamp = iso_stamp(text)
+    assert stamp is not None
+    assert stamp.seconds - START == Decimal(seconds)
+    assert stamp.has_zone == (text.strip() != "2024-05-01T12:00:00")
+
+
+@pytest.mark.parametrize("text", ["2024-05-01", "12:00:00Z", "2024-13-01T00:00:00Z", "2024-05-01T25:00:00", "5", None])
+def test_what_is_no_time_stamp(text: str | None) -> None:
+    assert iso_stamp(text) is None
+
+
+def test_random_time_stamps_keep_their_nanoseconds_and_their_order() -> None:
+    random = np.random.default_rng(7)
+    whole = random.integers(0, 4_000_000_000, 300).tolist()
+    nanoseconds = random.integers(0, 1_000_000_000, 300).tolist()
+    for second, nanosecond, minutes in zip(whole, nanoseconds, random.integers(-840, 840, 300).tolist(), strict=True):
+        local = datetime.fromtimestamp(second, UTC) + timedelta(minutes=minutes)
+        sign, (hours, rest) = "+-"[minutes < 0], divmod(abs(minutes), 60)
+        stamp = iso_stamp(f"{local:%Y-%m-%dT%H:%M:%S}.{nanosecond:09d}{sign}{hours:02d}:{rest:02d}")
+        assert stamp is not None
+        assert stamp.seconds == Decimal(second) + Decimal(nanosecond).scaleb(-9)
+
+
+def table(stamps: list[Any]) -> str:
+    return "time,id,x,y\n" + "".join(f"{stamp},1,{row},0\n" for row, stamp in enumerate(stamps))
+
+
+def test_tables_have_time_stamps(tmp_path: Path) -> None:
+    stamps = pd.to_datetime(START_NS + np.array([0, 100_000_001, 1_200_000_000]), utc=True)
+    (tmp_path / "zulu.csv").write_text(table([stamp.isoformat().replace("+00:00", "Z") for stamp in stamps]))
+    (tmp_path / "cest.csv").write_text(table([stamp.tz_convert("Europe/Berlin").isoformat() for stamp in stamps]))
+    (tmp_path / "local.csv").write_text(table([stamp.tz_localize(None).isoformat(sep=" ") for stamp in stamps]))
+    frame = pd.DataFrame({"time": stamps, "id": 1, "x": 0.0, "y": 0.0})
+    frame.to_parquet(tmp_path / "zulu.parquet")
+    frame.assign(time=stamps.tz_convert("Asia/Tokyo")).to_parquet(tmp_path / "tokyo.parquet")
+    frame.assign(time=stamps.tz_localize(None)).to_parquet(tmp_path / "local.parquet")
+    frame.assign(time=frame.time.map(str)).to_parquet(tmp_path / "text.parquet")
+    for file in sorted(tmp_path.iterdir()):
+        rows = (Csv if file.suffix == ".csv" else Parquet)().rows(file)
+        assert rows.start == START, file.name
+        np.testing.assert_allclose(rows.time, [0, 0.100000001, 1.2], atol=1e-9, err_msg=file.name)
+        zones = [f"{file.name}: time states no zone, so it is taken as UTC"] if file.stem == "local" else []
+        assert [*rows.notes] == zones
+
+
+START_NS = int(START) * 1_000_000_000
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_parquet_has_time_stamps_of_any_unit(tmp_path: Path, unit: str) -> None:
+    per_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+    stamps = pa.array([int(START) * per_second, (int(START) + 2) * per_second], pa.timestamp(unit, tz="UTC"))
+    pq.write_table(pa.table({"time": stamps, "id": [1, 1], "x": [0.0, 1.0], "y": [0.0, 0.0]}), tmp_path / "a.parquet")
+    rows = Parquet().rows(tmp_path / "a.parquet")
+    assert (rows.start, rows.time.tolist()) == (START, [0.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("stamps", "message"),
+    [
+        (
+            ["2024-05-01T12:00:00Z", "1.5"],
+            "time is a number, '1.5', where the rows before have a time stamp with a zone",
+        ),
+        (["2024-05-01T12:00:00", "2024-05-01T12:00:01Z"], "time is a time stamp with a zone, .*have a time stamp with"),
+        (["0.5", "2024-05-01T12:00:01"], "time is a time stamp without a zone, .*the rows before have a number"),
+        (["2024-05-01T12:00:00Z", "01.05.2024"], "time is not a finite number: '01.05.2024'"),
+        (["2024-05-01T12:00:00Z", ""], "time is empty"),
+    ],
+)
+def test_mixed_time_stamps_are_refused_with_their_line(tmp_path: Path, stamps: list[str], message: str) -> None:
+    file = tmp_path / "tracks.csv"
+    file.write_text(table(stamps))
+    with pytest.raises(InputError, match=message) as caught:
+        Csv().rows(file)
+    assert caught.value.line == 3
+
+
+def test_a_missing_time_stamp_of_parquet_is_refused(tmp_path: Path) -> None:
+    times = pd.to_datetime(["2024-05-01T12:00:00Z", None])
+    pd.DataFrame({"time": times, "id": 1, "x": 0.0, "y": 0.0}).to_parquet(tmp_path / "a.parquet")
+    with pytest.raises(InputError, match="row 2: time is empty"):
+        Parquet().rows(tmp_path / "a.parquet")
+
+
+def test_boxes_tracks_and_logs_of_time_stamps_run(tmp_path: Path, cli: Callable[..., Any]) -> None:
+    """Boxes in local time, tracks in UTC that are 40 ms late, and a log whose radar has seconds since 1970."""
+    seconds = np.arange(120) / 10
+    stamps = pd.to_datetime(START_NS + (seconds * 1e9).round().astype("int64"), utc=True)
+    x = 10 * seconds + seconds**2
+    boxes = pd.DataFrame({"time": stamps.tz_convert("Europe/Berlin").map(lambda s: s.isoformat()), "id": 1, "x": x})
+    boxes.assign(y=0.0, vx=10 + 2 * seconds, vy=0.0).to_csv(tmp_path / "boxes.csv", index=False)
+    late = (stamps + pd.Timedelta(milliseconds=40)).tz_localize(None)
+    pd.DataFrame({"time": late, "id": 7, "x": x, "y": 0.0}).to_parquet(tmp_path / "tracks.parquet")
+    done = cli("score", "tracks.parquet", "--truth", "boxes.csv", "--time-offset", "-0.04", "--json", "--no-recording")
+    assert done.status == 0, done.err
+    assert "tracks.parquet: time states no zone, so it is taken as UTC" in done.err
+    (tracker,) = yaml.safe_load(done.out)["trackers"]
+    assert tracker["metrics"]["gospa"]["value"] == pytest.approx(0, abs=1e-6)
+    radar = pd.DataFrame({"t": [f"{START_NS + round(1e9 * s)}" for s in seconds], "id": 1, "r": x + 5, "az": 0.0})
+    radar.to_csv(tmp_path / "radar.csv", index=False)
+    columns = {"time": "time", "object": "id", "px": "x", "py": "y", "vx": "vx", "vy": "vy"}
+    readings = {"path": "radar.csv", "time": "t", "range": "r", "azimuth": "az", "range_rate": "az"}
+    log = {
+        "name": "log",
+        "truth": {
+            "source": "recording",
+            "format": "csv",
+            "path": "boxes.csv",
+            "columns": columns,
+            "observer": {"x": -5, "y": 0},
+            "readings": {"radar": {**readings, "units": {"time": "ns"}}},
+        },
+        "sensors": {
+            "radar": {"type": "radar", "range_sigma_m": 0.1, "azimuth_sigma_deg": 1e-3, "range_rate_sigma_mps": 99}
+        },
+        "trackers": {"raw": {"use": "raw"}},
+        "monte_carlo": {"runs": 1},
+    }
+    (tmp_path / "log.yaml").write_text(yaml.safe_dump(log))
+    done = cli("run", "log.yaml", "--json", "--no-recording")
+    assert done.status == 0, done.err
+    (tracker,) = yaml.safe_load(done.out)["trackers"]
+    assert tracker["metrics"]["position_rmse"]["value"] == pytest.approx(0, abs=1e-5)
+
+
+#: Lines before the column names, as programs write them.
+PREAMBLES = {
+    "none": "",
+    "esmini dat2csv": "Version: 2, OpenDRIVE: ../xodr/e6mini.xodr, 3DModel: ../models/e6mini.osgb\n",
+    "comment": "# made by a logger\n# rate: 10, frame: map\n",
+    "numbers": "Number of Vehicles: 2\n17\n3, 4\n\n",
+}
+
+
+@pytest.mark.parametrize("name", PREAMBLES)
+def test_lines_before_the_column_names_are_left_out(tmp_path: Path, name: str) -> None:
+    file = tmp_path / "states.csv"
+    rows = "".join(f"{k / 10:.3f}, {car}, car{car}, {k}, {4 * car}, 0.1, 9\n" for k in range(30) for car in (0, 1))
+    file.write_text(PREAMBLES[name] + "time, id, name, x, y, z, speed\n" + rows)
+    tracks = Csv().read(file)
+    assert [track.id for track in tracks] == ["0", "1"]
+    assert tracks[1].y.tolist() == [4.0] * 30
+    broken = file.read_text().splitlines()
+    broken[-4] = "1.4, 0, car0"
+    file.write_text("\n".join(broken))
+    with pytest.raises(InputError, match="3 columns, where the header has 7") as caught:
+        Csv().read(file)
+    assert caught.value.line == len(broken) - 3
+
+
+def test_a_wide_log_of_esmini_is_a_truth_by_the_columns_of_its_object(tmp_path: Path, cli: Callable[..., Any]) -> None:
+    names = ["Entity_Name [-]", "World_Position_X [m]", "World_Position_Y [m]", "Vel_X [m/s]", "Vel_Y [m/s]"]
+    header = ", ".join(["Index [-]", "TimeStamp [s]", *(f"#{n} {name}" for n in (1, 2) for name in names)])
+    about = "esmini GIT REV: v2.37\nesmini BUILD: 1\nScenario File Name: cut-in.xosc\nNumber of Vehicles: 2\n"
+    rows = [f"{k}, {k / 20:.6f}, Ego, {k}, -1.5, 20, 0, Target, {k + 30}, 2, 20, 0, " for k in range(200)]
+    (tmp_path / "full_log.csv").write_text("\n".join([about + header + ", ", *rows]) + "\n")
+    columns = dict(zip(("px", "py", "vx", "vy"), (f"#2 {name}" for name in names[1:]), strict=True))
+    scenario = {
+        "name": "wide",
+        "truth": {
+            "source": "recording",
+            "format": "csv",
+            "path": "full_log.csv",
+            "columns": {"time": "TimeStamp [s]", **columns},
+        },
+        "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.1}},
+        "trackers": {"raw": {"use": "raw"}},
+        "monte_carlo": {"runs": 1},
+    }
+    (tmp_path / "wide.yaml").write_text(yaml.safe_dump(scenario))
+    done = cli("run", "wide.yaml", "--json", "--no-recording")
+    assert done.status == 0, done.err
+    done = cli("score", "full_log.csv", "--truth", "full_log.csv")
+    assert done.status == 2
+    assert "there is no column 'id'" in done.err
