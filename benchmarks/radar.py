@@ -26,6 +26,7 @@ from benchmarks.markdown import table
 
 import trackbench as tb
 from trackbench.base.types import Array
+from trackbench.models.sensors import Radar
 from trackbench.models.sensors.effects.processes import CORRELATION_TIME
 from trackbench.models.sensors.presets import typical
 
@@ -225,7 +226,7 @@ def fit() -> None:
     real = autocorrelations(lagged(first)["all"])[..., 0]
     for time_s, (share, of_speed) in product((0.13, 0.15, 0.17), ((0.94, 0.8), (0.97, 0.84), (1.0, 0.88))):
         slow = {"share": share, "share_of": {"range_rate": of_speed}, "time_s": time_s}
-        effects = [of | slow if of["type"] == "correlated_errors" else of for of in typical("radar")]
+        effects = [of | slow if of["type"] == "correlated_errors" else of for of in typical("radar", Radar.components)]
         of = autocorrelations(lagged(simulated(effects))["all"])[..., 0]
         print(f"{slow}: {np.sum((of - real) ** 2):.3f}", flush=True)
 
@@ -278,7 +279,7 @@ def main() -> None:
         "ideal": simulated("ideal"),
     }
     sums = {name: lagged(of) for name, of in segments.items()}
-    (used,) = (of for of in typical("radar") if of["type"] == "correlated_errors")
+    (used,) = (of for of in typical("radar", Radar.components) if of["type"] == "correlated_errors")
     fits = {name: fitted(sums[name]["all"]) for name in ("real, first half", "real, held back")}
     header = [f"{lag * PERIOD_S:.2f} s: held back / typical" for lag in SHOWN_LAGS]
     lines = [

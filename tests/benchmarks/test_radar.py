@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import radar
+from trackbench.models.sensors import Radar
 from trackbench.models.sensors.effects import gauss_markov
 from trackbench.models.sensors.presets import typical
 
@@ -60,7 +61,7 @@ def test_a_recording_is_parted_in_time():
 
 def test_the_committed_page_is_of_the_typical_figures_and_passes_far_away_on_the_half_that_is_held_back():
     page = (Path(radar.__file__).parents[1] / "results" / "radar" / "radar.md").read_text(encoding="utf-8")
-    (used,) = (of for of in typical("radar") if of["type"] == "correlated_errors")
+    (used,) = (of for of in typical("radar", Radar.components) if of["type"] == "correlated_errors")
     assert f"| typical | {used['share']:g} | {used['time_s']:g} |" in page
     rows = re.findall(r"(?m)^\| .* \| 100 to 185 m \| .* \| ([-+.\d]+) \| [-+.\d]+ \|$", page)
     assert len(rows) == 3

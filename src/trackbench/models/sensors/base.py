@@ -33,7 +33,7 @@ from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.sensors.detection import ByAngle, Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
-from trackbench.models.sensors.presets import WORDS, Words, presets, typical
+from trackbench.models.sensors.presets import WORDS, Words, of_components, presets, typical
 
 #: A time for which a measurement is on its way, s.
 Delay = Annotated[float, Field(ge=0, le=60)]
@@ -161,6 +161,9 @@ class Sensor(Config, ABC):
             reject(cls.__name__, [Problem(("preset",), problem)])
             return data
         values = {key: value for key, value in preset.values.items() if key not in cls.unused}
+        if "by_angle" in values:
+            sigma = of_components(values["by_angle"]["sigma"], cls.components)
+            values["by_angle"] = {**values["by_angle"], "sigma": sigma}
         return {"type": kind, **values, **data}
 
     def problems(self) -> Iterator[Problem]:
