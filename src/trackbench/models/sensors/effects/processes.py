@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -31,13 +30,11 @@ def gauss_markov(time: Array, time_s: float, white: Array, order: Literal[1, 2] 
     Returns:
         ``(instants, ...)``.
     """
-    axes = (-1, *(1,) * (white.ndim - 1))
-    steps = np.diff(time) / time_s
+    steps = (np.diff(time) / time_s).reshape(-1, *(1,) * (white.ndim - 1))
     if order == 2:
-        steps, of_value, of_slope = _innovations_at((CORRELATION_TIME * steps).tobytes())
-        return _second_order(steps.reshape(axes), of_value.reshape(axes), of_slope.reshape(axes), white)
+        return smooth_process(steps, white)
     decay, driven = np.exp(-steps), np.array(white, order="C")
-    driven *= np.append(1.0, np.sqrt(1.0 - decay * decay)).reshape(axes)
+    driven[1:] *= np.sqrt(1.0 - decay * decay)
     return autoregression(decay, driven)
 
 
@@ -51,25 +48,22 @@ def smooth_process(steps: Array, white: Array) -> Array:
     Returns:
         ``(instants, ...)``.
     """
-    steps, of_value, of_slope = _innovations(CORRELATION_TIME * steps)
-    return _second_order(steps, of_value, of_slope, white)
-
-
-def _second_order(steps: Array, of_value: Array, of_slope: Array, white: Array) -> Array:
-    decay, driven = np.exp(-steps), np.array(white, order="C")
-    slope = autoregression(decay, driven * of_slope)[:-1]
+    steps = CORRELATION_TIME * steps
+    of_value, of_slope = _innovations(steps)
+    decay = np.exp(-steps)
+    slope = autoregression(decay, np.multiply(white, of_slope, order="C"))[:-1]
     slope *= steps * decay
-    driven *= of_value
+    driven = np.multiply(white, of_value, order="C")
     driven[1:] += slope
     return autoregression(decay, driven)
 
 
 def autoregression(decay: Array, driven: Array) -> Array:
-    """Turn ``driven`` ``(instants, ...)`` in place into ``x_k = decay_k-1 x_k-1 + driven_k``, and return it.
+    """Compute ``x_k = decay_k-1 x_k-1 + driven_k`` in place of ``driven``, and return it.
 
     Args:
-        decay: ``(instants - 1,)``, or ``(instants - 1, ...)`` of as many axes as ``driven``.
-        driven: what is added at each instant.
+        decay: ``(instants - 1, ...)`` of as many axes as ``driven``.
+        driven: ``(instants, ...)`` innovations, overwritten by the process.
     """
     kept = np.empty(driven.shape[1:])
     for k, factor in enumerate(decay):
@@ -78,20 +72,15 @@ def autoregression(decay: Array, driven: Array) -> Array:
     return driven
 
 
-@lru_cache(maxsize=16)
-def _innovations_at(steps: bytes) -> tuple[Array, Array, Array]:
-    return _innovations(np.frombuffer(steps))
-
-
-def _innovations(steps: Array) -> tuple[Array, Array, Array]:
-    """The steps, and the weights with which each draw enters a second-order process x and ``z = x + x' / b``.
+def _innovations(steps: Array) -> Array:
+    """Return the weights with which each draw enters a second-order process x and ``z = x + x' / b``.
 
     Over a step h of ``b t`` they follow ``x <- e^-h (x + h z)`` and ``z <- e^-h z`` beside noise, with variances 1 and
     2 and covariance 1. A Kalman filter that observes x alone has the draws as its innovations.
     """
     gammainc = scipy_function("scipy.special", "_ufuncs", "gammainc")
     square = np.exp(-2.0 * steps)
-    # Covariance of the noise: the stationary one, less what is left of it; by differences small ones would be lost.
+    # Noise covariance: the incomplete gamma functions keep the digits that a difference of small numbers would lose.
     of_x, of_both, of_z = np.maximum(gammainc(3.0, 2.0 * steps), 1e-300), gammainc(2.0, 2.0 * steps), 2.0 - 2.0 * square
     weights = np.ones((2, len(steps) + 1, *steps.shape[1:]))
     variance = np.ones(steps.shape[1:])
@@ -102,4 +91,4 @@ def _innovations(steps: Array) -> tuple[Array, Array, Array]:
         gain = (of_both[k] + moved) / deviation
         weights[:, k + 1] = deviation, gain
         variance = np.maximum(of_z[k] + kept - gain * gain, 0.0)
-    return steps, weights[0], weights[1]
+    return weights
