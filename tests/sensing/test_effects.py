@@ -203,6 +203,21 @@ def test_the_power_is_exponential_and_its_correlation_is_that_of_the_aspect():
     assert np.abs(np.corrcoef(power) - ((1 + apart) * np.exp(-apart)) ** 2).max() < 0.05
 
 
+@pytest.mark.parametrize("probability", [0.5, 0.9])
+def test_misses_begin_as_often_as_a_smooth_envelope_fades(probability):
+    """By the rate at which an envelope crosses a level, Rice (1944): per change of the aspect that decorrelates."""
+    level, step, count = -np.log(probability), 0.02, 4001
+    white = np.random.default_rng(4).standard_normal((count, 2, 1, 1000))
+    missed = fluctuation(np.full((count - 1, 1, 1), step), white)[:, 0] < level
+    by_step, by_two_steps = ((at[1:] & ~at[:-1]).sum(axis=0) / (step * (count - 1)) for at in (missed, missed[::2]))
+    # What is lost between two instants goes with the step.
+    begun = 2 * by_step - by_two_steps
+    expected = CORRELATION_TIME * np.sqrt(level / np.pi) * probability
+    standard_error = begun.std() / np.sqrt(len(begun))
+    assert standard_error < 0.02 * expected
+    assert abs(begun.mean() - expected) < 4 * standard_error
+
+
 @pytest.mark.parametrize("rate_hz", [10, 50])
 def test_the_amplitude_has_the_autocorrelation_of_the_aspect_change_at_any_scan_rate(rate_hz):
     """A line of sight that turns ever faster, 5 mrad in 3 s; white draws of one give the factor of the covariance."""
@@ -417,6 +432,11 @@ def test_a_ghost_is_only_seen_in_the_wall_and_from_the_side_where_its_cause_is()
     for wall, seen in (([[11.0, 6.0], [13.0, 6.0]], True), ([[12.5, 6.0], [50.0, 6.0]], False)):
         sensor = ideal(Radar(effects=ghosts(wall), **EXACT), position=(20.0, 2.0))
         assert (len(alarms_of(sensor, 0).instant) > 0) is seen
+    # The image is at 22.4 m and 26.6 degrees.
+    for reach, seen in ((23.0, True), (22.0, False)):
+        by_angle = {"max_range_m": [[0, 100], [20, reach]]}
+        near = Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), by_angle=by_angle, **EXACT)
+        assert (len(alarms_of(ideal(near, position=(20.0, 2.0)), 0).instant) > 0) is seen
     corner = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0], [80.0, 6.0]]), **EXACT), position=(20.0, 2.0))
     alone = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0]]), **EXACT), position=(20.0, 2.0))
     np.testing.assert_array_equal(alarms_of(corner, 0).instant, alarms_of(alone, 0).instant)

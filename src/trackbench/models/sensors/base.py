@@ -30,7 +30,7 @@ from trackbench.base.config.key_units import in_si, split_key
 from trackbench.base.config.plugin import Plugin
 from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
-from trackbench.base.types import Array, Gaussian, Scan
+from trackbench.base.types import Array, Gaussian, Mask, Scan
 from trackbench.models.sensors.detection import ByAngle, Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
 from trackbench.models.sensors.presets import WORDS, Words, of_components, presets, typical
@@ -211,6 +211,15 @@ class Sensor(Config, ABC):
     def biases(self) -> tuple[float, ...]:
         """``(m,)`` constant error of each component of a measurement, in SI units and radians."""
         return (0.0,) * len(self.components)
+
+    def reaches(self, distance: Array, azimuth: Array) -> Mask:
+        """Return ``(...)`` whether points at distances, m, and azimuths, rad, are in the field of view."""
+        inside = np.abs(azimuth) <= np.deg2rad(self.fov_deg) / 2
+        if self.max_range_m is not None:
+            inside &= distance <= self.max_range_m
+        if self.by_angle is not None:
+            inside &= distance <= self.by_angle.range_limit(azimuth)
+        return np.asarray(inside)
 
     def uniform(self, shares: Array) -> Array:
         """Measurements ``(m, n)`` uniform in the field of view, from numbers ``(m, n)`` uniform in 0 to 1.

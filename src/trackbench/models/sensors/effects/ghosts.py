@@ -71,7 +71,5 @@ def _images(sensed: Sensed, start: Array, end: Array) -> tuple[Array, Mask]:
     along = ahead[0] * (pose[0] - start[0]) + ahead[1] * (pose[1] - start[1])
     along = along + share * (ahead[0] * (image[0] - pose[0]) + ahead[1] * (image[1] - pose[1]))
     distance, azimuth = np.hypot(*(image[:2] - pose[:2])), np.arctan2(image[1] - pose[1], image[0] - pose[0])
-    in_view = np.abs(wrap_angle(azimuth - pose[2])) <= np.deg2rad(sensor.fov_deg) / 2
-    if sensor.max_range_m is not None:
-        in_view &= distance <= sensor.max_range_m
+    in_view = sensor.reaches(distance, wrap_angle(azimuth - pose[2]))
     return sensor.measure(image, pose, velocity), same_side & (along >= 0) & (along <= length) & in_view
