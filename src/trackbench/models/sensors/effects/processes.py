@@ -51,9 +51,10 @@ def smooth_process(steps: Array, white: Array) -> Array:
     steps = CORRELATION_TIME * steps
     of_value, of_slope = _innovations(steps)
     decay = np.exp(-steps)
-    slope = autoregression(decay, np.multiply(white, of_slope, order="C"))[:-1]
+    driven = np.array(white, order="C")
+    slope = autoregression(decay, driven * of_slope)[:-1]
     slope *= steps * decay
-    driven = np.multiply(white, of_value, order="C")
+    driven *= of_value
     driven[1:] += slope
     return autoregression(decay, driven)
 
