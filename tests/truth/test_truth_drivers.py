@@ -169,6 +169,19 @@ def test_a_calm_driver_brakes_as_much_as_is_needed_and_little_more(speed: float)
     assert 1.25 < hardest[12.0] < 3.5
 
 
+@pytest.mark.parametrize("gap_m", [35.0, 45.0, 60.0])
+def test_a_calm_driver_stops_behind_a_car_that_brakes_hard(gap_m: float) -> None:
+    """From 25 m/s to rest, with a reaction of 0.7 s."""
+    scene = Scene(Drivers(calm_from_mps=12.0, reaction_s=0.7), 0.0, gap_m, speed=25.0)
+    behind, ahead = scene.cars
+    ahead.target_speed = 0.0
+    for _ in range(400):
+        scene.drive(1)
+        assert ahead.position[0] - behind.position[0] > 5.0
+    assert ahead.speed == pytest.approx(0.0, abs=0.1)
+    assert behind.speed == pytest.approx(0.0, abs=0.5)
+
+
 def test_below_its_speed_a_calm_driver_is_that_of_the_model() -> None:
     places = []
     for calm_from_mps in (None, 12.0):

@@ -163,11 +163,10 @@ class HumanVehicle(SteeredVehicle):
     def calm_braking(self, braking: float) -> float:
         """Return the part of the model's braking that a calm driver takes, m/s^2, both at most 0.
 
-        It is what is needed not to hit the vehicles ahead while they keep their speeds, and at most
-        ``CALM_BRAKING_MPS2`` more.
+        It is what is needed not to hit the vehicles ahead, and at most ``CALM_BRAKING_MPS2`` more.
 
         Source: Kesting, Treiber and Helbing (2010), "Enhanced intelligent driver model to access the impact of driving
-        strategies on traffic capacity", equations 5 and 6, of vehicles ahead that do not accelerate.
+        strategies on traffic capacity", equations 4 to 6.
         """
         if braking > -0.1:
             return braking
@@ -178,10 +177,19 @@ class HumanVehicle(SteeredVehicle):
 
     def _needed_braking(self, lane: Any) -> float:
         ahead, _ = self.road.neighbour_vehicles(self, lane)
-        if ahead is None or ahead.speed >= self.speed:
+        if ahead is None:
             return 0.0
-        gap = self.lane_distance_to(ahead) - (self.LENGTH + ahead.LENGTH) / 2
-        return float(-((self.speed - ahead.speed) ** 2) / (2.0 * max(gap, 0.1)))
+        speed: float = max(0.0, ahead.speed)
+        closing: float = max(0.0, self.speed - ahead.speed)
+        gap: float = self.lane_distance_to(ahead) - (self.LENGTH + ahead.LENGTH) / 2
+        gap = max(0.1, gap - closing * self.driver.options.reaction_s)
+        # Braking that is no harder than is comfortable is not taken to go on.
+        slowing: float = min(0.0, getattr(ahead, "intended", 0.0))
+        if slowing > -CALM_BRAKING_MPS2:
+            return -(closing**2) / (2.0 * gap)
+        if speed * closing <= -2.0 * gap * slowing:
+            return float(self.speed**2 * slowing / (speed**2 - 2.0 * gap * slowing))
+        return slowing - closing**2 / (2.0 * gap)
 
     def free_road_acceleration(self) -> float:
         """``self.acceleration(self, None)``, m/s^2; of IDM in plain floats, which take a fifth of the time."""
