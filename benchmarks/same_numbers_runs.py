@@ -46,7 +46,7 @@ _EFFECTS = ",".join(
         "bias": '"sigmas":{{"azimuth_deg":0.2}}',
         "azimuth_ripple": '"amplitude_deg":0.4,"period_deg":10',
         "interference": '"per_minute":20,"duration_s":1,"alarms_per_scan":3',
-        "ghosts": '"wall_m":6,"probability":0.4',
+        "ghosts": '"wall":[[-1000,6],[1000,6]],"probability":0.4',
         "quantised": '"steps":{{"range_m":0.2}}',
     }.items()
 )

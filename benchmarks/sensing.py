@@ -56,7 +56,7 @@ def section(found: list[dict[str, Any]]) -> str:
             "",
             f"Processor time of the measurements of a run of `{SCENARIO}` (20 s, 5 vehicles, radar and lidar), in "
             f"milliseconds: with ideal sensors and with typical effects, in the same process, {RUNS} runs at once, "
-            f"best of {REPETITIONS} repetitions. Typical effects draw 2.3 times as many random numbers.",
+            f"best of {REPETITIONS} repetitions. Typical effects draw 2.5 times as many random numbers.",
             "",
             "| identities | ideal | typical | ratio |",
             "|---|---:|---:|---:|",

@@ -1,58 +1,68 @@
-"""The radar's page: its spectra and its time constant, of errors that are known."""
+"""The radar's page: the residuals and the fit, of errors that are known, and what the committed page says."""
+
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import radar
+from trackbench.models.sensors import Radar
 from trackbench.models.sensors.effects import gauss_markov
+from trackbench.models.sensors.presets import typical
 
 
 def objects_of(errors):
     """An object of 12 s at 20 Hz for each column, which brakes evenly."""
     time = np.arange(len(errors)) * radar.PERIOD_S
     kept = (time % 10 < 9) | (np.arange(len(time)) % 3 == 0)
-    motion = 20 + 3 * time - 0.5 * time**2
+    motion = 50 + 3 * time - 0.5 * time**2
     return [
-        radar.Segment(time[kept], np.tile(values[kept], (3, 1)), np.tile((values + motion)[kept], (3, 1)))
-        for values in errors.T
+        radar.Segment(number, time[kept], np.tile((values + motion)[kept], (3, 1)))
+        for number, values in enumerate(errors.T)
     ]
 
 
 @pytest.fixture(scope="module")
 def slow():
-    """The innovations of errors with a time constant of 0.3 s."""
-    time = np.arange(240) * radar.PERIOD_S
-    return radar.lagged(objects_of(gauss_markov(time, 0.3, np.random.default_rng(1).standard_normal((240, 30)))))
+    """Sums of products of residuals: of slow errors of 0.2 s, with a share of 0.8, and a white rest."""
+    time, random = np.arange(240) * radar.PERIOD_S, np.random.default_rng(1)
+    errors = gauss_markov(time, 0.2, random.standard_normal((240, 120)), order=2)
+    return radar.lagged(objects_of(np.sqrt(0.8) * errors + np.sqrt(0.2) * random.standard_normal(errors.shape)))
 
 
-def test_the_time_constant_of_a_process_is_found(slow):
-    found = radar.time_constants(slow)
-    low, high = np.quantile(found[1:], [0.005, 0.995])
-    assert low < 0.3 < high
-    assert high < 0.6
+def test_the_share_and_the_time_of_slow_errors_are_found(slow):
+    for found, true in zip(radar.fitted(slow["all"]), (0.8, 0.2), strict=True):
+        low, high = np.quantile(found[1:], [0.005, 0.995])
+        assert low < true < high
+        assert high - low < 0.35 * true
 
 
-def test_the_innovations_of_a_process_have_the_autocorrelation_of_the_formula(slow):
-    of = radar.autocorrelations(slow)[0]
-    spread = of[1:, 1:].std(axis=-1)
-    assert (np.abs(of[1:, 0] - radar.innovations_of(0.3)[1:]) < 4.5 * spread).all()
-
-
-def test_spectra_are_the_sums_of_cosines_of_textbooks():
-    white = np.zeros((3, radar.LAGS + 1))
-    white[:, 0] = 1
-    np.testing.assert_allclose(radar.spectra(white), 1)
-    # A cosine of 4 Hz has its power there.
-    lag = np.arange(radar.LAGS + 1) * radar.PERIOD_S
-    density = radar.spectra(np.cos(2 * np.pi * 4 * lag)[None])[0]
-    assert radar.FREQUENCIES_HZ[np.argmax(density)] == 4
-    # No density is negative: the transform of the window is not.
-    assert density.min() > -1e-12
+def test_residuals_have_the_autocorrelation_of_the_formula():
+    """Of rows without a pause, whose motion is a parabola."""
+    time, random = np.arange(240) * radar.PERIOD_S, np.random.default_rng(2)
+    errors = gauss_markov(time, 0.3, random.standard_normal((240, 200)))
+    segments = [
+        radar.Segment(number, time, np.tile(values + 3 * time - 0.5 * time**2, (3, 1)))
+        for number, values in enumerate(errors.T)
+    ]
+    of = radar.autocorrelations(radar.lagged(segments)["all"])[0]
+    lag = np.arange(60) * radar.PERIOD_S
+    expected = radar.of_model(np.exp(-lag / 0.3))
+    assert (np.abs(of[1:, 0] - expected[1:] / expected[0]) < 4.5 * of[1:, 1:].std(axis=-1)).all()
 
 
 def test_a_recording_is_parted_in_time():
     time = np.arange(1200) * radar.PERIOD_S
-    values = np.zeros((3, 1200))
-    first, second = radar.parted([radar.Segment(time, values, values)])
+    first, second = radar.parted([radar.Segment(3, time, np.zeros((3, 1200)))])
     assert first[0].time[-1] < radar.HALF_S <= second[0].time[0]
     assert len(first[0].time) + len(second[0].time) == 1200
+
+
+def test_the_committed_page_is_of_the_typical_figures_and_passes_far_away_on_the_half_that_is_held_back():
+    page = (Path(radar.__file__).parents[1] / "results" / "radar" / "radar.md").read_text(encoding="utf-8")
+    (used,) = (of for of in typical("radar", Radar.components) if of["type"] == "correlated_errors")
+    assert f"| typical | {used['share']:g} | {used['time_s']:g} |" in page
+    rows = re.findall(r"(?m)^\| .* \| 100 to 185 m \| .* \| ([-+.\d]+) \| [-+.\d]+ \|$", page)
+    assert len(rows) == 3
+    assert all(abs(float(errors)) <= 2 for errors in rows)

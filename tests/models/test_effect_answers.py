@@ -51,8 +51,8 @@ WRONG = [
     (AFTER, "measurement + np.inf", "after must return finite, not inf"),
     (
         BEFORE,
-        "sensed.replaced(scale=np.ones((11, 1, 3)))",
-        "whose scale is an array of shape (11, 1, 2), not (11, 1, 3)",
+        "sensed.replaced(scale=np.ones((1, 11, 1, 3)))",
+        "whose scale is an array of shape (1, 11, 1, 2), not (1, 11, 1, 3)",
     ),
     (BEFORE, "sensed.replaced(error=sensed.error[..., :1])", "array of shape (2, 11, 1, 2), not (2, 11, 1, 1)"),
     (ALARMS, "np.arange(3)", "None, or the numbers of runs (n,) and of instants (n,) and measurements (2, n)"),

@@ -13,10 +13,11 @@ from tests.models.test_motion_models import finite_difference
 from tests.models.test_sensor_models import situations
 from tests.support.scenes import fixed_observer, scan, truth
 
+from trackbench.base.config.key_units import split_key
 from trackbench.base.types import FieldOfView
 from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS, Radar
-from trackbench.models.sensors.presets import typical
+from trackbench.models.sensors.presets import presets, typical
 from trackbench.models.sensors.radar import PARTIAL_RADARS
 from trackbench.sensing.detections import FALSE_ALARM, sense_hidden, stated_detection
 from trackbench.sensing.scans import ideal_sensors
@@ -133,20 +134,22 @@ def test_what_is_needed_is_what_is_measured(measures: tuple[str, ...]) -> None:
 
 
 @every_subset
-def test_a_preset_and_typical_effects_give_what_is_measured(measures: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("preset", [name for name, preset in presets().items() if preset.kind == "radar"])
+def test_a_preset_and_typical_effects_give_what_is_measured(measures: tuple[str, ...], preset: str) -> None:
     made = Radar.model_validate(
         {
             "type": "radar",
             "rate_hz": 10,
             "measures": list(measures),
-            "preset": "continental_ars30x",
+            "preset": preset,
             "effects": "typical",
         }
     )
     assert made.components == measures
     assert len(made.sigmas()) == len(measures)
     sizes = [value for effect in typical("radar", measures) for value in effect.values() if isinstance(value, dict)]
-    assert all(key.rpartition("_")[0] in measures for of in sizes for key in of)
+    assert all(split_key(key)[0] in measures for of in sizes for key in of)
+    assert {"signal_to_noise", "correlated_errors"} <= {effect["type"] for effect in typical("radar", measures)}
     assert typical("radar", ALL) == [
         effect.model_dump(exclude_unset=True) for effect in Radar(**options(ALL, effects="typical")).effects
     ]

@@ -99,8 +99,8 @@ BAD = [
         ("dropouts: [{from_s: 5, to_s: 6}]", f"effects: [{{{effect}}}]", [f"18: sensors.front.effects.0.{message}"])
         for effect, message in [
             (
-                "type: ghosts, probability: 0.1, wall_m: -0.4",
-                "wall_m: -0.4 is too near to the sensor: 0.5 or more to the left, -0.5 or less to the right",
+                "type: ghosts, probability: 0.1, wall: [[0, 6], [0, 6]]",
+                "wall.1: is where the corner before it is; remove one of them",
             ),
             (
                 "type: interference, per_minute: 1.0e+9, duration_s: 1, sigma_factor: 2",

@@ -38,6 +38,7 @@ def test_each_world_changes_drivers_and_sensors_and_nothing_else() -> None:
         scenario = tb.load("highway", set={"world": world})
         assert (scenario.config.truth.drivers == "human") == (drivers == "human")
         assert all(bool(own) == typical for own in effects(scenario).values())
+        assert all(sensor.occlusion == typical for sensor in scenario.config.sensors.values())
         assert scenario.config.name == written.name
         assert scenario.config.full_name == f"highway-{world}"
         assert scenario.config.trackers == written.trackers
@@ -50,6 +51,7 @@ def test_the_recorded_world_has_the_motion_of_the_package_and_the_scenarios_targ
     assert scenario.config.truth.source == "recorded-traffic"
     assert scenario.config.truth.targets == tb.load("highway").config.truth.targets
     assert all(effects(scenario).values())
+    assert all(sensor.occlusion for sensor in scenario.config.sensors.values())
     assert {sensor.rate_hz for sensor in scenario.config.sensors.values()} == {10}
     with pytest.raises(InputError, match="none, for no recording of its kind of road"):
         tb.load("roundabout", set={"world": "recorded"})
@@ -71,6 +73,13 @@ def test_what_a_world_sets_is_not_stated_otherwise(stated: dict[str, object], me
     with pytest.raises(InputError, match=message):
         tb.worlds(tb.load("highway", set=stated), ["human"])
     assert tb.load("highway", set={"truth.drivers": "human", "world": "human"}).config.truth.drivers == "human"
+
+
+def test_a_typical_sensor_is_not_said_to_see_through_vehicles() -> None:
+    message = "front_radar.occlusion: the world typical sets this to true: remove it"
+    with pytest.raises(InputError, match=message):
+        tb.load("highway", set={"sensors.front_radar.occlusion": False, "world": "typical"})
+    assert tb.load("highway", set={"sensors.front_radar.occlusion": True, "world": "typical"})
 
 
 def test_recorded_traffic_is_in_the_recorded_world_as_it_is() -> None:

@@ -1,5 +1,6 @@
 """Effects of sensors: geometry by hand, statistics by closed forms, and bits that stay where there is none."""
 
+import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,8 @@ from trackbench.document.markdown import to_markdown
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects import EFFECTS, gauss_markov
+from trackbench.models.sensors.effects.processes import CORRELATION_TIME, smooth_process
+from trackbench.models.sensors.effects.signal import SignalRange, fluctuation
 from trackbench.report.result import result_document
 from trackbench.results.scenario_summary import SensorSummary
 from trackbench.scenario import load_scenario
@@ -71,6 +74,16 @@ def test_a_gauss_markov_process_is_the_recursion_of_textbooks():
     for draw in white[1:]:
         expected.append(a * expected[-1] + np.sqrt(1 - a * a) * draw)
     np.testing.assert_allclose(gauss_markov(time, 0.5, white), expected, rtol=0, atol=1e-13)
+
+
+def test_a_process_of_second_order_has_the_law_of_gelb_at_any_instants():
+    """White draws of one for each instant give the factor of the covariance."""
+    even, uneven = np.arange(40) * 0.1, np.cumsum(np.random.default_rng(0).uniform(0.01, 0.3, 40))
+    for time, time_s in itertools.product((even, uneven), (0.1, 0.5, 60.0)):
+        factor = gauss_markov(time, time_s, np.eye(40), order=2)
+        apart = CORRELATION_TIME * np.abs(time[:, None] - time) / time_s
+        np.testing.assert_allclose(factor @ factor.T, (1 + apart) * np.exp(-apart), rtol=0, atol=1e-13)
+    assert (1 + CORRELATION_TIME) * np.exp(-CORRELATION_TIME) == pytest.approx(np.exp(-1), rel=1e-12)
 
 
 @pytest.mark.parametrize("effects", [[], "ideal"])
@@ -146,21 +159,111 @@ def test_the_faces_that_a_lidar_sees_by_hand():
     np.testing.assert_allclose(inside.bodies.target[:2, 0, 0, 0], [0.5, 0])
 
 
+SIGNAL = {"type": "signal_to_noise", "half_range_m": 100.0, "stated_at_m": 60.0}
+
+
 @pytest.mark.parametrize("distance", [60.0, 100.0, 150.0])
 def test_detections_follow_the_curve_of_swerling(distance):
-    effects = [{"type": "signal_to_noise", "half_range_m": 100.0, "stated_at_m": 60.0}]
-    sensor = ideal(Radar(effects=effects, **RADAR), position=(distance, 0.0), steps=2000)
-    detected = detections(sensor, 20)
+    # Two instants at the same aspect have one signal: the runs are the independent draws.
+    sensor = ideal(Radar(effects=[SIGNAL], **RADAR), position=(distance, 0.0), steps=2)
+    detected = detections(sensor, 20_000)
+    np.testing.assert_array_equal(detected[0], detected[1])
     expected = FALSE_ALARM_PROBABILITY ** (1 / (1 + float(signal_ratio(np.array(distance), 100.0))))
-    low, high = stats.binom.ppf([1e-4, 1 - 1e-4], detected.size, expected)
-    assert low <= detected.sum() <= high
+    low, high = stats.binom.ppf([1e-4, 1 - 1e-4], detected.shape[1], expected)
+    assert low <= detected[0].sum() <= high
+
+
+def wagging(rate_hz, amplitude_rad):
+    """A radar that follows a car for 20 s, whose body swings about its course: a smooth aspect."""
+    time = np.arange(1000) / 50
+    waves = np.random.default_rng(3).uniform(0.2, 1.0, 6)
+    heading = amplitude_rad * np.sin(np.multiply.outer(time, waves) + np.arange(6)).sum(axis=1)[:, None, None]
+    still = np.zeros_like(heading)
+    of = truth(time, 100 + still, still, still, still, observer=fixed_observer(len(time)))
+    of = replace(of, heading=heading, length=np.array([4.5]), width=np.array([1.8]))
+    return ideal_sensors(of, {"sensor": Radar(**RADAR | {"rate_hz": rate_hz, "effects": [SIGNAL]})})[0]
+
+
+def burst_s(sensor, rate_hz):
+    """Mean duration of a burst of misses, s, and the share detected, over 1,000 runs."""
+    missed = ~detections(sensor, 1000)
+    begun = missed[1:] & ~missed[:-1]
+    return missed.sum() / rate_hz / begun.sum(), 1 - missed.mean()
+
+
+def test_the_power_is_exponential_and_its_correlation_is_that_of_the_aspect():
+    turned = np.abs(np.random.default_rng(0).normal(0, 0.4, (39, 1, 1)))
+    white = np.random.default_rng(1).standard_normal((40, 2, 1, 40_000))
+    power = fluctuation(turned, white)[:, 0]
+    for instant in (0, 19, 39):
+        assert stats.kstest(power[instant], "expon").pvalue > 1e-3
+    path = np.concatenate([[0.0], np.cumsum(turned)])
+    apart = CORRELATION_TIME * np.abs(path[:, None] - path)
+    # The correlation of 40,000 pairs of exponential variables has a standard error of at most 0.01.
+    assert np.abs(np.corrcoef(power) - ((1 + apart) * np.exp(-apart)) ** 2).max() < 0.05
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.9])
+def test_misses_begin_as_often_as_a_smooth_envelope_fades(probability):
+    """By the rate at which an envelope crosses a level, Rice (1944): per change of the aspect that decorrelates."""
+    level, step, count = -np.log(probability), 0.02, 4001
+    white = np.random.default_rng(4).standard_normal((count, 2, 1, 1000))
+    missed = fluctuation(np.full((count - 1, 1, 1), step), white)[:, 0] < level
+    by_step, by_two_steps = ((at[1:] & ~at[:-1]).sum(axis=0) / (step * (count - 1)) for at in (missed, missed[::2]))
+    # What is lost between two instants goes with the step.
+    begun = 2 * by_step - by_two_steps
+    expected = CORRELATION_TIME * np.sqrt(level / np.pi) * probability
+    standard_error = begun.std() / np.sqrt(len(begun))
+    assert standard_error < 0.02 * expected
+    assert abs(begun.mean() - expected) < 4 * standard_error
+
+
+@pytest.mark.parametrize("rate_hz", [10, 50])
+def test_the_amplitude_has_the_autocorrelation_of_the_aspect_change_at_any_scan_rate(rate_hz):
+    """A line of sight that turns ever faster, 5 mrad in 3 s; white draws of one give the factor of the covariance."""
+    time = np.arange(3 * rate_hz + 1) / rate_hz
+    aspect = 5e-3 * (time / 3) ** 2 / (299_792_458.0 / (2 * 1.8 * 77e9))
+    factor = smooth_process(np.diff(aspect)[:, None], np.eye(len(time)))
+    apart = CORRELATION_TIME * np.abs(aspect[:, None] - aspect)
+    np.testing.assert_allclose(factor @ factor.T, (1 + apart) * np.exp(-apart), rtol=0, atol=1e-12)
+
+
+def test_a_signal_decorrelates_over_the_aspect_of_its_carrier_and_of_the_width():
+    """By the noise, which follows the power: over the aspect of 1.8 m at 77 GHz, and of one half of that at 154 GHz."""
+    for carrier_ghz in (77.0, 154.0):
+        signal = SIGNAL | {"half_range_m": 1000.0, "carrier_ghz": carrier_ghz}
+        still, aspect = np.zeros((2, 1, 1)), 299_792_458.0 / (2 * 1.8 * carrier_ghz * 1e9)
+        assert aspect == pytest.approx(1.1e-3 * 77 / carrier_ghz, rel=0.02)
+        of = truth(np.arange(2) * 0.1, 100 + still, still, still, still, observer=fixed_observer(2))
+        heading = np.array([0.0, aspect])[:, None, None]
+        of = replace(of, heading=heading, length=np.array([4.5]), width=np.array([1.8]))
+        (sensor,) = ideal_sensors(of, {"sensor": Radar(**RADAR, effects=[signal])})
+        scale = affected(sensor, 1, "effects", range(20_000)).scale[0, :, 0]
+        power = scale[:, (scale > 0).all(axis=0)] ** -2.0
+        assert np.corrcoef(power)[0, 1] == pytest.approx(np.exp(-2), abs=0.03)
+
+
+@pytest.mark.parametrize("amplitude_rad", [4e-4, 1e-3])
+def test_bursts_of_misses_last_as_long_at_any_rate(amplitude_rad):
+    (at_10_hz, share_10), (at_50_hz, share_50) = (burst_s(wagging(hz, amplitude_rad), hz) for hz in (10, 50))
+    assert share_10 == pytest.approx(0.5, abs=0.03)
+    assert share_50 == pytest.approx(share_10, abs=0.02)
+    # Drawn anew at each scan they would last for two scans, 0.2 s and 0.04 s.
+    assert at_10_hz > 1.0
+    assert at_50_hz == pytest.approx(at_10_hz, rel=0.15)
+
+
+def test_the_power_is_that_of_the_body_and_not_of_the_point_that_wanders():
+    still = {"type": "reflection", "across_m": 0.5, "time_s": 0.2}
+    sensor = ideal(Radar(effects=[still, SIGNAL], **RADAR), position=(100.0, 0.0), steps=50)
+    assert (np.ptp(affected(sensor, 1, "effects", range(20)).scale, axis=1) == 0).all()
 
 
 def test_the_noise_grows_as_the_signal_falls_and_a_broad_side_is_stronger():
     def spread(distance, heading=0.0, **keys):
         effects = [{"type": "signal_to_noise", "half_range_m": 200.0, "stated_at_m": 60.0, **keys}]
-        sensor = ideal(Radar(effects=effects, **RADAR), position=(distance, 0.0), heading=heading, steps=2000)
-        return np.nanmedian(np.abs(runs(sensor, 5)[0] - distance)) / 0.3
+        sensor = ideal(Radar(effects=effects, **RADAR), position=(distance, 0.0), heading=heading, steps=1)
+        return np.nanmedian(np.abs(runs(sensor, 10_000)[0] - distance)) / 0.3
 
     # The ratio falls by 16 from 60 to 120 m, so that the standard deviation grows by 4, but for the few undetected.
     assert spread(120.0) / spread(60.0) == pytest.approx(4, rel=0.1)
@@ -168,13 +271,40 @@ def test_the_noise_grows_as_the_signal_falls_and_a_broad_side_is_stronger():
     assert spread(120.0, constant_share=1.0) == pytest.approx(stats.norm.ppf(0.75), rel=0.05)
 
 
-def test_correlated_errors_keep_the_variance_and_have_their_time_constant():
-    effects = [{"type": "correlated_errors", "share": 0.5, "time_s": 2.0}]
+@pytest.mark.parametrize("order", [1, 2])
+def test_correlated_errors_keep_the_variance_and_have_their_time_constant(order):
+    effects = [{"type": "correlated_errors", "share": 0.5, "time_s": 2.0, "order": order}]
     sensor = ideal(Radar(effects=effects, **RADAR), steps=100)
     error = (runs(sensor, 2000)[0] - 50.0) / 0.3
     assert np.mean(error**2) == pytest.approx(1, abs=0.04)
     for lag in (1, 10, 30):
-        assert np.mean(error[lag:] * error[:-lag]) == pytest.approx(0.5 * np.exp(-lag * 0.1 / 2), abs=0.04)
+        apart = lag * 0.1 / 2 * (CORRELATION_TIME if order == 2 else 1)
+        expected = 0.5 * np.exp(-apart) * (1 + apart if order == 2 else 1)
+        assert np.mean(error[lag:] * error[:-lag]) == pytest.approx(expected, abs=0.04)
+
+
+def test_components_may_have_shares_of_their_own():
+    effects = [{"type": "correlated_errors", "share": 0.9, "share_of": {"range_rate": 0.2}, "time_s": 2.0}]
+    error = runs(ideal(Radar(effects=effects, **RADAR), steps=30), 2000) - np.array([50.0, 0.0, 0.0])[:, None, None]
+    error /= np.array([0.3, np.deg2rad(1.0), 0.2])[:, None, None]
+    apart = CORRELATION_TIME * 0.1 / 2
+    for of, share in zip(error, (0.9, 0.9, 0.2), strict=True):
+        assert np.mean(of**2) == pytest.approx(1, abs=0.04)
+        assert np.mean(of[1:] * of[:-1]) == pytest.approx(share * (1 + apart) * np.exp(-apart), abs=0.04)
+
+
+def test_slow_errors_do_not_follow_the_power_of_a_scan_and_the_white_part_does():
+    slow = {"type": "correlated_errors", "share": 0.5, "time_s": 2.0}
+    sensor = ideal(Radar(effects=[SIGNAL, slow], **RADAR), position=(60.0, 0.0), steps=1)
+    sensed = affected(sensor, 1, "effects", range(20_000))
+    seen = sensed.probability[0, 0] > 0
+    power, error = 1 / sensed.scale[0, 0, 0, seen] ** 2, np.abs(sensed.error[0, 0, 0, seen])
+    weak, strong = power < np.median(power), power > np.median(power)
+    assert np.mean(error[weak]) / np.mean(error[strong]) == pytest.approx(1, abs=0.04)
+    assert np.std(1 / power) > 0
+    # At the stated range the variance is that of the options at the mean power, times the mean of 1 / P if detected.
+    growth = SignalRange(half_range_m=100.0, stated_at_m=60.0).mean_variance_factor(np.array(60.0))
+    assert np.mean(sensed.error[0, 0, 0, seen] ** 2) / 0.3**2 == pytest.approx(0.5 * growth, rel=0.05)
 
 
 def test_a_bias_is_drawn_once_a_run():
@@ -229,8 +359,12 @@ def test_bursts_add_false_alarms_only_while_detections_are_few():
     assert counts[~detected].mean() == pytest.approx(5, abs=5 * np.sqrt(5 / (~detected).sum()))
 
 
+def ghosts(wall, probability=0.4, **keys):
+    return [{"type": "ghosts", "wall": wall, "probability": probability, **keys}]
+
+
 def test_a_ghost_is_the_mirror_image_of_its_cause():
-    effects = [{"type": "ghosts", "wall_m": 6.0, "probability": 0.4, "time_s": 0.5}]
+    effects = ghosts([[-100.0, 6.0], [100.0, 6.0]], time_s=0.5)
     sensor = ideal(Radar(effects=effects, **EXACT), position=(20.0, 2.0), velocity=(3.0, 0.5), steps=80)
     seen = [alarms_of(sensor, run) for run in range(300)]
     share = np.mean([len(alarms.instant) / 80 for alarms in seen])
@@ -244,10 +378,8 @@ def test_a_ghost_is_the_mirror_image_of_its_cause():
         np.testing.assert_allclose(alarms.measurement[2], (3 * x - 0.5 * y) / distance, atol=1e-4)
 
 
-@pytest.mark.parametrize(("wall", "mount"), [(-6.0, {}), (9.0, {"x_m": 3.0, "y_m": -0.8, "yaw_deg": -70.0})])
-def test_the_range_rate_of_a_ghost_is_the_derivative_of_its_range(wall, mount):
+def swerving(effects, mount=None):
     """The observer steers and slips, the vehicle brakes and changes lane."""
-    effects = [{"type": "ghosts", "wall_m": wall, "probability": 0.999}]
     time = np.arange(2000) * 1e-3
     turn, swing = 0.4 * np.sin(3 * time), 1.5 * np.cos(2 * time)
     observer = Observer(
@@ -256,8 +388,20 @@ def test_the_range_rate_of_a_ghost_is_the_derivative_of_its_range(wall, mount):
     px, py = 30 + 15 * time - time**2, 1.2 * np.sin(2.5 * time)
     vx, vy = 15 - 2 * time, 3 * np.cos(2.5 * time)
     of = truth(time, *(values[:, None, None] for values in (px, py, vx, vy)), observer=observer)
-    config = Radar(**EXACT | {"rate_hz": 1000, "mount": mount, "effects": effects})
+    config = Radar(**EXACT | {"rate_hz": 1000, "mount": mount or {}, "effects": effects})
     (sensor,) = ideal_sensors(of, {"sensor": config})
+    return sensor, np.stack([px, py])
+
+
+WALLS = [
+    ([[-300.0, -6.0], [300.0, -6.0]], {}),
+    ([[-300.0, 5.0], [300.0, 40.0]], {"x_m": 3.0, "y_m": -0.8, "yaw_deg": -70.0}),
+]
+
+
+@pytest.mark.parametrize(("wall", "mount"), WALLS)
+def test_the_range_rate_of_a_ghost_is_the_derivative_of_its_range(wall, mount):
+    sensor, _ = swerving(ghosts(wall, 0.999), mount)
     alarms = alarms_of(sensor, 0)
     distance, _, rate = alarms.measurement
     inside = np.flatnonzero((np.diff(alarms.instant, 2) == 0) & (np.diff(alarms.instant)[1:] == 1)) + 1
@@ -267,10 +411,35 @@ def test_the_range_rate_of_a_ghost_is_the_derivative_of_its_range(wall, mount):
     np.testing.assert_allclose(rate[inside], central, rtol=0, atol=5e-3)
 
 
-def test_there_is_no_ghost_of_a_vehicle_behind_the_wall():
-    effects = [{"type": "ghosts", "wall_m": 6.0, "probability": 0.4}]
-    sensor = ideal(Radar(effects=effects, **EXACT), position=(20.0, 9.0))
-    assert len(alarms_of(sensor, 0).instant) == 0
+@pytest.mark.parametrize(("wall", "mount"), WALLS)
+def test_the_wall_stays_where_it_is_while_the_observer_swerves(wall, mount):
+    """Halfway between a vehicle and its ghost there is a point of the wall's line, wherever the observer looks."""
+    sensor, vehicle = swerving(ghosts(wall, 0.9), mount)
+    alarms = alarms_of(sensor, 0)
+    distance, azimuth, _ = alarms.measurement
+    x, y, yaw = sensor.pose[:, alarms.instant]
+    ghost = np.stack([x + distance * np.cos(azimuth + yaw), y + distance * np.sin(azimuth + yaw)])
+    start, end = map(np.array, wall)
+    left = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
+    middle = (ghost + vehicle[:, alarms.instant]) / 2
+    np.testing.assert_allclose(left @ (middle - start[:, None]), 0, atol=1e-4)
+
+
+def test_a_ghost_is_only_seen_in_the_wall_and_from_the_side_where_its_cause_is():
+    behind = ideal(Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), **EXACT), position=(20.0, 9.0))
+    assert len(alarms_of(behind, 0).instant) == 0
+    # From (0, 0) by a wall at y = 6 to (20, 2): the path meets the wall at 20 * 6 / 10 = 12 m.
+    for wall, seen in (([[11.0, 6.0], [13.0, 6.0]], True), ([[12.5, 6.0], [50.0, 6.0]], False)):
+        sensor = ideal(Radar(effects=ghosts(wall), **EXACT), position=(20.0, 2.0))
+        assert (len(alarms_of(sensor, 0).instant) > 0) is seen
+    # The image is at 22.4 m and 26.6 degrees.
+    for reach, seen in ((23.0, True), (22.0, False)):
+        by_angle = {"max_range_m": [[0, 100], [20, reach]]}
+        near = Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), by_angle=by_angle, **EXACT)
+        assert (len(alarms_of(ideal(near, position=(20.0, 2.0)), 0).instant) > 0) is seen
+    corner = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0], [80.0, 6.0]]), **EXACT), position=(20.0, 2.0))
+    alone = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0]]), **EXACT), position=(20.0, 2.0))
+    np.testing.assert_array_equal(alarms_of(corner, 0).instant, alarms_of(alone, 0).instant)
 
 
 EVERY = [
@@ -281,7 +450,7 @@ EVERY = [
     {"type": "bias", "sigmas": {"azimuth_deg": 0.2}},
     {"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10.0},
     {"type": "interference", "per_minute": 20.0, "duration_s": 1.0, "detection_factor": 0.3, "alarms_per_scan": 3.0},
-    {"type": "ghosts", "wall_m": 6.0, "probability": 0.4},
+    {"type": "ghosts", "wall": [[-50.0, 6.0], [50.0, 6.0]], "probability": 0.4},
     {"type": "quantised", "steps": {"range_m": 0.2}},
 ]
 
@@ -289,7 +458,7 @@ EVERY = [
 @pytest.mark.parametrize("effects", [*([effect] for effect in EVERY), EVERY], ids=lambda effects: effects[-1]["type"])
 def test_a_run_is_the_same_to_the_last_bit_whatever_the_others_are(effects):
     # With so many instants a few runs are made at a time.
-    sensor = ideal(Radar(effects=effects, max_range_m=150.0, **RADAR), velocity=(0.1, 0.0), steps=3000)
+    sensor = ideal(Radar(effects=effects, max_range_m=150.0, **RADAR), velocity=(0.1, 0.02), steps=3000)
     together, alone = (sense_known([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
     assert together[9] == alone[0]
     together, alone = (sense_hidden([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
@@ -317,7 +486,7 @@ def test_the_page_of_effects_has_the_typical_figures(run_tiny):
     ("identities", "effect", "said"), [("known", 1, True), ("hidden", 1, False), ("known", 0, False)]
 )
 def test_a_check_says_which_effects_do_nothing(tiny, identities, effect, said):
-    ghosts = ["{type: bias, sigmas: {range_m: 1}}", "{type: ghosts, wall_m: 6, probability: 0.4}"][effect]
+    ghosts = ["{type: bias, sigmas: {range_m: 1}}", "{type: ghosts, wall: [[0, 6], [90, 6]], probability: 0.4}"][effect]
     filters = "{ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}}}"
     hidden = ["sensing={identities: hidden}", f"trackers={filters}", "score={}"] if identities == "hidden" else []
     notes = check(load_scenario(tiny, [f"sensors.radar.effects=[{ghosts}]", *hidden]))

@@ -149,6 +149,49 @@ def test_below_the_speed_of_its_full_size_the_acceleration_is_in_proportion_to_t
     assert speeds(0.4, 3.0) == speeds(0.4, 2.0)
 
 
+@pytest.mark.parametrize("speed", [20.0, 30.0])
+def test_a_calm_driver_brakes_as_much_as_is_needed_and_little_more(speed: float) -> None:
+    """Behind a car that is 10 m/s slower, 45 m ahead: the model brakes at 6 m/s^2, and nobody is hit."""
+    hardest = {}
+    for calm_from_mps in (None, 12.0):
+        scene = Scene(Drivers(calm_from_mps=calm_from_mps), 0.0, 45.0, speed=speed)
+        behind, ahead = scene.cars
+        ahead.speed = ahead.target_speed = speed - 10.0
+        speeds = []
+        for _ in range(1000):
+            scene.drive(1)
+            speeds.append(behind.speed)
+            assert ahead.position[0] - behind.position[0] > 5.0
+        hardest[calm_from_mps] = -np.diff(speeds).min() / DT
+        assert behind.speed == pytest.approx(speed - 10.0, abs=0.5)
+    # It needs 100 / (2 * 40) = 1.25 m/s^2 at first.
+    assert hardest[None] > 5.0
+    assert 1.25 < hardest[12.0] < 3.5
+
+
+@pytest.mark.parametrize("gap_m", [35.0, 45.0, 60.0])
+def test_a_calm_driver_stops_behind_a_car_that_brakes_hard(gap_m: float) -> None:
+    """From 25 m/s to rest, with a reaction of 0.7 s."""
+    scene = Scene(Drivers(calm_from_mps=12.0, reaction_s=0.7), 0.0, gap_m, speed=25.0)
+    behind, ahead = scene.cars
+    ahead.target_speed = 0.0
+    for _ in range(400):
+        scene.drive(1)
+        assert ahead.position[0] - behind.position[0] > 5.0
+    assert ahead.speed == pytest.approx(0.0, abs=0.1)
+    assert behind.speed == pytest.approx(0.0, abs=0.5)
+
+
+def test_below_its_speed_a_calm_driver_is_that_of_the_model() -> None:
+    places = []
+    for calm_from_mps in (None, 12.0):
+        scene = Scene(Drivers(calm_from_mps=calm_from_mps), 0.0, 30.0, speed=11.0)
+        scene.cars[1].target_speed = 4.0
+        scene.drive(200)
+        places.append([car.position[0] for car in scene.cars])
+    assert places[0] == places[1]
+
+
 def test_a_car_that_stands_keeps_standing() -> None:
     scene = Scene(Drivers(acceleration_rms_mps2=2.0), 0.0, speed=5.0)
     scene.cars[0].target_speed = 0.0

@@ -123,9 +123,9 @@ def _where(condition: Term, yes: Term | float, no: Term | float) -> Term:
     return _apply(condition.graph, "where", condition, yes, no)
 
 
-def polynomial(x: Term, coefficients: Sequence[float]) -> Term:
-    """By Horner's rule; the coefficient of the highest power comes first."""
-    result: Term = x * coefficients[0] + coefficients[1] if coefficients[0] != 1.0 else x + coefficients[1]
+def polynomial(x: Any, coefficients: Sequence[float]) -> Any:
+    """Evaluate a polynomial of a term or an array by Horner's rule; the highest power's coefficient comes first."""
+    result = x * coefficients[0] + coefficients[1] if coefficients[0] != 1.0 else x + coefficients[1]
     for coefficient in coefficients[2:]:
         result = result * x + coefficient
     return result
@@ -208,7 +208,7 @@ def exp(x: Term) -> Term:
     high, low = bounded - power * LN2_HIGH, power * LN2_LOW
     rest = high - low
     square = rest * rest
-    change = rest - square * polynomial(square, EXP)
+    change: Term = rest - square * polynomial(square, EXP)
     near = 1.0 - ((low - rest * change / (2.0 - change)) - high)
     # In two steps, since the power of two alone may be too large or too small.
     first = _apply(graph, "floor", power * 0.5)
@@ -311,15 +311,35 @@ class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
     def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **options: Any) -> Any:
         if "out" in options:
             options["out"] = tuple(map(_plain, options["out"]))
+        if "where" in options:
+            options["where"] = _plain(options["where"])
         inputs = tuple(map(_plain, inputs))
         if ufunc is np.arctan2 and method == "__call__" and not options:
-            graph: Any = Immediate()
-            with np.errstate(all="ignore"):
-                angle: Any = arctan2(*(Term(graph, value) for value in inputs)).node
-            result = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(*inputs))
+            result = _angles(*np.broadcast_arrays(*inputs))
         else:
             result = getattr(ufunc, method)(*inputs, **options)
         return by_arithmetic(result) if isinstance(result, np.ndarray) else result
+
+
+def _angles(y: Array, x: Array) -> Array:
+    """Return ``arctan2`` of arrays of one shape, with the bits of the function of terms.
+
+    A ratio of at most 7/16 needs neither a reduction of the angle nor a guard: there the polynomial alone is computed.
+    """
+    height = np.abs(y)
+    with np.errstate(all="ignore"):
+        ratio = height / x
+        square = ratio * ratio
+        even, odd = (polynomial(square * square, coefficients) for coefficients in ATAN)
+        result: Array = np.copysign(ratio - ratio * (square * (even + square * odd)), y)
+    elsewhere = ~((height <= x * 0.4375) & (x > 0.0) & (x < np.inf))
+    if elsewhere.any():
+        graph: Any = Immediate()
+        y, x = y[elsewhere], x[elsewhere]
+        with np.errstate(all="ignore"):
+            angle: Any = arctan2(*(Term(graph, value) for value in (y, x))).node  # type: ignore[arg-type]
+        result[elsewhere] = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(y, x))
+    return result
 
 
 def _plain(value: Any) -> Any:

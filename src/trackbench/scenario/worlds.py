@@ -16,8 +16,8 @@ WORLDS: tuple[World, ...] = get_args(World)
 MEANING: dict[World, str] = {
     "ideal": "steady drivers where they are simulated, ideal sensors",
     "human": "human drivers, ideal sensors",
-    "typical": "human drivers where they are simulated, typical sensors",
-    "recorded": "recorded traffic, typical sensors",
+    "typical": "human drivers where they are simulated, typical sensors from which vehicles hide others",
+    "recorded": "recorded traffic, typical sensors from which vehicles hide others",
 }
 #: The environments of highway-env whose road is like that of a recording that comes with the package.
 MOTORWAYS = ("highway-v0", "highway-fast-v0", "merge-v0", "merge-generic-v0", "two-way-v0", "exit-v0")
@@ -50,6 +50,9 @@ def _sensors(sensors: Mapping[str, Any], world: World, recorded: bool) -> Iterat
         stated = sensor if isinstance(sensor, dict) else {}
         _refuse_another(stated.get("effects"), effects, world, f"sensors.{name}.effects")
         yield f"sensors.{name}.effects={effects}"
+        if effects == "typical":
+            _refuse_another(stated.get("occlusion"), True, world, f"sensors.{name}.occlusion")
+            yield f"sensors.{name}.occlusion=true"
         rate = stated.get("rate_hz")
         if world == "recorded" and not recorded and not (isinstance(rate, int | float) and rate <= RECORDED_HZ):
             yield f"sensors.{name}.rate_hz={RECORDED_HZ}"
@@ -78,6 +81,7 @@ def _truth(truth: Mapping[str, Any], world: World) -> Iterator[str]:
         raise NoSuchWorld("none, for its truth has no simulated drivers", key="world")
 
 
-def _refuse_another(stated: Any, value: str, world: World, key: str) -> None:
+def _refuse_another(stated: Any, value: str | bool, world: World, key: str) -> None:
     if stated not in (None, value):
-        raise InputError(f"the world {world} sets this to {value}: remove it, or leave the worlds out", key=key)
+        word = "true" if value is True else value
+        raise InputError(f"the world {world} sets this to {word}: remove it, or leave the worlds out", key=key)

@@ -188,9 +188,7 @@ def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Genera
     ideal = np.asarray(sensor.config.measure(target, pose, velocity))
     alarms = _noisy(sensor, instant, ideal, random)
     distance, azimuth, _ = Radar.measure(target, pose, velocity)
-    field = field_of_view(sensor.config)
-    there = (distance <= field.max_range) & (np.abs(azimuth) <= field.half_angle)
-    return _where(alarms, there)
+    return _where(alarms, sensor.config.reaches(distance, azimuth))
 
 
 #: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what

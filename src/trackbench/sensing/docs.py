@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 
 from trackbench.models.sensors.presets import Preset, list_presets
@@ -37,7 +38,8 @@ def _preset(preset: Preset) -> Iterator[str]:
     rows = ["| key | value | from |", "| --- | ---: | --- |"]
     for key, value in preset.values.items():
         origin = preset.sources.get(key) or f"assumed: {preset.assumed[key]}"
-        rows.append(f"| `{key}` | {value:g} | {origin} |")
+        shown = f"{value:g}" if isinstance(value, int | float) else f"`{json.dumps(value)}`"
+        rows.append(f"| `{key}` | {shown} | {origin} |")
     yield "\n".join(rows)
 
 

@@ -63,6 +63,8 @@ class IdealSensor:
     """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
     bodies: Bodies | None = None
     """What it sees, of a sensor that has effects."""
+    scale: Array | None = None
+    """``(m, instants, objects, runs or 1)`` standard deviation over that of the options, where it changes by angle."""
     recorded: bool = False
     """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
     detections: RecordedDetections | None = None
@@ -167,11 +169,12 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
     if config.effects:
         heading = truth.heading[steps]
         axis = np.stack([np.cos(heading), np.sin(heading)])
-        bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], truth.length[:, None], truth.width[:, None])
+        size = truth.length[:, None], truth.width[:, None]
+        bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], *size, centre=target[:2])
+    scale = None if config.by_angle is None else config.by_angle.scale(np.asarray(seen[1]), config.components)
     resolved = None if config.resolution is None else seen
-    return IdealSensor(
-        name, config, steps, time, measurement, visible, within, probability, *motion, noise, resolved, bodies=bodies
-    )
+    seen_by = name, config, steps, time, measurement, visible, within, probability
+    return IdealSensor(*seen_by, *motion, noise, resolved, bodies=bodies, scale=scale)
 
 
 def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded) -> IdealSensor:
@@ -224,13 +227,16 @@ class ObjectMeasurements(NamedTuple):
 
 #: Measurements of a component that are made at a time: as many as the cache of a processor holds.
 AT_A_TIME = 2**16
+#: The same with effects, whose processes go from instant to instant for all of them at once.
+AT_A_TIME_WITH_EFFECTS = 2**18
 
 
 def sensor_measurements(
     sensor: IdealSensor, seed: int, scenario: str, runs: range
 ) -> Iterator[tuple[range, ObjectMeasurements]]:
     """The measurements of some runs, a few runs at a time."""
-    size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
+    most = AT_A_TIME if sensor.bodies is None else AT_A_TIME_WITH_EFFECTS
+    size = max(1, most // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(runs.start, runs.stop, size):
         part = range(first, min(first + size, runs.stop))
         yield part, _measured(sensor, seed, scenario, part)
@@ -241,12 +247,15 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
     random = RunStreams(seed, scenario, runs, sensor.name)
     draws, chance = random.standard_normal(ideal.shape[:-1]), random.random(visible.shape[:-1])
     sensed = None
+    if sensor.bodies is None and sensor.scale is not None:
+        draws *= of_runs(sensor.scale, runs)
     if sensor.bodies is None:
         detected = visible & (chance < of_runs(sensor.probability, runs))
     else:
         sensed = affected(sensor, seed, scenario, runs)
         detected = visible & (chance < sensed.probability)
-        ideal, draws = difference(sensed.ideal(), -sensed.error, sensor.config.angular), draws * sensed.scale
+        ideal = np.asarray(sensed.ideal()) + sensed.error
+        draws *= sensed.scale
     if sensor.recorded:
         detected = detected & np.isfinite(ideal).all(axis=0)
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
@@ -261,6 +270,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
     """Some runs of a sensor that has effects, before its white noise."""
     assert sensor.bodies is not None
     size, instants, objects = sensor.measurement.shape[:3]
+    scale = np.ones((1, instants, objects, 1)) if sensor.scale is None else of_runs(sensor.scale, runs)
     sensed = Sensed(
         sensor.config,
         len(runs),
@@ -271,7 +281,8 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
         sensor.bodies.of_runs(runs),
         of_runs(sensor.visible, runs),
         of_runs(sensor.probability, runs),
-        scale=np.ones((instants, objects, 1)),
+        scale=scale,
+        slow_scale=scale,
         error=np.zeros((size, instants, objects, len(runs))),
     )
     for place, effect in enumerate(sensor.config.effects):

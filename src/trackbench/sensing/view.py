@@ -163,9 +163,7 @@ def polar(truth: Truth, steps: Indices, motion: SensorMotion) -> Array:
 
 def objects_in_view(truth: Truth, steps: Indices, config: Sensor, motion: SensorMotion, seen: Array) -> Mask:
     """``(instants, objects, runs or 1)``: present, in the field of view, and not occluded; ``seen`` from ``polar``."""
-    field = field_of_view(config)
-    inside = (np.abs(seen[1]) <= field.half_angle) & (seen[0] <= field.max_range)
-    result = truth.alive[steps][:, :, None] & inside
+    result = truth.alive[steps][:, :, None] & config.reaches(seen[0], seen[1])
     if config.occlusion:
         result &= ~occluded(truth, steps, motion.pose[:2])
     return np.asarray(result)

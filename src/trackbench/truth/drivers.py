@@ -21,6 +21,10 @@ COMFORTABLE_BRAKING_MPS2 = 2.0
 #: How far a driver looks for bends from the start of its lane, m: beyond where it would brake at 40 m/s.
 SEEN_AHEAD_M = 500.0
 DRAWN_AT_ONCE = 128
+#: Acceleration and braking of a calm driver, m/s^2. Source: Kesting, Treiber and Helbing (2010), as ``calm_braking``.
+CALM_ACCELERATION_MPS2, CALM_BRAKING_MPS2 = 1.4, 2.0
+#: So much above ``calm_from_mps`` a driver is wholly calm, m/s.
+CALM_OVER_MPS = 3.0
 #: Between the headings of which a lane's curvature is taken, m.
 SPACING_M = 2.0
 
@@ -132,7 +136,12 @@ class HumanVehicle(SteeredVehicle):
         alone = max(-self.ACC_MAX, self.free_road_acceleration())
         # With a desired speed of zero the model would creep.
         alone = min(alone, self.KP_A * max(0.0, self.target_speed - self.speed))
-        seen = driver.reacts_to(min(0.0, self.action["acceleration"] - alone))
+        braking = min(0.0, self.action["acceleration"] - alone)
+        if options.calm_from_mps is not None and self.speed > options.calm_from_mps:
+            calm = min(1.0, (self.speed - options.calm_from_mps) / CALM_OVER_MPS)
+            alone *= 1.0 - calm * (1.0 - CALM_ACCELERATION_MPS2 / self.COMFORT_ACC_MAX)
+            braking += calm * (self.calm_braking(braking) - braking)
+        seen = driver.reacts_to(braking)
         if self.BENDS:
             alone = min(alone, self.KP_A * (self.speed_for_bends() - self.speed))
         wanted = alone + seen
@@ -150,6 +159,37 @@ class HumanVehicle(SteeredVehicle):
             # Brakes do not push backwards.
             wanted = max(wanted, -self.speed / dt)
         return {**controls, "acceleration": wanted}
+
+    def calm_braking(self, braking: float) -> float:
+        """Return the part of the model's braking that a calm driver takes, m/s^2, both at most 0.
+
+        It is what is needed not to hit the vehicles ahead, and at most ``CALM_BRAKING_MPS2`` more.
+
+        Source: Kesting, Treiber and Helbing (2010), "Enhanced intelligent driver model to access the impact of driving
+        strategies on traffic capacity", equations 4 to 6.
+        """
+        if braking > -0.1:
+            return braking
+        needed = min(map(self._needed_braking, {self.lane_index, self.target_lane_index}))
+        if braking >= needed:
+            return braking
+        return needed + CALM_BRAKING_MPS2 * math.tanh((braking - needed) / CALM_BRAKING_MPS2)
+
+    def _needed_braking(self, lane: Any) -> float:
+        ahead, _ = self.road.neighbour_vehicles(self, lane)
+        if ahead is None:
+            return 0.0
+        speed: float = max(0.0, ahead.speed)
+        closing: float = max(0.0, self.speed - ahead.speed)
+        gap: float = self.lane_distance_to(ahead) - (self.LENGTH + ahead.LENGTH) / 2
+        gap = max(0.1, gap - closing * self.driver.options.reaction_s)
+        # Braking that is no harder than is comfortable is not taken to go on.
+        slowing: float = min(0.0, getattr(ahead, "intended", 0.0))
+        if slowing > -CALM_BRAKING_MPS2:
+            return -(closing**2) / (2.0 * gap)
+        if speed * closing <= -2.0 * gap * slowing:
+            return float(self.speed**2 * slowing / (speed**2 - 2.0 * gap * slowing))
+        return slowing - closing**2 / (2.0 * gap)
 
     def free_road_acceleration(self) -> float:
         """``self.acceleration(self, None)``, m/s^2; of IDM in plain floats, which take a fifth of the time."""

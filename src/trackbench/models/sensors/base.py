@@ -30,10 +30,10 @@ from trackbench.base.config.key_units import in_si, split_key
 from trackbench.base.config.plugin import Plugin
 from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
-from trackbench.base.types import Array, Gaussian, Scan
-from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
+from trackbench.base.types import Array, Gaussian, Mask, Scan
+from trackbench.models.sensors.detection import ByAngle, Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
-from trackbench.models.sensors.presets import WORDS, Words, presets, typical
+from trackbench.models.sensors.presets import WORDS, Words, of_components, presets, typical
 
 #: A time for which a measurement is on its way, s.
 Delay = Annotated[float, Field(ge=0, le=60)]
@@ -116,6 +116,11 @@ class Sensor(Config, ABC):
         default_factory=DetectionFactors,
         description="How that probability falls with range and aspect; it does not unless given.",
     )
+    by_angle: ByAngle | None = Field(
+        None,
+        description="How range and noise change with the angle from the boresight; they do not unless given. Trackers "
+        "are told the options at the boresight.",
+    )
     occlusion: bool = Field(False, description="Whether vehicles hide those behind them.")
     clutter: Clutter = Field(default_factory=Clutter, description="False alarms; none unless given.")
     resolution: Resolution | None = Field(
@@ -156,6 +161,9 @@ class Sensor(Config, ABC):
             reject(cls.__name__, [Problem(("preset",), problem)])
             return data
         values = {key: value for key, value in preset.values.items() if key not in cls.unused}
+        if "by_angle" in values:
+            sigma = of_components(values["by_angle"]["sigma"], cls.components)
+            values["by_angle"] = {**values["by_angle"], "sigma": sigma}
         return {"type": kind, **values, **data}
 
     def problems(self) -> Iterator[Problem]:
@@ -178,6 +186,10 @@ class Sensor(Config, ABC):
         for i, effect in enumerate(self.effects):
             for problem in effect.problems_on(self):
                 yield Problem(("effects", i, *problem.at), problem.message)
+        for name in self.by_angle.sigma if self.by_angle is not None else ():
+            if name not in self.components:
+                wrong = f"a {self.kind()} measures no {name!r}; {nearest_choices(name, self.components)}"
+                yield Problem(("by_angle", "sigma", name), wrong)
         if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
             yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
 
@@ -199,6 +211,15 @@ class Sensor(Config, ABC):
     def biases(self) -> tuple[float, ...]:
         """``(m,)`` constant error of each component of a measurement, in SI units and radians."""
         return (0.0,) * len(self.components)
+
+    def reaches(self, distance: Array, azimuth: Array) -> Mask:
+        """Return ``(...)`` whether points at distances, m, and azimuths, rad, are in the field of view."""
+        inside = np.abs(azimuth) <= np.deg2rad(self.fov_deg) / 2
+        if self.max_range_m is not None:
+            inside &= distance <= self.max_range_m
+        if self.by_angle is not None:
+            inside &= distance <= self.by_angle.range_limit(azimuth)
+        return np.asarray(inside)
 
     def uniform(self, shares: Array) -> Array:
         """Measurements ``(m, n)`` uniform in the field of view, from numbers ``(m, n)`` uniform in 0 to 1.

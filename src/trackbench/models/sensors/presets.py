@@ -28,7 +28,7 @@ class Preset:
     """Maker and model."""
     source: str
     """Where the published figures are from."""
-    values: Mapping[str, float]
+    values: Mapping[str, Any]
     """Defaults for the keys of the sensor's configuration."""
     sources: Mapping[str, str]
     """For each published value: the place in the source, and how it was converted."""
@@ -90,11 +90,15 @@ def _entries() -> dict[str, list[dict[str, Any]]]:
 
 def typical(kind: str, components: Collection[str]) -> list[dict[str, Any]]:
     """Return the typical effects of a kind of sensor on what it measures; none of one that is not built in."""
+    every = [
+        {key: of_components(value, components) for key, value in entry["options"].items()}
+        for entry in _entries().get(kind, [])
+    ]
+    stated = [{key: value for key, value in options.items() if value != {}} for options in every]
+    return [options for options in stated if set(options) != {"type"}]
 
-    def kept(value: Any) -> Any:
-        """Return the sizes of components that it measures, of sizes such as {azimuth_deg: 0.1}."""
-        is_sizes = isinstance(value, dict)
-        return {key: size for key, size in value.items() if split_key(key)[0] in components} if is_sizes else value
 
-    every = [{key: kept(value) for key, value in entry["options"].items()} for entry in _entries().get(kind, [])]
-    return [options for options in every if {} not in options.values()]
+def of_components(value: Any, components: Collection[str]) -> Any:
+    """Keep those sizes of a mapping such as {azimuth_deg: 0.1} whose component is measured; return other values."""
+    is_sizes = isinstance(value, dict)
+    return {key: size for key, size in value.items() if split_key(key)[0] in components} if is_sizes else value

@@ -26,7 +26,9 @@ INSTANTS = {
     "pose": 1,
     "velocity": 1,
     "polar": 1,
+    "scale": 1,
     "target": 1,
+    "centre": 1,
     "heading": 0,
     "axis": 1,
     "yaw_rate": 0,
@@ -94,7 +96,8 @@ class EpisodeSensing:
         if part.bodies is not None:
             bodies = None if whole is None else whole.bodies
             placed = _placed(bodies, part.bodies, len(steps), there)
-            changes["bodies"] = replace(part.bodies, **{**placed, "target": by_arithmetic(placed["target"])})
+            points = {name: by_arithmetic(placed[name]) for name in ("target", "centre")}
+            changes["bodies"] = replace(part.bodies, **{**placed, **points})
         self._ideal[name] = replace(part, steps=steps, time=self._time[steps], **changes)
 
 

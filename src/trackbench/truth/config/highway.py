@@ -62,6 +62,11 @@ class Drivers(Config):
         max_length=2,
         description="Least and most time gap that a driver keeps, uniform; highway-env's 1.5 s unless given.",
     )
+    calm_from_mps: Positive | None = Field(
+        None,
+        description="Speed from which on a driver accelerates and brakes as the enhanced intelligent driver model has "
+        "it, by no more than is comfortable or needed; fully so 3 m/s above.",
+    )
     cornering_mps2: Positive | None = Field(
         None, description="Largest acceleration across at which a driver takes a bend, for which it brakes in time."
     )
@@ -92,6 +97,7 @@ HUMAN = Drivers(
     reaction_s=0.7,
     speed_spread=0.08,
     headway_s=[1.0, 2.7],
+    calm_from_mps=14,
     cornering_mps2=3.0,
     grip_mps2=7.8,
     jerk_mps3=15,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from trackbench.models.sensors.base import Sensor
 
 #: The arrays of a ``Sensed`` that an effect may change; each may be the same in all runs, but the error.
-_ARRAYS = ("pose", "velocity", "yaw_rate", "visible", "probability", "scale", "error", "bodies.target")
+_ARRAYS = ("pose", "velocity", "yaw_rate", "visible", "probability", "scale", "slow_scale", "error", "bodies.target")
 
 
 def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
@@ -34,7 +34,8 @@ def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
         if array is unchanged:
             continue
         lasts = (sensed.runs,) if name == "error" else (sensed.runs, 1)
-        shapes = [(*unchanged.shape[:-1], last) for last in lasts]
+        firsts = (1, len(sensed.error)) if name.endswith("scale") else unchanged.shape[:1]
+        shapes = [(first, *unchanged.shape[1:-1], last) for first in firsts for last in lasts]
         _require_like(effect, f"before must return a Sensed whose {name} is", array, unchanged, shapes)
     return changed
 

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from trackbench.models.sensors.base import Sensor
 
 
+#: Arrays of ``Bodies`` that may differ from run to run.
+MOVING = ("target", "heading", "axis", "yaw_rate", "centre")
+
+
 @dataclass(frozen=True)
 class Bodies:
     """What a sensor sees at its instants: points that move, and the boxes around them.
@@ -40,26 +44,32 @@ class Bodies:
     """``(objects, 1)`` m."""
     width: Array
     """``(objects, 1)`` m."""
+    centre: Array
+    """``(2, instants, objects, runs or 1)`` x, y of the centres of the boxes, which no effect moves."""
 
     def of_runs(self, runs: range) -> Bodies:
         """Those of some runs."""
-        moving = {name: of_runs(getattr(self, name), runs) for name in ("target", "heading", "axis", "yaw_rate")}
+        moving = {name: of_runs(getattr(self, name), runs) for name in MOVING}
         return replace(self, **moving)
 
     def seen_from(self, pose: Array) -> Array:
-        """Where a sensor of pose ``(3, instants, runs or 1)`` is, ahead and to the left of each, m.
+        """Where a sensor of pose ``(3, instants, runs or 1)`` is, ahead and to the left of each centre, m.
 
         ``(2, instants, objects, runs or 1)``.
         """
-        dx, dy = pose[0][:, None] - self.target[0], pose[1][:, None] - self.target[1]
+        dx, dy = pose[0][:, None] - self.centre[0], pose[1][:, None] - self.centre[1]
         c, s = self.axis
         return np.stack([c * dx + s * dy, c * dy - s * dx])
 
     def moved(self, ahead: Array, left: Array) -> Bodies:
         """Points so far ahead of these and to the left on the bodies, m, with the velocity that a turn gives them."""
         c, s = self.axis
-        x, y = c * ahead - s * left, s * ahead + c * left
-        shift = np.stack([x, y, -self.yaw_rate * y, self.yaw_rate * x])
+        x, y = c * ahead, s * ahead
+        x -= s * left
+        y += c * left
+        shift = np.stack([x, y, y, x])
+        shift[2] *= -self.yaw_rate
+        shift[3] *= self.yaw_rate
         return replace(self, target=self.target + shift)
 
 
@@ -88,7 +98,10 @@ class Sensed:
     probability: Array
     """``(instants, objects, runs or 1)`` that an object that is visible is detected."""
     scale: Array
-    """``(instants, objects, runs or 1)`` standard deviation of the white noise over that of the sensor's options."""
+    """``(m or 1, instants, objects, runs or 1)`` the white noise's standard deviation over that of the options."""
+    slow_scale: Array
+    """``(m or 1, instants, objects, runs or 1)`` standard deviation of slow errors over that of the sensor's options.
+    It has no part of one scan alone, such as the power that is received in it."""
     error: Array
     """``(m, instants, objects, runs)`` what is added beside the white noise, in SI units and radians."""
 
@@ -187,25 +200,3 @@ def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor | ty
             )
         elif first.setdefault(component, name) != name:
             yield Problem((key, name), f"the {component} is stated by {first[component]} already; remove one of them")
-
-
-def gauss_markov(time: Array, time_s: float, white: Array) -> Array:
-    """A stationary first-order Gauss-Markov process of unit variance, with autocorrelation ``exp(-|t| / time_s)``.
-
-    Source: Gelb (1974), "Applied Optimal Estimation", section 3.8. Summed by doubling, all instants at once.
-
-    Args:
-        time: ``(instants,)`` s, increasing.
-        time_s: the time constant, s.
-        white: ``(instants, ...)`` draws of a standard normal.
-    """
-    decay = np.concatenate([[0.0], np.exp(-np.diff(time) / time_s)]).reshape(-1, *(1,) * (white.ndim - 1))
-    value: Array = white * np.sqrt(1.0 - decay * decay)
-    scaled = np.empty_like(value)
-    shift = 1
-    while shift < len(time) and decay.any():
-        value[shift:] += np.multiply(decay[shift:], value[:-shift], out=scaled[shift:])
-        decay[shift:] = decay[shift:] * decay[:-shift]
-        decay[:shift] = 0.0
-        shift *= 2
-    return value

@@ -3,36 +3,56 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.config import Angle, NonNegative, Positive, Problem
+from trackbench.base.config import Angle, NonNegative, Positive, Probability, Problem
+from trackbench.base.errors import nearest_choices
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
-from trackbench.models.sensors.effects.base import Effect, Sensed, by_component, component_problems, gauss_markov
+from trackbench.models.sensors.effects.base import Effect, Sensed, by_component, component_problems
+from trackbench.models.sensors.effects.processes import gauss_markov
 
 if TYPE_CHECKING:
     from trackbench.models.sensors.base import Sensor
 
 
 class CorrelatedErrors(Effect):
-    """A part of the sensor's noise that changes slowly, a first-order Gauss-Markov process for each vehicle.
+    """A part of the sensor's noise that changes slowly, a Gauss-Markov process for each component and vehicle.
 
     The variance of each measurement stays that of the options; only its errors at different instants are correlated.
+    The slow part does not follow the power of a scan, which ``signal_to_noise`` draws: the white part does.
     """
 
     share: float = Field(gt=0, le=1, description="Share of the noise variance that changes slowly.")
-    time_s: Positive = Field(description="Time constant of the process, s.")
+    share_of: dict[str, Probability] = Field(
+        default_factory=dict, description="That of single components, such as `range_rate: 0.8`."
+    )
+    time_s: Positive = Field(description="Correlation time of the process, to 1/e, s.")
+    order: Literal[1, 2] = Field(
+        2, description="Order of the process: 2 changes smoothly; 1 is what trackers can assume."
+    )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         instants, objects = sensed.shape
         white = random.standard_normal((instants, len(sensed.error), objects))
-        slow = np.moveaxis(gauss_markov(sensed.time, self.time_s, white), 1, 0)
-        error = sensed.error + np.sqrt(self.share) * sensed.sigmas() * sensed.scale * slow
-        return sensed.replaced(error=error, scale=np.sqrt(1.0 - self.share) * sensed.scale)
+        slow = np.moveaxis(gauss_markov(sensed.time, self.time_s, white, self.order), 1, 0)
+        names = sensed.sensor.components if self.share_of else ("all",)
+        shares = np.array([self.share_of.get(name, self.share) for name in names])[:, None, None, None]
+        slow *= np.sqrt(shares) * sensed.sigmas()
+        slow *= sensed.slow_scale
+        slow += sensed.error
+        rest = np.sqrt(1.0 - shares)
+        return sensed.replaced(error=slow, scale=rest * sensed.scale, slow_scale=rest * sensed.slow_scale)
+
+    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+        for name in self.share_of:
+            if name not in sensor.components:
+                wrong = f"a {sensor.kind()} measures no {name!r}; {nearest_choices(name, sensor.components)}"
+                yield Problem(("share_of", name), wrong)
 
 
 class Bias(Effect):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from pydantic import Field
@@ -10,57 +11,65 @@ from pydantic import Field
 from trackbench.base.config import Positive, Problem
 from trackbench.base.distributions import normal_quantile
 from trackbench.base.streams import RunStreams
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.units import wrap_angle
-from trackbench.models.sensors.effects.base import Effect, Sensed, gauss_markov
-
-#: Nearer than this a wall would be in the body of the observer, m.
-NEAREST_WALL_M = 0.5
+from trackbench.models.sensors.detection import Point
+from trackbench.models.sensors.effects.base import Effect, Sensed
+from trackbench.models.sensors.effects.processes import gauss_markov
 
 
 class Ghosts(Effect):
-    """Mirror images of vehicles in a wall or guard rail along the road, on the side of it where no vehicle is.
+    """Mirror images of vehicles in walls or guard rails, which stand beside the road.
 
     The path goes by the wall both ways, so that range, azimuth and range rate are those of the mirror image, which
-    follows its cause. The wall stays beside the observer and turns with it, so that the range rate is the derivative of
-    the range. With known identities a measurement is never a ghost.
+    follows its cause. There is an image where sensor and vehicle are on one side of the wall's line, and the path meets
+    the line between its ends. With known identities a measurement is never a ghost.
     """
 
-    wall_m: float = Field(
-        ge=-1000,
-        le=1000,
-        description="The wall's distance to the left of the sensor, 0.5 m at the least, parallel to the observer's "
-        "heading, m; negative: to the right.",
+    wall: list[Point] = Field(
+        min_length=2,
+        description="Corners [x, y] of the wall in the frame of the world, m: it does not move with the observer.",
     )
     probability: float = Field(
-        gt=0, lt=1, description="Share of the instants at which a vehicle that the sensor sees has an image."
+        gt=0, lt=1, description="Share of the instants at which a vehicle that the sensor sees has an image in a wall."
     )
     time_s: Positive = Field(1, description="Time constant with which images come and go, s.")
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
         presence = gauss_markov(sensed.time, self.time_s, random.standard_normal(sensed.shape))
-        sensor, turn = sensed.sensor, sensed.yaw_rate[:, None]
-        pose, velocity = sensed.pose[:, :, None], sensed.velocity[:, :, None]
-        (x, y, yaw), (ux, uy), mount = pose, velocity, np.deg2rad(sensor.mount.yaw_deg)
-        c, s = np.cos(yaw - mount), np.sin(yaw - mount)
-        px, py, vx, vy = sensed.bodies.target
-        ahead = c * (px - x) + s * (py - y)
-        # How far the wall is beyond the vehicle, and the derivative: the normal of the wall turns too.
-        beyond = self.wall_m - (c * (py - y) - s * (px - x))
-        rate = turn * ahead - (c * (vy - uy) - s * (vx - ux))
-        across, along = c * rate - s * turn * beyond, s * rate + c * turn * beyond
-        image = np.stack([px - 2.0 * s * beyond, py + 2.0 * c * beyond, vx - 2.0 * along, vy + 2.0 * across])
-        mirrored = sensor.measure(image, pose, velocity)
-        azimuth = wrap_angle(np.arctan2(self.wall_m + beyond, ahead) - mount)
-        in_view = np.abs(azimuth) <= np.deg2rad(sensor.fov_deg) / 2
-        if sensor.max_range_m is not None:
-            in_view &= np.hypot(ahead, self.wall_m + beyond) <= sensor.max_range_m
-        same_side = beyond * np.sign(self.wall_m) > 0
-        seen = sensed.visible & same_side & in_view & (presence < normal_quantile(self.probability))
-        instant, number, run = np.nonzero(seen)
-        return run, instant, np.broadcast_to(mirrored, (len(mirrored), *seen.shape))[:, instant, number, run]
+        there = sensed.visible & (presence < normal_quantile(self.probability))
+        images = [_images(sensed, np.array(start), np.array(end)) for start, end in pairwise(self.wall)]
+        found = []
+        for measurement, seen in images:
+            instant, number, run = np.nonzero(there & seen)
+            full = np.broadcast_to(measurement, (len(measurement), *there.shape))
+            found.append((run, instant, full[:, instant, number, run]))
+        runs, instants, measurements = zip(*found, strict=True)
+        return np.concatenate(runs), np.concatenate(instants), np.concatenate(measurements, axis=1)
 
     def problems(self) -> Iterator[Problem]:
-        if abs(self.wall_m) < NEAREST_WALL_M:
-            sides = f"{NEAREST_WALL_M:g} or more to the left, {-NEAREST_WALL_M:g} or less to the right"
-            yield Problem(("wall_m",), f"{self.wall_m:g} is too near to the sensor: {sides}")
+        for i, (start, end) in enumerate(pairwise(self.wall)):
+            if start == end:
+                yield Problem(("wall", i + 1), "is where the corner before it is; remove one of them")
+
+
+def _images(sensed: Sensed, start: Array, end: Array) -> tuple[Array, Mask]:
+    """Measurements of the mirror images in a straight wall, and which of them are in view."""
+    sensor, target = sensed.sensor, sensed.bodies.target
+    pose, velocity = sensed.pose[:, :, None], sensed.velocity[:, :, None]
+    length = np.hypot(*(end - start))
+    ahead = (end - start) / length
+    left = np.array([-ahead[1], ahead[0]])
+    # Distances from the line of the wall, to its left.
+    of_target = left[0] * (target[0] - start[0]) + left[1] * (target[1] - start[1])
+    of_sensor = left[0] * (pose[0] - start[0]) + left[1] * (pose[1] - start[1])
+    across = left[0] * target[2] + left[1] * target[3]
+    turned = np.stack([of_target * left[0], of_target * left[1], across * left[0], across * left[1]])
+    image = target - 2.0 * turned
+    same_side = of_target * of_sensor > 0
+    share = np.divide(of_sensor, of_sensor + of_target, out=np.zeros(same_side.shape), where=same_side)
+    along = ahead[0] * (pose[0] - start[0]) + ahead[1] * (pose[1] - start[1])
+    along = along + share * (ahead[0] * (image[0] - pose[0]) + ahead[1] * (image[1] - pose[1]))
+    distance, azimuth = np.hypot(*(image[:2] - pose[:2])), np.arctan2(image[1] - pose[1], image[0] - pose[0])
+    in_view = sensor.reaches(distance, wrap_angle(azimuth - pose[2]))
+    return sensor.measure(image, pose, velocity), same_side & (along >= 0) & (along <= length) & in_view

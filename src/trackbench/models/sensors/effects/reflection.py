@@ -9,7 +9,8 @@ from pydantic import Field
 
 from trackbench.base.config import NonNegative, Positive
 from trackbench.base.streams import RunStreams
-from trackbench.models.sensors.effects.base import Effect, Sensed, gauss_markov
+from trackbench.models.sensors.effects.base import Effect, Sensed
+from trackbench.models.sensors.effects.processes import gauss_markov
 
 
 class Reflection(Effect):

@@ -11,11 +11,17 @@ from trackbench.base.config import Config, Positive, Problem
 from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
+from trackbench.base.units import wrap_angle
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.base import Effect, Sensed
+from trackbench.models.sensors.effects.processes import smooth_process
 
 #: Received power, relative to the noise, above which a vehicle is detected.
 THRESHOLD = -np.log(FALSE_ALARM_PROBABILITY)
+#: Change of the aspect of a vehicle that comes into view, over that which decorrelates: nothing is left of its signal.
+FORGOTTEN = 50.0
+#: Speed of light, m/s.
+LIGHT_MPS = 299_792_458.0
 
 
 class SignalRange(Config):
@@ -41,12 +47,15 @@ class SignalRange(Config):
         return self.constant_share + (1.0 - self.constant_share) * relative
 
     def mean_variance_factor(self, distance: Array) -> Array:
-        """``(...)`` the mean of that over all detections at distances in m.
+        """``(...)`` the mean of that over all detections at distances in m, of vehicles that show front or rear."""
+        return self.factor_at_mean(1.0 + self.ratio(distance))
+
+    def factor_at_mean(self, mean: Array) -> Array:
+        """``(...)`` the mean of ``variance_factor`` over all detections with a mean power.
 
         With the mean power m, the threshold T and x = T / m: ``E[1 / P | P > T] = exp(x) E1(x) / m``, P being
         exponential and E1 the exponential integral.
         """
-        mean = 1.0 + self.ratio(distance)
         x = THRESHOLD / mean
         return self.variance_factor(mean / (np.exp(x) * scipy_function("scipy.special", "_ufuncs", "exp1")(x)))
 
@@ -58,12 +67,17 @@ class SignalRange(Config):
 class SignalToNoise(SignalRange, Effect):
     """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates.
 
-    The received power P is drawn anew for each scan (Swerling 1). A vehicle is detected where it exceeds the threshold
-    of a false alarm probability of 1e-6. The variances are those of the sensor's options times
-    ``share + (1 - share) P0 / P`` with the mean power P0 at ``stated_at_m``.
+    The received power P is exponential (Swerling 1), and follows the aspect: the direction of the line of sight in the
+    vehicle's frame. It is the square of a complex Gauss-Markov process of second order, whose correlation is 1/e after
+    the aspect has turned by ``c / (2 L f)``. L is the extent of the vehicle across the line of sight. A vehicle is
+    detected where P exceeds the threshold of a false alarm probability of 1e-6.
 
-    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Barton (2005), "Radar System
-    Analysis and Modeling", section 8.1: the error of an estimate falls with the root of the ratio.
+    The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with the
+    mean power P0 at ``stated_at_m``. Slow errors have the mean of that factor over detections.
+
+    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Richards (2014), "Fundamentals
+    of Radar Signal Processing", equation 2.63, for the aspect that decorrelates; Barton (2005), "Radar System Analysis
+    and Modeling", section 8.1: the error of an estimate falls with the root of the ratio.
     """
 
     side_db: float = Field(
@@ -73,13 +87,43 @@ class SignalToNoise(SignalRange, Effect):
         description="Cross-section of a vehicle's side over that of its front or rear, dB; in between, the logarithm "
         "goes with the square of the sine of the aspect.",
     )
+    carrier_ghz: Positive = Field(
+        77,
+        description="Carrier frequency f, GHz. A change of the aspect by c / (2 L f) rad decorrelates the signal of a "
+        "vehicle of extent L across the line of sight: 1.1 mrad of 1.8 m at 77 GHz.",
+    )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         ahead, left = sensed.bodies.seen_from(sensed.pose)
         distance = np.hypot(ahead, left)
-        side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0) ** 2
-        mean = 1.0 + self.ratio(distance) * 10.0 ** (self.side_db * side / 10.0)
-        power = mean * random.standard_exponential(sensed.shape)
+        side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0)
+        mean = 1.0 + self.ratio(distance) * 10.0 ** (self.side_db * side**2 / 10.0)
+        # Of a vehicle that is not there yet nothing is known.
+        mean = np.where(np.isnan(mean), 1.0, mean)
+        across = sensed.bodies.length * np.abs(side) + sensed.bodies.width * np.sqrt(1.0 - side**2)
+        rate = across * (2e9 * self.carrier_ghz / LIGHT_MPS)
+        turned = np.abs(wrap_angle(np.diff(np.arctan2(left, ahead), axis=0))) * (rate[1:] + rate[:-1]) / 2.0
+        instants, objects = sensed.shape
+        white = random.standard_normal((instants, 2, objects))
+        power = mean * fluctuation(np.where(sensed.visible[:-1], turned, FORGOTTEN), white)
         detected = power > THRESHOLD
         factor = np.sqrt(self.variance_factor(np.where(detected, power, np.inf)))
-        return sensed.replaced(probability=sensed.probability * detected, scale=sensed.scale * factor)
+        return sensed.replaced(
+            probability=sensed.probability * detected,
+            scale=sensed.scale * factor,
+            slow_scale=sensed.slow_scale * np.sqrt(self.factor_at_mean(mean)),
+        )
+
+
+def fluctuation(turned: Array, white: Array) -> Array:
+    """Draw relative powers of vehicles whose aspects change: exponential with mean 1.
+
+    Args:
+        turned: ``(instants - 1, objects, runs or 1)`` change of the aspect over that which decorrelates, at least 0.
+        white: ``(instants, 2, objects, runs)`` draws of a standard normal.
+
+    Returns:
+        ``(instants, objects, runs)``.
+    """
+    real, imaginary = np.moveaxis(smooth_process(turned[:, None], white), 1, 0)
+    return np.asarray(0.5 * (real * real + imaginary * imaginary))
