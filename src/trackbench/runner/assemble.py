@@ -40,7 +40,7 @@ from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.scenario.config import ScenarioConfig
+from trackbench.scenario.check import slowed_notes
 from trackbench.scenario.worlds import MEANING
 from trackbench.sensing.scans import scan_rate
 from trackbench.truth import LoadedTruth
@@ -119,7 +119,7 @@ def assemble(
         scenario=ScenarioSummary(
             name=scenario.full_name,
             world=scenario.world,
-            description=_description(scenario),
+            description=_description(loaded),
             file=loaded.path.name,
             text=loaded.text,
             overrides=list(loaded.overrides),
@@ -160,8 +160,9 @@ def assemble(
     return Result(summary, Tables({**tables, "differences": difference_table(pairs)}))
 
 
-def _description(scenario: ScenarioConfig) -> str:
-    parts = [scenario.description, MEANING[scenario.world] if scenario.world is not None else ""]
+def _description(loaded: Scenario) -> str:
+    scenario = loaded.config
+    parts = [scenario.description, MEANING[scenario.world] if scenario.world is not None else "", *slowed_notes(loaded)]
     return "; ".join(part for part in parts if part)
 
 

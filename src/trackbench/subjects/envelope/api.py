@@ -149,6 +149,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         base=task.base,
         places={name: task.loaded.places[name] for name in task.trackers},
         cells=[_cell(task, cell) for cell in cells],
+        absent=made.absent,
         parts_hash=hash_of(parts),
     )
     return Envelope(claim, parts)

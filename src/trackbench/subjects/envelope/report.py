@@ -28,6 +28,7 @@ from trackbench.document import (
 )
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import ALL_THE_SAME
+from trackbench.report.numbers import joined_names
 from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, outside, surrounding
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import STATES, Claim, ClaimCell, Envelope, State, read_envelope
@@ -47,7 +48,10 @@ def margins_table(claim: Claim) -> Table:
     lines = by_tracker[claim.trackers[0]]
     columns = [(Column("along", left=True), [Cell(line.axis.name, details=_at(line)) for line in lines])]
     for tracker, held in by_tracker.items():
-        cells = [Cell(holding(margin), details=tuple(filter(None, [undecided(margin)]))) for margin in held]
+        cells = [
+            Cell(holding(margin), details=tuple(filter(None, [undecided(margin), *_missing(margin)])))
+            for margin in held
+        ]
         columns.append((Column(f"{tracker} holds", left=True), cells))
     through = all(line.through_base for line in lines)
     own = ", ".join(
@@ -56,6 +60,15 @@ def margins_table(claim: Claim) -> Table:
     )
     caption = f"Along lines of cells {'through' if through else 'near'} the scenario itself ({own})"
     return Table.of_columns("margins", columns, caption)
+
+
+def _missing(margin: AxisMargin) -> list[str]:
+    """For each reason, at which values of the axis there is no cell: "none (recorded at 10 Hz) at 20 Hz"."""
+    why = margin.absent
+    values = {
+        text: joined_names([f"{float(v):.4g}" for v in why if why[v] == text]) for text in dict.fromkeys(why.values())
+    }
+    return [f"{text} at {there} {margin.axis.unit}".strip() for text, there in values.items()]
 
 
 def _at(margin: AxisMargin) -> tuple[str, ...]:
@@ -178,10 +191,13 @@ def claim_sentence(claim: Claim) -> str:
     many = f"{counted(scenes, 'scene')}, up to {counted(runs, 'run')} of each"
     if not these:
         many = f"up to {counted(scenes, 'scene')}, {counted(runs, 'run')} of each"
+    absent = "".join(
+        f" Where {item.shown(claim.axes)}: {item.text}, a cell would be a copy of another." for item in claim.absent
+    )
     tuned = " The process noise of each built-in tracker is tuned in each cell." if claim.config.retune else ""
     return (
         f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
-        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{_rests_on(claim)}{tuned}"
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{absent}{_rests_on(claim)}{tuned}"
     )
 
 
