@@ -60,9 +60,8 @@ def slowed_sensors(scenario: Mapping[str, Any]) -> dict[str, float]:
 
 def _rate(sensor: Mapping[str, Any]) -> float | None:
     """The rate that a sensor states, or that of its preset, Hz; None where neither is a number."""
-    rate = sensor.get("rate_hz")
-    if rate is None and (preset := sensor.get("preset")) in presets():
-        rate = presets()[preset].values.get("rate_hz")
+    preset = presets().get(str(sensor.get("preset")))
+    rate = sensor.get("rate_hz", preset and preset.values.get("rate_hz"))
     return rate if isinstance(rate, int | float) else None
 
 

@@ -85,7 +85,7 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
     own = all(claim.base[i] == first[i] for i, other in enumerate(axes) if i != number and other.ordered)
     cells = tuple((float(cell.point[number]), cell) for cell in line)
     crossings = tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells))
-    return AxisMargin(tracker, axis, at, own, cells, crossings, absent_along(claim.absent, axes, number, first))
+    return AxisMargin(tracker, axis, at, own, cells, crossings, absent_along(claim.absent, axes, number, line[0].at))
 
 
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
