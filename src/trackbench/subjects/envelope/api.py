@@ -23,6 +23,7 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
 from trackbench.metrics.registry import by_path
+from trackbench.models.sensors.presets import assumed_effects
 from trackbench.runner.assemble import PACKAGES
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
@@ -162,6 +163,12 @@ def _cell(task: EnvelopeTask, cell: MapCell) -> ClaimCell:
         added=cell.added,
         measurements=[each.hex()[:16] for each in cell.measurements],
         trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
+        assumed=[
+            f"{effect.type} of {name}"
+            for name, sensor in cell.loaded.config.sensors.items()
+            for effect in sensor.effects
+            if effect.type in assumed_effects(sensor.type)
+        ],
     )
 
 

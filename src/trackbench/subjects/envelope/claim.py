@@ -95,6 +95,8 @@ class ClaimCell(ResultModel):
     measurements: list[str]
     """Of each look, a hash of the measurements of the runs that were added."""
     trackers: dict[str, TrackerState]
+    assumed: list[str] = Field(default_factory=list)
+    """Effects of which figures are assumed: "reflection of front_radar"."""
 
     @property
     def at(self) -> Point:

@@ -73,7 +73,14 @@ def _missing(margin: AxisMargin) -> list[str]:
 
 def _at(margin: AxisMargin) -> tuple[str, ...]:
     """Where the line goes."""
-    return (f"at {place_of_line(margin)}",) if margin.at else ()
+    assumed = _assumed([cell for _, cell in margin.cells])
+    rests_on = [f"rests on figures assumed for {assumed}"] if assumed else []
+    return (*([f"at {place_of_line(margin)}"] if margin.at else []), *rests_on)
+
+
+def _assumed(cells: Sequence[ClaimCell]) -> str:
+    """The effects of sensors on whose assumed figures some cells rest; empty where on none."""
+    return joined_names(list(dict.fromkeys(name for cell in cells for name in cell.assumed)))
 
 
 def sensitivity_tables(made: Envelope) -> list[Table]:
@@ -194,10 +201,13 @@ def claim_sentence(claim: Claim) -> str:
     absent = "".join(
         f" Where {item.shown(claim.axes)}: {item.text}, a cell would be a copy of another." for item in claim.absent
     )
+    resting = [cell for cell in claim.cells if cell.assumed]
+    assumed = f" {counted(len(resting), 'cell')} of them rest on figures assumed for {_assumed(resting)}."
+    assumed = assumed if resting else ""
     tuned = " The process noise of each built-in tracker is tuned in each cell." if claim.config.retune else ""
     return (
         f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
-        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{absent}{_rests_on(claim)}{tuned}"
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{absent}{assumed}{_rests_on(claim)}{tuned}"
     )
 
 
