@@ -13,6 +13,7 @@ import yaml
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import Observer, Truth
+from trackbench.scenario.truth import truth_of
 from trackbench.sensing.scored_point import truth_at
 
 LENGTH, WIDTH, YAW = 4.0, 1.6, 110.0
@@ -135,6 +136,26 @@ def test_the_errors_name_line_and_key(tmp_path: Path) -> None:
     file = scenario(False, "rear", tmp_path, functions=functions)
     with pytest.raises(InputError, match=r"standing.yaml:\d+: score.point: functions reckon from the centre"):
         tb.load(file, {"truth.observer": {"start": {"speed_mps": 20}}})
+
+
+def test_a_table_without_sizes_is_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{i / 10},a,{20 + i},0,0\n" for i in range(30))
+    (tmp_path / "boxes.csv").write_text(f"t,id,x,y,h\n{rows}", encoding="utf-8")
+    columns = {"time": "t", "object": "id", "px": "x", "py": "y", "heading": "h"}
+    truth = {"source": "recording", "format": "csv", "path": "boxes.csv", "columns": columns}
+    file = scenario(True, "rear", tmp_path, truth=truth)
+    with pytest.raises(InputError, match=r"standing.yaml:\d+: score.point: the size of the objects is not known"):
+        tb.load(file)
+    assert tb.load(file, {"truth.length_m": 4, "truth.width_m": 2}).config.score.point == "rear"
+
+
+def test_the_velocity_of_a_turning_car_is_the_rate_of_its_place() -> None:
+    truth = truth_of(tb.load("scripted/figure_eight")).truth
+    rear = truth_at(truth, "rear")
+    error = np.abs(np.gradient(rear.py[:, 0, 0], truth.time) - rear.vy[:, 0, 0])[2:-2]
+    steady = np.abs(np.gradient(truth.yaw_rate[:, 0, 0]))[2:-2] < 1e-6
+    assert error[steady].max() < 1e-3
+    assert np.abs(truth.vy - rear.vy).max() > 0.3
 
 
 def test_no_bound_is_compared_with_at_another_point(tmp_path: Path) -> None:
