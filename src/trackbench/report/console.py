@@ -31,6 +31,7 @@ from trackbench.report.sentences import (
 from trackbench.report.tables import OUTCOME_TONE, metric_of, tone_of
 from trackbench.report.verdict import verdict_of_run
 from trackbench.results import MetricValue, Result, TrackerResult
+from trackbench.results.scenario_summary import sentence_on_point
 
 #: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
 COLUMNS = {
@@ -289,12 +290,14 @@ def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
 def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
+    point = [*filter(None, [sentence_on_point(summary.score.point)])]
     if summary.identities == "hidden":
-        return [*(_note_on_groups(result) if summary.truth.known else []), *_notes_on_tracks(result)]
+        return [*point, *(_note_on_groups(result) if summary.truth.known else []), *_notes_on_tracks(result)]
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
     ends = intervals_in_short([metric_of(tracker, "position_rmse") for tracker in trackers], 0)
     sign = "± or ends" if any(end[:1] not in ("±", "") for end in ends) else "±"
     notes = [
+        *point,
         f"/ref: times the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_note_on_groups(result),
         *(values_of_few_scenes(result) or [f"{sign}: 95 %, {basis_of_intervals(result)}"]),

@@ -323,12 +323,22 @@ class MarginSummary(ResultModel):
         return max(self.percent / 100 * abs(value), self.absolute(unit))
 
 
+def sentence_on_point(point: str) -> str:
+    """Say which point of a body is scored, with which velocity; empty for the centre."""
+    words = {"rear": "middle of the rear", "nearest_face": "middle of the face nearest to the observer"}
+    if point == "centre":
+        return ""
+    return f"errors, NEES and gates are at the {words[point]} of each body, which moves as a rigid body; no bound there"
+
+
 class ScoreSummary(ResultModel):
     """Which errors count, and what is computed of them beside the built-in metrics."""
 
     settle_s: float
     each: Literal["instant", "measurement"] = "instant"
     """Whether the estimate after the last measurement of an instant is scored, or the one after each."""
+    point: str = "centre"
+    """The point of each body that estimates are compared with."""
     divergence_m: float
     lost_after_s: float
     """An object that has been out of view of every sensor for longer is not scored."""

@@ -31,6 +31,7 @@ from trackbench.results.scenario_summary import (
     ScoreSummary,
     SensorSummary,
     TruthSummary,
+    sentence_on_point,
 )
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated, evaluated, judge
@@ -40,7 +41,7 @@ from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.scenario.config import ScenarioConfig
+from trackbench.scenario.check import slowed_notes
 from trackbench.scenario.worlds import MEANING
 from trackbench.sensing.scans import scan_rate
 from trackbench.truth import LoadedTruth
@@ -119,7 +120,7 @@ def assemble(
         scenario=ScenarioSummary(
             name=scenario.full_name,
             world=scenario.world,
-            description=_description(scenario),
+            description=_description(loaded),
             file=loaded.path.name,
             text=loaded.text,
             overrides=list(loaded.overrides),
@@ -137,6 +138,7 @@ def assemble(
         score=ScoreSummary(
             settle_s=work.settle,
             each=scenario.score.each,
+            point=scenario.score.point,
             divergence_m=work.divergence,
             lost_after_s=work.lost_after,
             min_coverage=min_coverage,
@@ -160,15 +162,19 @@ def assemble(
     return Result(summary, Tables({**tables, "differences": difference_table(pairs)}))
 
 
-def _description(scenario: ScenarioConfig) -> str:
-    parts = [scenario.description, MEANING[scenario.world] if scenario.world is not None else ""]
+def _description(loaded: Scenario) -> str:
+    scenario = loaded.config
+    parts = [scenario.description, MEANING[scenario.world] if scenario.world is not None else "", *slowed_notes(loaded)]
+    parts.append(sentence_on_point(scenario.score.point))
     return "; ".join(part for part in parts if part)
 
 
 def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary:
-    affected = any(sensor.config.effects for sensor in work.scenes[0].sensors)
+    affected = any(sensor.config.effects for sensor in work.scenes[0].sensors) or work.scenes[0].point != "centre"
     return ReferenceSummary(
-        kind="bound" if work.acceleration_as_drawn and not affected else "reference",
+        kind="bound"
+        if work.acceleration_as_drawn and not affected and work.scenes[0].point == "centre"
+        else "reference",
         motion="cv",
         acceleration_sigma_mps2=work.acceleration,
         acceleration_from="truth" if stated_acceleration is None else "scenario",

@@ -270,7 +270,7 @@ class HiddenRun(TrackerRun[Tracks]):
     def _truth_of(self, part: SceneRuns, run: int) -> TruthHistory:
         """The truth at the instants, in a run counted from the first of the piece."""
         number, due = part.piece.runs.start + run, part.scene.due
-        state = part.scene.truth.state_of_run(number)[:, due.steps]
+        state = part.scene.scored.state_of_run(number)[:, due.steps]
         return TruthHistory(self._time, state, of_runs(due.status, range(number, number + 1))[..., 0])
 
     def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:

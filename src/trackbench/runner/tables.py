@@ -61,7 +61,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         "truth": truth_records(truth, work.recorded_run),
         **other_truth(work),
         "measurements": measurement_records(block.recorded_scans.scans, truth.ids),
-        "estimates": estimate_records(recorded, truth, instants, work.recorded_run),
+        "estimates": estimate_records(recorded, scene.scored, instants, work.recorded_run),
         "recorded_nis": [
             {"tracker": name, "sensor": sensor.name, "object": target, "time_s": sensor.time, "nis": nis}
             for name, estimates in recorded.items()

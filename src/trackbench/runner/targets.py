@@ -28,7 +28,7 @@ class Targets:
         self._scene = work.scenes[piece.scene]
         truth, instants = self._scene.truth, self._scene.instants()
         runs = piece.runs
-        self.state = of_runs(truth.state[:, instants], runs)
+        self.state = of_runs(self._scene.scored.state[:, instants], runs)
         """``(4, instants, objects, runs or 1)``"""
         self._time, self._alive = truth.time[instants], truth.alive[instants]
         shape = (len(truth.ids), len(runs))
@@ -135,6 +135,9 @@ class Targets:
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
         """Zero before anything is known, where no estimate is scored."""
         scene, work = self._scene, self._work
+        if scene.point != "centre":
+            # The bound is of the point that is measured.
+            return np.zeros((2, len(self._time), 1, 1))
         steps, number = np.unique(scene.instants(), return_inverse=True)
         bound = conditional_bound(
             scene.truth,

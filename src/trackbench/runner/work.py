@@ -32,6 +32,7 @@ from trackbench.runner.filed_tracks import why_no_overlap
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import TrackerEntry
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.sensing.scored_point import ScoredPoint, truth_at
 from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
@@ -57,6 +58,13 @@ class Scene:
     sensors: list[IdealSensor]
     each_measurement: bool = False
     """Whether trackers are scored after each measurement, also where several are taken at one instant."""
+    point: ScoredPoint = "centre"
+    """The point of each body that estimates are compared with."""
+
+    @cached_property
+    def scored(self) -> Truth:
+        """The motion that estimates are compared with."""
+        return truth_at(self.truth, self.point)
 
     def instants(self) -> Indices:
         """Indices of the truth's steps at which any sensor takes a measurement; as often as trackers are scored."""
@@ -318,7 +326,12 @@ def work_of(
         seed=scenario.monte_carlo.seed,
         runs=scenario.monte_carlo.runs,
         scenes=[
-            Scene(item.truth, ideal_sensors(item.truth, scenario.sensors, item.measurements), each_measurement)
+            Scene(
+                item.truth,
+                ideal_sensors(item.truth, scenario.sensors, item.measurements),
+                each_measurement,
+                scenario.score.point,
+            )
             for item in truths
         ],
         trackers=scenario.trackers,
@@ -342,6 +355,9 @@ def work_of(
         stretches=(scenario.truth.stretches or 0) if isinstance(scenario.truth, ReferenceTruth) else 0,
         counted_stretches=scenario.truth.counted_stretches,
     )
+    for scene in work.scenes:
+        # Where a size is not known, it is said before anything is driven.
+        _ = scene.scored
     return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=_filed(work))
 
 

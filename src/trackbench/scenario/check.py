@@ -11,6 +11,7 @@ from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.truth import own_source, require_rates
+from trackbench.scenario.worlds import RECORDED_HZ
 from trackbench.trackers.config import PluginConfig
 from trackbench.truth.config.traffic import TracksConfig, read_tracks
 
@@ -52,7 +53,13 @@ def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str
 
 
 def _notes(loaded: Scenario, isolation: Isolation) -> list[str]:
-    return [*_columns(loaded), *_idle_effects(loaded), *_not_apart(loaded, isolation)]
+    return [*slowed_notes(loaded), *_columns(loaded), *_idle_effects(loaded), *_not_apart(loaded, isolation)]
+
+
+def slowed_notes(loaded: Scenario) -> list[str]:
+    """Return a line for each sensor whose rate the world recorded changes."""
+    why = f"{RECORDED_HZ} Hz: the traffic of this world is recorded at {RECORDED_HZ} Hz"
+    return [f"sensors.{name}.rate_hz: changed from {rate:g} to {why}" for name, rate in loaded.slowed.items()]
 
 
 def _idle_effects(loaded: Scenario) -> Iterator[str]:

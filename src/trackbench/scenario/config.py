@@ -21,6 +21,7 @@ from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
 from trackbench.scenario.worlds import MEANING, World
+from trackbench.sensing.scored_point import ScoredPoint
 from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, entry_kind
 from trackbench.truth import TRUTH_SOURCES, TruthSource
 from trackbench.truth.config.traffic import TracksConfig
@@ -123,6 +124,11 @@ class Score(Config):
         "instant",
         description="Where several sensors measure at one instant. instant: the estimate after the last of them is "
         "scored. measurement: the one after each of them.",
+    )
+    point: ScoredPoint = Field(
+        "centre",
+        description="The point of each body that estimates are compared with: centre; rear, the middle of the rear; or "
+        "nearest_face, the middle of the face nearest to the observer. Its velocity is that of the rigid body there.",
     )
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
     lost_after_s: Positive = Field(

@@ -17,7 +17,7 @@ from trackbench.scenario import recorded_checks
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
-from trackbench.truth.config import FixedObserver, HighwayOptions, ScriptedOptions
+from trackbench.truth.config import FixedObserver, HighwayOptions, RecordingOptions, ScriptedOptions
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.sources import RecordingTruth
 
@@ -44,6 +44,7 @@ def scenario_problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     yield from _identities(scenario)
     yield from _made_elsewhere(scenario)
     yield from _functions(scenario)
+    yield from _scored_point(scenario)
     yield from _decisions(scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
@@ -141,6 +142,24 @@ def _functions(scenario: ScenarioConfig) -> Iterator[Problem]:
         elif type(getattr(truth, "observer", None)) is FixedObserver:
             remedy = EGO.get(truth.source, f"{truth.source} has none; use {' or '.join(EGO)}")
             yield Problem(("functions", name), f"the observer is a fixed point, and a function needs an ego: {remedy}")
+
+
+def _scored_point(scenario: ScenarioConfig) -> Iterator[Problem]:
+    """That a point beside the centre is known, and that nothing else is reckoned from the centre."""
+    truth, point = scenario.truth, scenario.score.point
+    if point == "centre":
+        return
+    if scenario.functions:
+        yield Problem(("score", "point"), "functions reckon from the centre of a body: remove them, or write centre")
+    if isinstance(truth, RecordingTruth) and truth.without_truth:
+        yield Problem(("score", "point"), "there is no truth, of which a point could be scored")
+    columns, assumed = getattr(truth, "columns", None), {"length_m", "width_m"} - truth.model_fields_set
+    if isinstance(truth, RecordingOptions) and truth.format != "mcap" and not truth.without_truth:
+        missing = [name for name in sorted(assumed) if getattr(columns, name.removesuffix("_m"), None) is None]
+        if missing:
+            keys = " and ".join(f"truth.{name}" for name in missing)
+            message = f"the size of the objects is not known: write {keys}, or name their columns"
+            yield Problem(("score", "point"), message)
 
 
 def _decisions(scenario: ScenarioConfig) -> Iterator[Problem]:

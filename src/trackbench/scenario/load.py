@@ -17,7 +17,7 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps, from_working_folder
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse_yaml
-from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes
+from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes, slowed_sensors
 
 #: That are shown of one file.
 MOST_ERRORS = 50
@@ -39,6 +39,8 @@ class Scenario:
     """By the name of each tracker with a sweep, the names of its points."""
     selected: tuple[str, ...] = ()
     """The trackers that were selected of those in the file; empty where all are there."""
+    slowed: Mapping[str, float] = field(default_factory=dict)
+    """By sensor that the world recorded slows to the rate of its traffic, the rate that is stated, Hz."""
 
     @property
     def places(self) -> dict[str, int]:
@@ -108,7 +110,8 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
         # A file of another kind, which is not to be shown in messages.
         raise InputError(f"this is no scenario: it has none of the keys {', '.join(keys)}", file=path)
     overrides = [from_working_folder(each, path.resolve().parent) for each in overrides]
-    document, sweeps = expand_sweeps(_in_world(apply_overrides(document, overrides)))
+    written = apply_overrides(document, overrides)
+    document, sweeps = expand_sweeps(_in_world(written))
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
@@ -118,7 +121,9 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
     expected = [item for item in config.expect if item.holds_in(config.world)]
-    return Scenario(config.model_copy(update={"expect": expected}), path, text, tuple(overrides), document, sweeps)
+    kept = config.model_copy(update={"expect": expected})
+    slowed = slowed_sensors(written.value)
+    return Scenario(kept, path, text, tuple(overrides), document, sweeps, slowed=slowed)
 
 
 def _in_world(document: YamlDocument) -> YamlDocument:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Literal, get_args
 
 from trackbench.base.errors import InputError
+from trackbench.models.sensors.presets import presets
 
 World = Literal["ideal", "human", "typical", "recorded"]
 WORLDS: tuple[World, ...] = get_args(World)
@@ -42,6 +43,26 @@ def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
     """
     truth, sensors = (part if isinstance(part := scenario.get(key), dict) else {} for key in ("truth", "sensors"))
     return [*_truth(truth, world), *_sensors(sensors, world, truth.get("source") == "recorded-traffic")]
+
+
+def slowed_sensors(scenario: Mapping[str, Any]) -> dict[str, float]:
+    """Return the stated rate, Hz, of each sensor that its world sets to that of recorded traffic, by name.
+
+    Args:
+        scenario: as it is written, before the changes of its world.
+    """
+    truth, sensors = (part if isinstance(part := scenario.get(key), dict) else {} for key in ("truth", "sensors"))
+    if scenario.get("world") != "recorded" or truth.get("source") == "recorded-traffic":
+        return {}
+    rates = {name: _rate(sensor) for name, sensor in sensors.items() if isinstance(sensor, dict)}
+    return {name: rate for name, rate in rates.items() if rate is not None and rate > RECORDED_HZ}
+
+
+def _rate(sensor: Mapping[str, Any]) -> float | None:
+    """The rate that a sensor states, or that of its preset, Hz; None where neither is a number."""
+    preset = presets().get(str(sensor.get("preset")))
+    rate = sensor.get("rate_hz", preset and preset.values.get("rate_hz"))
+    return rate if isinstance(rate, int | float) else None
 
 
 def _sensors(sensors: Mapping[str, Any], world: World, recorded: bool) -> Iterator[str]:

@@ -23,6 +23,7 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
 from trackbench.metrics.registry import by_path
+from trackbench.models.sensors.presets import assumed_effects
 from trackbench.runner.assemble import PACKAGES
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
@@ -149,6 +150,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         base=task.base,
         places={name: task.loaded.places[name] for name in task.trackers},
         cells=[_cell(task, cell) for cell in cells],
+        absent=made.absent,
         parts_hash=hash_of(parts),
     )
     return Envelope(claim, parts)
@@ -161,6 +163,12 @@ def _cell(task: EnvelopeTask, cell: MapCell) -> ClaimCell:
         added=cell.added,
         measurements=[each.hex()[:16] for each in cell.measurements],
         trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
+        assumed=[
+            f"{effect.type} of {name}"
+            for name, sensor in cell.loaded.config.sensors.items()
+            for effect in sensor.effects
+            if effect.type in assumed_effects(sensor.type)
+        ],
     )
 
 

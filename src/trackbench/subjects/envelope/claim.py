@@ -16,6 +16,7 @@ from pydantic import Field, ValidationError, model_validator
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
 from trackbench.results.metric_value import ROUNDING, ResultModel, read_model
+from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.audited_log import AuditedLog
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
@@ -94,6 +95,8 @@ class ClaimCell(ResultModel):
     measurements: list[str]
     """Of each look, a hash of the measurements of the runs that were added."""
     trackers: dict[str, TrackerState]
+    assumed: list[str] = Field(default_factory=list)
+    """Effects of which figures are assumed: "reflection of front_radar"."""
 
     @property
     def at(self) -> Point:
@@ -130,6 +133,7 @@ class Claim(ResultModel):
     base: list[float | str | None]
     """The scenario's own value of each axis; None where it has none."""
     cells: list[ClaimCell]
+    absent: list[AbsentCells] = Field(default_factory=list)
     places: dict[str, int] = Field(default_factory=dict)
     """By tracker, its place in the scenario file, from which it has its colour."""
     parts_hash: str

@@ -217,7 +217,10 @@ def _paint_cells(panel: Axes, part: Slice, tracker: str) -> None:
 
 
 def _finish(panel: Axes, part: Slice, marks: Sequence[_Mark]) -> None:
-    """The marked points, and the axes."""
+    """The marked points, why there are no cells elsewhere, and the axes."""
+    for height, text in part.absent:
+        edge = "top" if height > 0.5 else "bottom"
+        panel.text(0.5, height, text, transform=panel.transAxes, fontsize=8, color=INK, ha="center", va=edge)
     for mark in marks:
         if mark.part is part:
             x, y = mark.at

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.errors import InputError
 from trackbench.base.execution import Task
 from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
@@ -23,6 +24,7 @@ from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
+from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axis_shares, between, start_points
 from trackbench.subjects.envelope.cells import (
     CellDecision,
@@ -196,6 +198,8 @@ class EnvelopeMap:
     ) -> None:
         self.task = task
         self.cells: dict[Point, MapCell] = {}
+        self.absent: list[AbsentCells] = []
+        """Points that are no cells, since each would be a copy of another."""
         self.engine = ""
         """That computed the cells."""
         self.executor, self.isolation, self.engine_choice = executor, isolation, engine
@@ -221,12 +225,23 @@ class EnvelopeMap:
         """
         config = self.task.config
         points, added = start_points(self.task.axes, config, self.task.base), False
+        if not (points := self._present(points)):
+            message = f"no cell of the map differs from another: {self.absent[0].reason}"
+            raise self.task.loaded.locate(InputError(message, key="envelope.axes"))
         while points:
             self.make_cells(points, added, progress)
             states = {point: cell.states for point, cell in self.cells.items()}
             left = config.cells - len(self.cells)
-            points, added = refined(self.task.axes, states, left, config.resolution, config.design), True
+            points = self._present(refined(self.task.axes, states, left, config.resolution, config.design))
+            added = True
         log.info("%d looks were there already", self._store.taken)
+
+    def _present(self, points: Sequence[Point]) -> list[Point]:
+        """The points that are cells; notes which are none."""
+        absent = {point: self.task.absent_at(point) for point in points}
+        self.absent += [item for item in absent.values() if item is not None and item not in self.absent]
+        self.absent = [item for number, item in enumerate(self.absent) if item not in self.absent[:number]]
+        return [point for point in points if absent[point] is None]
 
     def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:
         """Make those of some points, until each is decided or its budget is spent; see :meth:`make`."""

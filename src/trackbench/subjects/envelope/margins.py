@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby, pairwise, product
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array, Indices
 from trackbench.report.numbers import joined_names
+from trackbench.subjects.envelope.absent import absent_along
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, ClaimedLimit, State
 
@@ -46,6 +47,8 @@ class AxisMargin:
     cells: tuple[tuple[float, ClaimCell], ...]
     """Those of the line by their value of the axis."""
     crossings: tuple[Crossing, ...]
+    absent: Mapping[Value, str] = field(default_factory=dict)
+    """By value of the axis, why there is no cell on the line."""
 
     @property
     def states(self) -> dict[float, State]:
@@ -81,7 +84,8 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
     at = tuple((other, first[i]) for i, other in enumerate(axes) if i != number)
     own = all(claim.base[i] == first[i] for i, other in enumerate(axes) if i != number and other.ordered)
     cells = tuple((float(cell.point[number]), cell) for cell in line)
-    return AxisMargin(tracker, axis, at, own, cells, tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells)))
+    crossings = tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells))
+    return AxisMargin(tracker, axis, at, own, cells, crossings, absent_along(claim.absent, axes, number, line[0].at))
 
 
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
@@ -99,6 +103,7 @@ def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
 
     def whole(at: Point) -> bool:
         values = {cell.point[number] for cell in lines[at]}
+        values |= {*absent_along(claim.absent, axes, number, lines[at][0].at)}
         return levels <= values if grid else len(values) >= len(levels)
 
     chosen = []
@@ -270,6 +275,8 @@ class Slice:
     cells: tuple[ClaimCell, ...]
     places: Array
     """``(cells, 2)`` where each lies on the two axes, from 0 to 1."""
+    absent: tuple[tuple[float, str], ...] = ()
+    """How far up there is no cell, from 0 to 1, and why."""
 
     def states(self, tracker: str) -> list[State]:
         """Of the cells."""
@@ -299,6 +306,7 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
             exact,
             tuple(cells),
             np.array([[axes[i].share(cell.point[i]) for i in (across, up)] for cell in cells]),
+            tuple((axes[up].share(at), why) for at, why in absent_along(claim.absent, axes, up, cells[0].at).items()),
         )
         for at, cells in grouped.items()
     ]

@@ -19,6 +19,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.shipped import find_scenario
+from trackbench.subjects.envelope.absent import why_absent
 from trackbench.subjects.envelope.api import EnvelopePlan, envelope_of, map_of
 from trackbench.subjects.envelope.axes import Point, overrides, start_points
 from trackbench.subjects.envelope.cells import joint_state
@@ -40,6 +41,7 @@ from trackbench.subjects.envelope.claim import (
 )
 from trackbench.subjects.envelope.files import require_same
 from trackbench.subjects.envelope.mapping import refined
+from trackbench.subjects.envelope.task import EnvelopeTask
 
 #: What follows from the scenario in the claim.
 HEADER = ("scenario", "claim", "confidence", "spent", "extents", "seed", "envelope", "limits", "base")
@@ -58,12 +60,13 @@ class Discrepancy(NamedTuple):
         return f"{self.where}: {self.what}"
 
 
-def contradictions(made: Envelope, expected: Claim) -> Iterator[Discrepancy]:
+def contradictions(made: Envelope, expected: Claim, task: EnvelopeTask) -> Iterator[Discrepancy]:
     """What in a claim does not follow from the rest of it.
 
     Args:
         made: the claim and the values of its runs.
         expected: the claim on no cell that the scenario in it gives.
+        task: of that scenario.
     """
     claim = made.claim
     for name in HEADER:
@@ -72,6 +75,10 @@ def contradictions(made: Envelope, expected: Claim) -> Iterator[Discrepancy]:
     if len(made.parts) and hash_of(made.parts) != claim.parts_hash:
         yield Discrepancy("the claim", "the values of the runs have another hash")
     yield from _design(claim)
+    for item in claim.absent:
+        somewhere = tuple(item.at.get(axis.name, axis.values[0]) for axis in claim.axes)
+        if task.absent_at(somewhere) != item:
+            yield Discrepancy(item.shown(claim.axes), f"is said to be {item.text}, and there are cells")
     for number, cell in enumerate(claim.cells):
         where = place_of_cell(claim.axes, cell.at)
         if cell.changes != overrides(claim.axes, cell.at):
@@ -86,13 +93,15 @@ def contradictions(made: Envelope, expected: Claim) -> Iterator[Discrepancy]:
 
 def _design(claim: Claim) -> Iterator[Discrepancy]:
     """The cells follow from the axes, and those near borders from the states of the others."""
-    config, axes, cells = claim.config, claim.axes, claim.by_point()
+    config, axes, cells, absent = claim.config, claim.axes, claim.by_point(), claim.absent
     if len(cells) < len(claim.cells):
         yield Discrepancy("the claim", "a cell stands there twice")
     seen: dict[Point, dict[str, State]] = {}
     points, added = start_points(axes, config, claim.base), False
     while points:
         for point in points:
+            if why_absent(absent, axes, point):
+                continue
             cell = cells.get(point)
             if cell is None:
                 yield Discrepancy(place_of_cell(axes, point), "the map has to have this cell, and it is not there")
@@ -100,8 +109,8 @@ def _design(claim: Claim) -> Iterator[Discrepancy]:
             if cell.added != added:
                 yield Discrepancy(place_of_cell(axes, point), "added is wrong")
             seen[point] = {name: tracker.state for name, tracker in cell.trackers.items()}
-        points = refined(axes, seen, config.cells - len(seen), config.resolution, config.design)
-        added = True
+        further = refined(axes, seen, config.cells - len(seen), config.resolution, config.design)
+        points, added = [point for point in further if not why_absent(absent, axes, point)], True
     for cell in claim.cells:
         if cell.at not in seen:
             yield Discrepancy(place_of_cell(axes, cell.at), "the map cannot have this cell")
@@ -240,7 +249,7 @@ def verify(
         with listener.progress(f"replay of {claim.scenario}", "cells") as advance:
             again.make_cells([cell.at for cell in cells], False, advance)
     replayed = envelope_of(again, "")
-    problems = [*contradictions(made, expected)]
+    problems = [*contradictions(made, expected, again.task)]
     for place_again, number in enumerate(numbers):
         problems += _differences(made, number, replayed, place_again)
     return Verification(

@@ -28,6 +28,7 @@ from trackbench.document import (
 )
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import ALL_THE_SAME
+from trackbench.report.numbers import joined_names
 from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, outside, surrounding
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import STATES, Claim, ClaimCell, Envelope, State, read_envelope
@@ -47,7 +48,10 @@ def margins_table(claim: Claim) -> Table:
     lines = by_tracker[claim.trackers[0]]
     columns = [(Column("along", left=True), [Cell(line.axis.name, details=_at(line)) for line in lines])]
     for tracker, held in by_tracker.items():
-        cells = [Cell(holding(margin), details=tuple(filter(None, [undecided(margin)]))) for margin in held]
+        cells = [
+            Cell(holding(margin), details=tuple(filter(None, [undecided(margin), *_missing(margin)])))
+            for margin in held
+        ]
         columns.append((Column(f"{tracker} holds", left=True), cells))
     through = all(line.through_base for line in lines)
     own = ", ".join(
@@ -58,9 +62,25 @@ def margins_table(claim: Claim) -> Table:
     return Table.of_columns("margins", columns, caption)
 
 
+def _missing(margin: AxisMargin) -> list[str]:
+    """For each reason, at which values of the axis there is no cell: "none (recorded at 10 Hz) at 20 Hz"."""
+    why = margin.absent
+    values = {
+        text: joined_names([f"{float(v):.4g}" for v in why if why[v] == text]) for text in dict.fromkeys(why.values())
+    }
+    return [f"{text} at {there} {margin.axis.unit}".strip() for text, there in values.items()]
+
+
 def _at(margin: AxisMargin) -> tuple[str, ...]:
     """Where the line goes."""
-    return (f"at {place_of_line(margin)}",) if margin.at else ()
+    assumed = _assumed([cell for _, cell in margin.cells])
+    rests_on = [f"rests on figures assumed for {assumed}"] if assumed else []
+    return (*([f"at {place_of_line(margin)}"] if margin.at else []), *rests_on)
+
+
+def _assumed(cells: Sequence[ClaimCell]) -> str:
+    """The effects of sensors on whose assumed figures some cells rest; empty where on none."""
+    return joined_names(list(dict.fromkeys(name for cell in cells for name in cell.assumed)))
 
 
 def sensitivity_tables(made: Envelope) -> list[Table]:
@@ -178,10 +198,16 @@ def claim_sentence(claim: Claim) -> str:
     many = f"{counted(scenes, 'scene')}, up to {counted(runs, 'run')} of each"
     if not these:
         many = f"up to {counted(scenes, 'scene')}, {counted(runs, 'run')} of each"
+    absent = "".join(
+        f" Where {item.shown(claim.axes)}: {item.text}, a cell would be a copy of another." for item in claim.absent
+    )
+    resting = [cell for cell in claim.cells if cell.assumed]
+    assumed = f" {counted(len(resting), 'cell')} of them rest on figures assumed for {_assumed(resting)}."
+    assumed = assumed if resting else ""
     tuned = " The process noise of each built-in tracker is tuned in each cell." if claim.config.retune else ""
     return (
         f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
-        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{_rests_on(claim)}{tuned}"
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{absent}{assumed}{_rests_on(claim)}{tuned}"
     )
 
 

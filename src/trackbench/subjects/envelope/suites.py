@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from math import prod
 from typing import NamedTuple
 
+from trackbench.subjects.envelope.absent import why_absent
 from trackbench.subjects.envelope.axes import MapAxis, Value
 from trackbench.subjects.envelope.claim import Claim, ClaimCell
 
@@ -20,6 +22,8 @@ class SensorSuite(NamedTuple):
     """In the order of the priced axes."""
     cost: float
     cells: tuple[ClaimCell, ...]
+    absent: tuple[str, ...] = ()
+    """Why there is no cell at further values of the other axes, one for each."""
 
     def state(self, trackers: Sequence[str]) -> str:
         """``holds`` where every cell does, ``fails`` where one does, else ``undecided``; for all of some trackers."""
@@ -75,6 +79,7 @@ def suite_sentences(claim: Claim) -> Iterator[str]:
             continue
         first, *tied = cheapest.suites
         cells = "in its cell" if len(first.cells) == 1 else f"in all its {len(first.cells)} cells"
+        cells += "".join(f", {first.absent.count(why)} {why}" for why in dict.fromkeys(first.absent))
         text = f"{who}: the cheapest suite costs {first.cost:g}, {first.shown(axes)}: holds {cells}"
         text += "".join(f"; as cheap: {suite.shown(axes)}" for suite in tied)
         if cheapest.cheaper is None:
@@ -91,15 +96,28 @@ def _suites(claim: Claim) -> list[SensorSuite]:
     cells: dict[tuple[Value, ...], list[ClaimCell]] = {}
     for cell in claim.cells:
         cells.setdefault(tuple(cell.at[number] for number in priced), []).append(cell)
-    least = prod(len(axis.values) for axis in axes if not axis.config.cost) if claim.config.design == "grid" else 1
+    is_grid = claim.config.design == "grid"
+    least = prod(len(axis.values) for axis in axes if not axis.config.cost) if is_grid else 1
+    absent = {values: tuple(_absent(claim, priced, values)) if is_grid else () for values in cells}
     suites = [
         SensorSuite(
-            values, sum(axes[number].cost(value) for number, value in zip(priced, values, strict=True)), tuple(own)
+            values,
+            sum(axes[number].cost(value) for number, value in zip(priced, values, strict=True)),
+            tuple(own),
+            absent[values],
         )
         for values, own in cells.items()
-        if len(own) >= least
+        if len(own) + len(absent[values]) >= least
     ]
     return sorted(suites, key=lambda suite: suite.cost)
+
+
+def _absent(claim: Claim, priced: Sequence[int], values: Sequence[Value]) -> Iterator[str]:
+    """Why there is no cell with some values of the priced axes, at each level of the others without one."""
+    own = dict(zip(priced, values, strict=True))
+    for point in product(*([own[i]] if i in own else axis.values for i, axis in enumerate(claim.axes))):
+        if why := why_absent(claim.absent, claim.axes, point):
+            yield why
 
 
 def _cheapest(name: str, suites: Sequence[SensorSuite], trackers: Sequence[str]) -> CheapestSuite:

@@ -12,6 +12,8 @@ from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.truth import truth_source
+from trackbench.scenario.worlds import RECORDED_HZ
+from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, overrides
 from trackbench.subjects.envelope.cells import Extent, Requirement, requirements_of
 from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
@@ -73,6 +75,11 @@ def _walk(node: Any, parts: Sequence[str]) -> Any:
     return node
 
 
+def _is_of_world(key: str) -> bool:
+    """Whether a world may set a key; ``truth.seeds`` remains the number of scenes in each."""
+    return key.partition(".")[0] in ("truth", "sensors") and key != "truth.seeds"
+
+
 class EnvelopeTask(NamedTuple):
     """What is mapped, and how surely."""
 
@@ -111,6 +118,24 @@ class EnvelopeTask(NamedTuple):
             return changed_scenario(self.loaded, changes, [*self.loaded.config.trackers])
         except InputError as error:
             raise self._at_axis(error, point) from error
+
+    def absent_at(self, point: Point) -> AbsentCells | None:
+        """Return which cells are copies, where that of a point is one: the world sets what an axis varies.
+
+        Raises:
+            InputError: the scenario is not valid there; with the values of the axes.
+        """
+        loaded = self.scenario_at(point)
+        if loaded.config.world != "recorded":
+            return None
+        at = [*zip(self.axes, point, strict=True)]
+        worlds = {axis.name: value for axis, value in at if "world" in axis.changes(value)}
+        for axis, value in at:
+            for key, number in axis.changes(value).items():
+                if _is_of_world(key) and _walk(loaded.document.value, key.split(".")) != number:
+                    why = f"recorded at {RECORDED_HZ} Hz" if key.startswith("sensors.") else "the truth is recorded"
+                    return AbsentCells(at=worlds | {axis.name: value}, reason=why)
+        return None
 
     def _at_axis(self, error: InputError, point: Point) -> InputError:
         """The error at the axis that changes its key, with file and line."""

@@ -1,0 +1,128 @@
+"""Cells that would be copies of others, since the world `recorded` sets what an axis varies; and assumed figures."""
+
+from __future__ import annotations
+
+import pytest
+from tests.subjects.envelope.conftest import map_of
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.models.sensors.presets import typical
+from trackbench.scenario.check import check
+from trackbench.scenario.load import load_scenario
+from trackbench.subjects.envelope.absent import AbsentCells
+from trackbench.subjects.envelope.api import FinishedEnvelope
+from trackbench.subjects.envelope.claim import Claim
+from trackbench.subjects.envelope.margins import margins, slices
+from trackbench.subjects.envelope.replay import contradictions
+from trackbench.subjects.envelope.suites import suite_sentences
+from trackbench.subjects.envelope.task import task_of
+
+QUALITY = "envelope/sensor_quality"
+FEW = [
+    "truth.seeds=1", "truth.duration_s=3", "envelope.axes.world.choices=[ideal, recorded]",
+    "envelope.axes.azimuth.levels=2", "envelope.cells=12", "envelope.runs={first: 25, most: 25}",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made() -> FinishedEnvelope:
+    return tb.envelope(load_scenario(QUALITY, FEW), counter_examples=0)
+
+
+def cells_of(claim: Claim) -> set[tuple[str, float]]:
+    return {(str(cell.point[0]), float(cell.point[2])) for cell in claim.cells}
+
+
+def test_no_cell_is_a_copy(made: FinishedEnvelope) -> None:
+    claim = made.claim
+    ideal = {("ideal", rate) for rate in (5.0, 10.0, 20.0)}
+    assert cells_of(claim) == ideal | {("recorded", 5.0), ("recorded", 10.0)}
+    assert claim.absent == [AbsentCells(at={"world": "recorded", "rate": 20.0}, reason="recorded at 10 Hz")]
+    values = [[v.value for v in cell.trackers["ekf_cv"].values] for cell in claim.cells]
+    assert len({str(value) for value in values}) == len(values)
+
+
+def test_the_page_says_where_there_is_none(made: FinishedEnvelope) -> None:
+    page = " ".join(str(made.report()).split())
+    assert "Where world recorded, rate 20 Hz: none (recorded at 10 Hz)" in page
+    along_rate = [m for m in margins(made.claim, "ekf_cv") if m.axis.name == "rate" and m.at[0][1] == "recorded"]
+    assert [*along_rate[0].absent.values()] == ["none (recorded at 10 Hz)"]
+    assert len(along_rate[0].cells) == 2
+    # The map over azimuth and rate, of the world recorded.
+    part = next(part for part in slices(made.claim, 1, 2) if part.at[0][1] == "recorded")
+    assert part.absent == ((1.0, "none (recorded at 10 Hz)"),)
+
+
+def test_a_suite_without_some_cells_still_counts(made: FinishedEnvelope) -> None:
+    assert any("rate 20 Hz" in text and "1 none (recorded at 10 Hz)" in text for text in suite_sentences(made.claim))
+
+
+def test_the_claim_follows_from_itself(made: FinishedEnvelope) -> None:
+    task = task_of(load_scenario(QUALITY, FEW))
+    assert not [*contradictions(made.envelope, made.claim, task)]
+    false = AbsentCells(at={"world": "ideal", "rate": 20.0}, reason="recorded at 10 Hz")
+    claim = made.claim.model_copy(update={"absent": [*made.claim.absent, false]})
+    problems = [str(each) for each in contradictions(type(made.envelope)(claim, made.envelope.parts), claim, task)]
+    assert any("world ideal, rate 20 Hz" in each for each in problems)
+
+
+def test_a_map_of_nothing_but_copies_is_refused() -> None:
+    axes = "envelope.axes={rate: {key: sensors.front_radar.rate_hz, values: [15, 20]}}"
+    expect = "expect=[{tracker: ekf_cv, metric: position_rmse, below: 0.8, worlds: [recorded]}]"
+    with pytest.raises(InputError, match="no cell of the map differs from another: recorded at 10 Hz"):
+        map_of(load_scenario(QUALITY, [*FEW[:2], "world=recorded", expect, axes]))
+
+
+def test_the_motion_of_a_recording_is_no_axis_either() -> None:
+    axes = (
+        "envelope.axes={world: {key: world, choices: [ideal, recorded]}, "
+        "cars: {key: truth.config.vehicles_count, values: [10, 20]}}"
+    )
+    task = task_of(load_scenario(QUALITY, [*FEW[:2], axes]))
+    assert task.absent_at(("ideal", 10.0)) is None
+    assert task.absent_at(("recorded", 10.0)) == AbsentCells(
+        at={"world": "recorded", "cars": 10.0}, reason="the truth is recorded"
+    )
+
+
+@pytest.mark.parametrize(
+    ("world", "rate", "notes"),
+    [
+        ("recorded", "20", ["sensors.front_radar.rate_hz: changed from 20 to 10 Hz: the traffic of this world is "]),
+        ("recorded", "10", []),
+        ("recorded", "5", []),
+        ("ideal", "20", []),
+        ("typical", "20", []),
+    ],
+)
+def test_a_changed_rate_is_said(world: str, rate: str, notes: list[str]) -> None:
+    loaded = load_scenario(QUALITY, [f"world={world}", f"sensors.front_radar.rate_hz={rate}"])
+    said = [note for note in check(loaded) if "rate_hz" in note]
+    assert len(said) == len(notes)
+    assert all(note.startswith(start) for note, start in zip(said, notes, strict=True))
+
+
+def test_the_rate_of_a_preset_is_changed_too() -> None:
+    radar = "sensors.front_radar={type: radar, preset: bosch_lrr3, detection_probability: 0.9}"
+    loaded = load_scenario(QUALITY, ["world=recorded", radar])
+    assert loaded.config.sensors["front_radar"].rate_hz == 10
+    assert [*loaded.slowed] == ["front_radar"]
+
+
+def test_cells_rest_on_figures_that_are_assumed(made: FinishedEnvelope) -> None:
+    assumed = {str(cell.point[0]): cell.assumed for cell in made.claim.cells}
+    assert not assumed["ideal"]
+    assert "reflection of front_radar" in assumed["recorded"]
+    page = " ".join(str(made.report()).split())
+    assert "rest on figures assumed for reflection of front_radar" in page
+
+
+def test_the_offset_of_the_reflection_is_an_axis_of_a_shipped_envelope() -> None:
+    loaded = load_scenario("envelope/reflection_offset")
+    radar = loaded.config.sensors["front_radar"]
+    stated = loaded.document.value["sensors"]["front_radar"]["effects"]
+    assert stated == typical("radar", radar.components)
+    axis = next(axis for axis in task_of(loaded).axes if axis.name == "offset")
+    assert axis.ends == (0.0, 1.0)
+    assert [*axis.links] == ["sensors.front_radar.effects.0.toward_sensor"]
