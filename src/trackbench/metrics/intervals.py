@@ -138,6 +138,11 @@ class Interval(NamedTuple):
         return np.ones(len(self.influence), dtype=bool) if self.weight is None else self.weight > 0
 
     @property
+    def is_ratio_of_stretches(self) -> bool:
+        """Whether it is a positive value over stretches of a run, of which the ratio of two is the steadier one."""
+        return self.in_time and not self.scenes and self.at_least == 0.0 < self.value and self.at_most == np.inf
+
+    @property
     def parts(self) -> Parts:
         """The runs or scenes."""
         return Parts(len(self.influence), self.scenes, self.fewest)
@@ -308,6 +313,9 @@ def all_paired(
 ) -> list[Contrast]:
     """The same of many pairs; those of one first interval are computed together where they follow each other.
 
+    Over the stretches of a run, of which there are few, the ratio of two errors is tested: it varies less than their
+    difference where one of them is large. Fewer than ``FEWEST_SCENES`` stretches judge nothing.
+
     Args:
         intervals: from the same runs.
         pairs: by their places.
@@ -321,7 +329,13 @@ def all_paired(
         others = np.array([other for _, other in own])
         margins = np.array([margin(intervals[first], intervals[other]) for other in others])
         freedom, errors, parts = influences.shape[1] - 1, None, intervals[first].parts
-        if not parts.too_few:
+        judged = not parts.too_few and not (intervals[first].in_time and parts.number < FEWEST_SCENES)
+        if judged and all(intervals[number].is_ratio_of_stretches for number in (first, *others)):
+            relative = influences / values[:, None]
+            errors = _standard_errors(relative[first] - relative[others], True)
+            contrasts += _tested_by_ratio(values[first], values[others], errors, freedom, margins)
+            continue
+        if judged:
             apart = influences[first] - influences[others]
             errors = parts.stretch.difference * _standard_errors(apart, intervals[first].in_time)
         varies = ~(constant[first] & constant[others])
@@ -377,6 +391,22 @@ def _tested(
     ends = zip((values - reach).tolist(), (values + reach).tolist(), varies.tolist(), strict=True)
     ci95 = [(low, high) if own else None for low, high, own in ends]
     return list(map(Contrast, values.tolist(), ci95, p_values.tolist(), margins.tolist()))
+
+
+def _tested_by_ratio(first: float, others: Array, errors: Array, freedom: float, margins: Array) -> list[Contrast]:
+    """``(k,)`` differences of one positive value and others, from the standard errors of the logarithms of the ratios.
+
+    The smaller value stands for itself in both ends: the larger one is a multiple of it.
+    """
+    smaller, larger = np.minimum(first, others), np.maximum(first, others)
+    signs = np.where(others > first, -1.0, 1.0)
+    none = np.zeros_like(others)
+    tested = _tested(0.0, -np.log(larger / smaller), errors, freedom, np.log1p(margins / smaller), none == 0, none)
+    contrasts = []
+    for value, sign, least, own, item in zip(first - others, signs, smaller, margins, tested, strict=True):
+        ends = sorted(sign * least * np.expm1(end) for end in item.ci95 or ())
+        contrasts.append(Contrast(float(value), (float(ends[0]), float(ends[1])), item.p_value, float(own)))
+    return contrasts
 
 
 def _standard_errors(influences: Array, in_time: bool) -> Array:

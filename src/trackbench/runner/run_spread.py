@@ -1,0 +1,67 @@
+"""How much a tracker's positions differ between the runs of a scene, which differ in nothing but the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trackbench.base.types import Array, Mask
+from trackbench.runner.work import Work
+
+if TYPE_CHECKING:
+    from trackbench.runner.block import Block
+
+
+class RunSpread:
+    """Sums of squared deviations from the mean over the runs of a block; sums of several blocks add up."""
+
+    def __init__(self) -> None:
+        self.sums = np.zeros(3)
+        """Squared deviations of the positions, m^2, and of their errors, m^2; and their degrees of freedom."""
+
+    def take(self, position: Array, truth: Array, there: Mask) -> None:
+        """Take in the positions of an instant.
+
+        Args:
+            position: ``(2, objects, runs)`` m; NaN where there is none.
+            truth: ``(2, objects, runs or 1)`` m.
+            there: ``(objects, runs)`` where measurements have been taken in.
+        """
+        there = there & np.isfinite(position).all(axis=0)
+        count = there.sum(axis=-1)
+        for row, values in enumerate((position, position - truth)):
+            values = np.where(there, values, 0.0)
+            mean = values.sum(axis=-1, keepdims=True) / np.maximum(count, 1)[:, None]
+            self.sums[row] += np.where(there, (values - mean) ** 2, 0.0).sum()
+        self.sums[2] += 2 * np.maximum(count - 1, 0).sum()
+
+
+def run_spreads(work: Work, blocks: Sequence[Block]) -> dict[str, float]:
+    """By plug-in, the standard deviation of its positions over runs as a share of that of the finest measurement.
+
+    Of the positions and of their errors the smaller one counts: an estimate that is read from the truth follows a
+    motion that is drawn anew in each run. None is told of a tracker that reads recorded measurements alone.
+    """
+    spreads = {}
+    for name in {name for block in blocks for name in block.spreads}:
+        position, error, freedom = np.sum([block.spreads[name] for block in blocks if name in block.spreads], axis=0)
+        finest = _finest_measurement(work, name)
+        if freedom > 0 and finest > 0:
+            spreads[name] = float(np.sqrt(min(position, error) / freedom) / finest)
+    return spreads
+
+
+def _finest_measurement(work: Work, tracker: str) -> float:
+    """Smallest standard deviation, m, of a simulated measurement in the direction that it tells most of; 0 of none."""
+    used = work.trackers[tracker].sensors_used
+    roots = [
+        scene.information[sensor.name].root[:, :, :2]
+        for scene in work.scenes
+        for sensor in scene.sensors
+        if not sensor.recorded and sensor.detections is None and (used is None or sensor.name in used)
+    ]
+    told = [np.linalg.eigvalsh(np.einsum("krio,krjo->koij", root, root)).max(initial=0.0) for root in roots]
+    largest = max(told, default=0.0)
+    return float(largest**-0.5) if largest > 0 else 0.0
