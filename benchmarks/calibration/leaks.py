@@ -18,7 +18,7 @@ from .claim import Claim, power, rate
 REPEATS, POWER = 2000, 200
 INSTANTS, PERIOD, SIGMA, ACCELERATION = 60, 0.1, 0.3, 3.0
 #: Runs of ``scripted/own_model`` that are cut into samples.
-RUNS = 4000
+RUNS = 4200
 
 
 def claims() -> Iterator[Claim]:

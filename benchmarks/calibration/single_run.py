@@ -11,8 +11,9 @@ import numpy as np
 import trackbench as tb
 from trackbench.metrics import Metric
 from trackbench.metrics.built_in.basic import Coverage
+from trackbench.metrics.contrasts import Contrast, paired
 from trackbench.metrics.differences import contrast_verdict
-from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, paired, ratio, root
+from trackbench.metrics.intervals import FEWEST_SCENES, Interval, ratio, root
 from trackbench.metrics.protocol import Chunk, Scope
 from trackbench.metrics.sums import ERROR, stretch_numbers
 from trackbench.runner.block import run_block

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import json
+import os
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -257,3 +260,30 @@ def test_tracks_that_no_measurement_moves_are_not_ranked(run: Callable[..., Resu
     hidden = {**STEADY, "sensing": {"identities": "hidden"}, "sensors": {"lidar": lidar}}
     result = run(hidden, "OneTrack", runs=10)
     assert result.why_unscored(result["mine"]) == SAME.format(10)
+
+
+SPY = """
+import json, os, sys
+import numpy as np
+
+class Spy:
+    def step(self, state, scan):
+        told = {"environment": dict(os.environ), "arguments": sys.argv, "scan": repr(scan)}
+        with open("told.json", "w") as file:
+            json.dump(told, file)
+        return None, (np.array([*scan.measurement, 0.0, 0.0]), np.eye(4))
+"""
+
+
+def test_the_process_of_a_tracker_is_told_no_name_seed_or_data(
+    tmp_path: Path, write_module: Write, trackbench: str
+) -> None:
+    entry = {"mine": {"use": f"{write_module(tmp_path, SPY)}:Spy"}}
+    scenario = {**STEADY, "name": "hush_name", "monte_carlo": {"runs": 2, "seed": 918273645}, "trackers": entry}
+    (tmp_path / "hush_file.yaml").write_text(json.dumps(scenario), encoding="utf-8")
+    environment = os.environ | {"TRACKBENCH_DATA": "hush_data"}
+    command = [trackbench, "run", "hush_file.yaml", "--no-recording"]
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    told = (tmp_path / "told.json").read_text(encoding="utf-8")
+    assert "lidar" in told
+    assert not [word for word in ("hush_", "918273645", "PYTEST_CURRENT_TEST") if word in told]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -55,25 +56,21 @@ class DriveAlone:
         """Drive each member alone, one after the other; return what differs in law."""
         step, alone = self._steps[0], []
         for place, member in enumerate(self._members):
+            errors = []
             try:
-                stepper = self._start()
-                try:
-                    errors = []
+                with closing(self._start()) as stepper:
                     for step in self._steps:
                         answer = stepper.step(columns_of(step.scan, np.full(COPIES, member)))
                         if step.last:
                             truth = np.repeat(self._truth[:, step.instant, :, place, None], COPIES, axis=-1)
                             errors.append(self._errors(answer, np.arange(COPIES), truth))
-                finally:
-                    stepper.close()
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
                 fault = fault_of(error)
                 cause = f"driven again with one member alone, it fails: {fault.cause}"
-                return Disagreement(
-                    TrackFault(cause, fault.kind, fault.place, int(member)), step.instant, step.scan.sensor
-                )
+                failed = TrackFault(cause, fault.kind, fault.place, int(member))
+                return Disagreement(failed, step.instant, step.scan.sensor)
             alone.append(_mean_log(errors))
         difference = difference_in_law(_mean_log(self._batch), np.array(alone))
         fault = TrackFault(difference, "answer")

@@ -70,7 +70,8 @@ def headline_sentence(result: Result) -> str:
 
 def beaten_bound(result: Result) -> str:
     """Which trackers beat a true Cramér-Rao bound; empty where none does."""
-    return "; ".join(f"{tracker.name} {BEATS_BOUND}" for tracker in result.beating_bound)
+    names = [tracker.name for tracker in result.summary.trackers if tracker.beats_bound(result.summary.reference)]
+    return "; ".join(f"{name} {BEATS_BOUND}" for name in names)
 
 
 def _accuracy_sentence(result: Result) -> str:

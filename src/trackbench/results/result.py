@@ -198,11 +198,6 @@ class Result:
         runs_of_scene = self.summary.runs // max(1, len(self.summary.truth.scenes))
         return tracker.why_suspect(self.summary.reference, runs_of_scene)
 
-    @property
-    def beating_bound(self) -> list[TrackerResult]:
-        """The trackers that are shown to beat a true Cramer-Rao bound."""
-        return [tracker for tracker in self.summary.trackers if tracker.beats_bound(self.summary.reference)]
-
     def json(self) -> dict[str, Any]:
         """The summary as JSON values."""
         return self.summary.model_dump(mode="json")

@@ -201,7 +201,7 @@ class HiddenRun(TrackerRun[Tracks]):
         there = tracks.ids != NO_TRACK
         count = there.sum(axis=0)
         mean = np.where(there, tracks.mean[:2], 0.0).sum(axis=1) / np.maximum(count, 1)
-        self.spread.take(mean[:, None], np.zeros((2, 1, 1)), (count > 0)[None])
+        self.spread.take(mean[:, None], (count > 0)[None])
 
     def _note_predicted(self, tracker: Stepper, delivery: Delivery) -> None:
         """Keep what a built-in tracker expected before a scan."""

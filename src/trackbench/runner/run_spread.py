@@ -18,38 +18,34 @@ class RunSpread:
     """Sums of squared deviations from the mean over the runs of a block; sums of several blocks add up."""
 
     def __init__(self) -> None:
-        self.sums = np.zeros(3)
-        """Squared deviations of the positions, m^2, and of their errors, m^2; and their degrees of freedom."""
+        self.sums = np.zeros(2)
+        """Squared deviations of the positions, m^2, and their degrees of freedom."""
 
-    def take(self, position: Array, truth: Array, there: Mask) -> None:
+    def take(self, position: Array, there: Mask) -> None:
         """Take in the positions of an instant.
 
         Args:
             position: ``(2, objects, runs)`` m; NaN where there is none.
-            truth: ``(2, objects, runs or 1)`` m.
             there: ``(objects, runs)`` where measurements have been taken in.
         """
         there = there & np.isfinite(position).all(axis=0)
         count = there.sum(axis=-1)
-        for row, values in enumerate((position, position - truth)):
-            values = np.where(there, values, 0.0)
-            mean = values.sum(axis=-1, keepdims=True) / np.maximum(count, 1)[:, None]
-            self.sums[row] += np.where(there, (values - mean) ** 2, 0.0).sum()
-        self.sums[2] += 2 * np.maximum(count - 1, 0).sum()
+        mean = np.where(there, position, 0.0).sum(axis=-1, keepdims=True) / np.maximum(count, 1)[:, None]
+        self.sums[0] += np.where(there, (position - mean) ** 2, 0.0).sum()
+        self.sums[1] += 2 * np.maximum(count - 1, 0).sum()
 
 
 def run_spreads(work: Work, blocks: Sequence[Block]) -> dict[str, float]:
     """By plug-in, the standard deviation of its positions over runs as a share of that of the finest measurement.
 
-    Of the positions and of their errors the smaller one counts: an estimate that is read from the truth follows a
-    motion that is drawn anew in each run. None is told of a tracker that reads recorded measurements alone.
+    None is told of a tracker that reads recorded measurements alone.
     """
     spreads = {}
     for name in {name for block in blocks for name in block.spreads}:
-        position, error, freedom = np.sum([block.spreads[name] for block in blocks if name in block.spreads], axis=0)
+        squares, freedom = np.sum([block.spreads[name] for block in blocks if name in block.spreads], axis=0)
         finest = _finest_measurement(work, name)
         if freedom > 0 and finest > 0:
-            spreads[name] = float(np.sqrt(min(position, error) / freedom) / finest)
+            spreads[name] = float(np.sqrt(squares / freedom) / finest)
     return spreads
 
 
