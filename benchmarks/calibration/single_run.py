@@ -13,7 +13,7 @@ from trackbench.metrics import Metric
 from trackbench.metrics.built_in.basic import Coverage
 from trackbench.metrics.contrasts import Contrast, paired
 from trackbench.metrics.differences import contrast_verdict
-from trackbench.metrics.intervals import FEWEST_SCENES, Interval, ratio, root
+from trackbench.metrics.intervals import FEWEST_STRETCHES, Interval, ratio, root
 from trackbench.metrics.protocol import Chunk, Scope
 from trackbench.metrics.sums import ERROR, stretch_numbers
 from trackbench.runner.block import run_block
@@ -26,8 +26,8 @@ from .claim import Claim, power, rate
 SCENARIO = "scripted/own_model"
 #: Runs that say what is true.
 MANY = 800
-#: Duration of a log, two, five, six and twenty stretches of time, and how many such single runs are looked at.
-RUNS = {9: 3000, 21: 1500, 25: 1500, 81: 600}
+#: Duration of a log, two, four, five, six and twenty stretches of time, and how many such single runs are looked at.
+RUNS = {9: 3000, 17: 1500, 21: 1500, 25: 1500, 81: 600}
 METRICS = {"position_rmse": ("px", "py"), "velocity_rmse": ("vx", "vy"), "nees": ("nees",)}
 #: Process noise of a version of a tracker, and some with about as large an error: too little noise, and too much.
 KEY, LOW, HIGH = "trackers.ekf.acceleration_sigma_mps2", 1.0, (5.0, 7.0)
@@ -60,7 +60,7 @@ def claims() -> Iterator[Claim]:
                 ends = [_interval(single, metric, run).ci95 for run in range(runs)]
                 hits = [low <= true <= high for low, high in ends]
                 yield rate(f"{where}, {tracker}: interval of {metric} covers", hits, 0.93, 0.97)
-        if seconds >= 4 * FEWEST_SCENES:
+        if seconds >= 4 * FEWEST_STRETCHES:
             yield from _versions(seconds, runs, where)
 
 
@@ -87,7 +87,7 @@ def _versions(seconds: int, runs: int, where: str) -> Iterator[Claim]:
 def _pairs(a: Sums, b: Sums) -> list[Contrast]:
     """The difference of two trackers on each single run."""
     runs = range(a.shape[-1])
-    sides = ([_interval(side, "position_rmse", run)._replace(in_time=True) for run in runs] for side in (a, b))
+    sides = ([_interval(side, "position_rmse", run)._replace(of_stretches=True) for run in runs] for side in (a, b))
     return [paired(*both) for both in zip(*sides, strict=True)]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.types import Array, Mask
-from trackbench.metrics.intervals import FEWEST_SCENES, ROUNDING, Interval, standard_errors
+from trackbench.metrics.intervals import FEWEST_STRETCHES, ROUNDING, Interval, standard_errors
 
 #: By which share of their value two errors may differ from scene to scene without a sign of it in those that were seen.
 UNSEEN = 0.1
@@ -54,7 +54,7 @@ def all_paired(
     """The same of many pairs; those of one first interval are computed together where they follow each other.
 
     Over the stretches of a run, of which there are few, the ratio of two errors is tested: it varies less than their
-    difference where one of them is large. Fewer than ``FEWEST_SCENES`` stretches judge nothing.
+    difference where one of them is large. Fewer than ``FEWEST_STRETCHES`` judge nothing.
 
     Args:
         intervals: from the same runs.
@@ -69,7 +69,7 @@ def all_paired(
         others = np.array([other for _, other in own])
         margins = np.array([margin(intervals[first], intervals[other]) for other in others])
         freedom, errors, parts = influences.shape[1] - 1, None, intervals[first].parts
-        judged = not parts.too_few and not (intervals[first].in_time and parts.number < FEWEST_SCENES)
+        judged = not parts.too_few and not (intervals[first].of_stretches and parts.number < FEWEST_STRETCHES)
         if judged and all(intervals[number].is_ratio_of_stretches for number in (first, *others)):
             relative = influences / values[:, None]
             errors = standard_errors(relative[first] - relative[others], True)
@@ -77,7 +77,9 @@ def all_paired(
             continue
         if judged:
             apart = influences[first] - influences[others]
-            errors = parts.stretch.difference * standard_errors(apart, intervals[first].in_time)
+            errors = parts.stretch.difference * standard_errors(
+                apart, intervals[first].in_time or intervals[first].of_stretches
+            )
         varies = ~(constant[first] & constant[others])
         unseen = np.array([_unseen(intervals[first], intervals[other]) for other in others])
         contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen)

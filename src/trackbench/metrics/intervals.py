@@ -18,6 +18,8 @@ TOO_SHORT = "too short for an interval"
 ALL_THE_SAME = "the same in every run, which says nothing of others: no interval"
 #: With fewer scenes there is no interval and no verdict: what holds is calibrated from here on.
 FEWEST_SCENES = 5
+#: With fewer stretches of a single run no two trackers are compared.
+FEWEST_STRETCHES = 4
 UNCALIBRATED = "no interval holds"
 TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the report shows each of them"
 
@@ -93,6 +95,8 @@ class Interval(NamedTuple):
     """Runs from which on the interval is calibrated."""
     in_time: bool = False
     """Whether the parts are stretches of time that follow each other, so that neighbours may be alike."""
+    of_stretches: bool = False
+    """Whether the parts are stretches of single runs, as which two values are compared."""
     counted: Counted | None = None
     """What it is, where its limits are those of counts."""
     repeats: float = 1.0
@@ -135,7 +139,7 @@ class Interval(NamedTuple):
     @property
     def is_ratio_of_stretches(self) -> bool:
         """Whether it is a positive value over stretches of a run, of which the ratio of two is the steadier one."""
-        return self.in_time and not self.scenes and self.at_least == 0.0 < self.value and self.at_most == np.inf
+        return self.of_stretches and self.at_least == 0.0 < self.value and self.at_most == np.inf
 
     @property
     def parts(self) -> Parts:
