@@ -197,7 +197,8 @@ def test_an_id_that_is_used_again_is_a_fault_of_health(
     code = (
         "import numpy as np\nclass T:\n    def step(self, state, scan):\n        n = (state or 0) + 1\n"
         "        there = np.arange(n % 4 < 2)\n"
-        "        return n, (there, np.zeros((4, len(there))), np.tile(np.eye(4)[:, :, None], len(there)))\n"
+        "        mean = np.full((4, len(there)), scan.measurement.sum())\n"
+        "        return n, (there, mean, np.tile(np.eye(4)[:, :, None], len(there)))\n"
     )
     use = f"trackers.again.use={write_module(scenario.parent, code)}:T"
     found = result(scenario, use)

@@ -67,7 +67,7 @@ class Block:
     """The plug-ins that say that they draw random numbers."""
     first_velocities: Mapping[str, Array] = field(default_factory=dict)
     """As ``first_velocity`` has them, in the first block of each scene."""
-    spreads: dict[str, Array] = field(default_factory=dict)
+    spreads: dict[str, list[Array]] = field(default_factory=dict)
     """By plug-in, the sums of ``RunSpread``."""
     unshown: Counter[str] = field(default_factory=Counter)
     """Lines that plug-ins printed and that were not shown."""
@@ -79,7 +79,7 @@ class Block:
             self.engines[tracker.name] = engine
         if tracker.random:
             self.random |= {tracker.name}
-        if tracker.spread is not None:
+        if tracker.spread is not None and tracker.failure is None:
             self.spreads[tracker.name] = tracker.spread.sums
 
     @property

@@ -195,13 +195,12 @@ class HiddenRun(TrackerRun[Tracks]):
 
     def _note_spread(self, instant: int, tracks: Tracks) -> None:
         """Note the mean position of the tracks of each run."""
-        (part, *_) = self._parts
-        if self.spread is None or not part.scene.truth.known:
+        if self.spread is None:
             return
         there = tracks.ids != NO_TRACK
         count = there.sum(axis=0)
         mean = np.where(there, tracks.mean[:2], 0.0).sum(axis=1) / np.maximum(count, 1)
-        self.spread.take(mean[:, None], (count > 0)[None])
+        self.spread.take(instant, mean[:, None], (count > 0)[None])
 
     def _note_predicted(self, tracker: Stepper, delivery: Delivery) -> None:
         """Keep what a built-in tracker expected before a scan."""

@@ -15,24 +15,42 @@ if TYPE_CHECKING:
 
 
 class RunSpread:
-    """Sums of squared deviations from the mean over the runs of a block; sums of several blocks add up."""
+    """Sums over the runs of a block at each instant; those of the blocks of a scene add up.
 
-    def __init__(self) -> None:
-        self.sums = np.zeros(2)
-        """Squared deviations of the positions, m^2, and their degrees of freedom."""
+    Args:
+        truth: ``(2, instants, objects)`` m, near the positions and the same in every block, which keeps rounding small.
+    """
 
-    def take(self, position: Array, there: Mask) -> None:
+    def __init__(self, truth: Array) -> None:
+        self._truth = truth[..., None]
+        self.sums: list[Array] = []
+        """Of each instant ``(4, objects)``: number of positions, sums of x and y, m, and of their squares, m^2."""
+
+    def take(self, instant: int, position: Array, there: Mask) -> None:
         """Take in the positions of an instant.
 
         Args:
+            instant: its number.
             position: ``(2, objects, runs)`` m; NaN where there is none.
             there: ``(objects, runs)`` where measurements have been taken in.
         """
         there = there & np.isfinite(position).all(axis=0)
-        count = there.sum(axis=-1)
-        mean = np.where(there, position, 0.0).sum(axis=-1, keepdims=True) / np.maximum(count, 1)[:, None]
-        self.sums[0] += np.where(there, (position - mean) ** 2, 0.0).sum()
-        self.sums[1] += 2 * np.maximum(count - 1, 0).sum()
+        apart = np.where(there, position - self._truth[:, instant], 0.0)
+        square = (apart**2).sum(axis=(0, 2))
+        self.sums.append(np.concatenate([there.sum(axis=-1)[None], apart.sum(axis=-1), square[None]]))
+
+
+def spread_in(work: Work, number: int) -> RunSpread | None:
+    """Return what sums the spread of a tracker in a scene; None without a truth.
+
+    Where identities are hidden it is that of the mean position of the tracks.
+    """
+    scene, hidden = work.scenes[number], work.cutoff is not None
+    if not scene.truth.known:
+        return None
+    steps = scene.due.steps if hidden else scene.instants()
+    truth = np.nan_to_num(np.stack([scene.truth.px[steps, :, 0], scene.truth.py[steps, :, 0]]))
+    return RunSpread(truth.sum(axis=2, keepdims=True) / max(truth.shape[2], 1) if hidden else truth)
 
 
 def run_spreads(work: Work, blocks: Sequence[Block]) -> dict[str, float]:
@@ -41,8 +59,16 @@ def run_spreads(work: Work, blocks: Sequence[Block]) -> dict[str, float]:
     None is told of a tracker that reads recorded measurements alone.
     """
     spreads = {}
-    for name in {name for block in blocks for name in block.spreads}:
-        squares, freedom = np.sum([block.spreads[name] for block in blocks if name in block.spreads], axis=0)
+    for name in dict.fromkeys(name for block in blocks for name in block.spreads):
+        scenes: dict[int, Array] = {}
+        for block in blocks:
+            if len(block.spreads.get(name, ())):
+                scenes[block.piece.scene] = scenes.get(block.piece.scene, 0.0) + np.array(block.spreads[name])
+        squares = freedom = 0.0
+        for count, x, y, square in (sums.transpose(1, 0, 2) for sums in scenes.values()):
+            several = count > 1
+            squares += np.maximum(square - (x**2 + y**2) / np.maximum(count, 1), 0.0)[several].sum()
+            freedom += 2 * (count[several] - 1).sum()
         finest = _finest_measurement(work, name)
         if freedom > 0 and finest > 0:
             spreads[name] = float(np.sqrt(squares / freedom) / finest)

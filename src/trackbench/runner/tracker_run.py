@@ -15,7 +15,7 @@ from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
 from trackbench.models.motion import MotionModel
 from trackbench.results import Failure
-from trackbench.runner.run_spread import RunSpread
+from trackbench.runner.run_spread import spread_in
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario.config import TrackerEntry
@@ -52,7 +52,7 @@ class TrackerRun(ABC, Generic[Answer]):
         self._work, self._piece, self._drive, self._time = work, piece, drive, time
         self._second_drives = second_drives
         self._second: SecondDrive | DriveAlone | None = None
-        self.spread = None if isinstance(work.trackers[name], FilterConfig) else RunSpread()
+        self.spread = None if isinstance(work.trackers[name], FilterConfig) else spread_in(work, piece.scene)
         """How much its positions differ between runs; None of a built-in filter."""
         self._instants = self._through()
         sensors = (sensor.config for sensor in work.scenes[piece.scene].sensors)
