@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackbench.metrics import clustered, ratio, root, scaled_interval
-from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, paired, unpaired
+from trackbench.metrics.contrasts import paired, unpaired
+from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.tracker_entry import scene_share
 

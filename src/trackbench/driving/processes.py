@@ -40,6 +40,8 @@ GLANCE = 0.5
 DUMPING = 1.0
 #: How long it may take to start one, and to end it with all that it has started, s.
 STARTING, ENDING = 60.0, 10.0
+#: Variables of the environment that tell of the data, or of the test that runs.
+UNTOLD = ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
 #: Lines that are shown of what all processes of a tracker print.
 SHOWN = 100
 NO_ANSWER = "its process sent what is no answer"
@@ -67,7 +69,7 @@ class Template:
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", TEMPLATE, str(theirs.fileno())],
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+                env=_environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
@@ -335,6 +337,12 @@ class TrackerProcess(GuardedProcess):
         self._end()
         self.fault = TrackFault(cause, "died", place)
         return self.fault
+
+
+def _environment() -> dict[str, str]:
+    """Return that of the bench, without where recordings are, and with where modules are looked for."""
+    kept = {name: value for name, value in os.environ.items() if name not in UNTOLD}
+    return kept | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
 
 
 def _end(template: Template, process: int, files: Sequence[Closeable]) -> None:

@@ -10,10 +10,12 @@ from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Array, Gaussian
 from trackbench.driving.drive import Answer, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.law import DriveAlone
 from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
 from trackbench.models.motion import MotionModel
 from trackbench.results import Failure
+from trackbench.runner.run_spread import spread_in
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario.config import TrackerEntry
@@ -49,7 +51,9 @@ class TrackerRun(ABC, Generic[Answer]):
         """Whether it says that it draws random numbers; known once it is started."""
         self._work, self._piece, self._drive, self._time = work, piece, drive, time
         self._second_drives = second_drives
-        self._second: SecondDrive | None = None
+        self._second: SecondDrive | DriveAlone | None = None
+        self.spread = None if isinstance(work.trackers[name], FilterConfig) else spread_in(work, piece.scene)
+        """How much its positions differ between runs; None of a built-in filter."""
         self._instants = self._through()
         sensors = (sensor.config for sensor in work.scenes[piece.scene].sensors)
         self._plugins = plugins_among(*_motions(work.trackers[name]), *sensors)
@@ -73,10 +77,12 @@ class TrackerRun(ABC, Generic[Answer]):
     def end(self) -> None:
         """End the tracker, and note what its second drive found where nothing else was wrong."""
         self._instants.close()
-        if self._second is not None:
-            self._second.close()
-            if self.failure is None and self._second.disagreement is not None:
-                self.fail(*self._second.disagreement)
+        second, self._second = self._second, None
+        if second is not None:
+            disagreement = second.conclude() if self.failure is None else None
+            second.close()
+            if disagreement is not None:
+                self.fail(*disagreement)
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""
