@@ -43,6 +43,7 @@ def open_tables(file: Path) -> sqlite3.Connection:
         if database is not None:
             database.close()
         if isinstance(error, sqlite3.Error):
-            raise InputError(f"not an SQLite database that can be read: {error}", file=file) from None
+            reason = shortened_text(" ".join(str(error).split()))
+            raise InputError(f"not an SQLite database that can be read: {reason}", file=file) from None
         raise
     return database

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
-from trackbench.base.errors import counted
+from trackbench.base.errors import InputError, counted
 from trackbench.compare.limits import limits_in_words
 from trackbench.document import (
     Block,
@@ -72,9 +72,13 @@ def saved_history(file: Path) -> Document:
     """The page of a history that was kept as JSON.
 
     Raises:
-        InputError: it cannot be read, or is none of this version.
+        InputError: it cannot be read, is none of this version, or scores a tracker that it does not list.
     """
-    return history_document(read_model(History, file, "history", [SCHEMA_VERSION]))
+    history = read_model(History, file, "history", [SCHEMA_VERSION])
+    try:
+        return history_document(history)
+    except KeyError as error:
+        raise InputError(f"it scores {error}, which is not among its trackers", file=file) from None
 
 
 def _answer(history: History) -> str:
