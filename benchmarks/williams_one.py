@@ -44,11 +44,14 @@ POISSON: dict[str, Any] = {
     "delete_after_s": 1000,
 }
 COUNTING: dict[str, Any] = {"gate": POISSON["gate"], "confirm": [3, 5], "delete_misses": 3, "delete_after_s": 1000}
+QUICK: dict[str, Any] = {"gate": POISSON["gate"], "confirm": [2, 3]}
 METHODS: dict[str, dict[str, Any]] = {
     "pmb": {"method": "pmb", **POISSON},
     "jipda": {"method": "jipda", **POISSON},
-    "gnn": {"method": "gnn", **COUNTING},
-    "jpda": {"method": "jpda", **COUNTING},
+    "gnn_3_of_5": {"method": "gnn", **COUNTING},
+    "jpda_3_of_5": {"method": "jpda", **COUNTING},
+    "gnn_2_of_3": {"method": "gnn", **QUICK},
+    "jpda_2_of_3": {"method": "jpda", **QUICK},
 }
 
 

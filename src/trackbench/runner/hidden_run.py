@@ -344,15 +344,10 @@ class HiddenRun(TrackerRun[Tracks]):
 
 
 def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
-    """Count the ids that come back elsewhere, after an instant without them.
+    """Count the ids of a run that come back elsewhere after an instant without them; ``time`` is ``(T,)`` s.
 
-    A track that was not reported for a while comes back where its velocity takes it: within ``cutoff`` and four of the
-    standard deviations that it stated.
-
-    Args:
-        tracks: of one run at T instants.
-        time: ``(T,)`` s.
-        cutoff: distance, m.
+    A track that was not reported for a while comes back where its velocity takes it: within ``cutoff``, m, and four of
+    the standard deviations that it stated.
     """
     instant, column = np.nonzero(tracks.ids != NO_TRACK)
     order = np.lexsort((instant, tracks.ids[instant, column]))

@@ -53,8 +53,6 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
 CONFIRMED_BY: dict[str, tuple[AssociationMethod, ...]] = {"score": ("gnn", "jpda"), "existence": EXISTENCE}
 #: The rule that a key belongs to.
 RULE_OF = {"confirm_score": "score", "score_drop": "score"}
-#: Largest coordinate of a birth density, m.
-LARGEST_M = 1e8
 #: Most scans within which a track may be confirmed.
 LONGEST_WINDOW = 100
 
@@ -79,8 +77,8 @@ def _m_of_n(value: Any) -> bool:
 class GaussianBirths(Config):
     """A place about which objects begin: a Gaussian of the same standard deviation on both axes."""
 
-    x: float = Field(ge=-LARGEST_M, le=LARGEST_M, description="Its mean along x in the fixed frame, m.")
-    y: float = Field(ge=-LARGEST_M, le=LARGEST_M, description="Its mean along y in the fixed frame, m.")
+    x: float = Field(ge=-1e8, le=1e8, description="Its mean along x in the fixed frame, m.")
+    y: float = Field(ge=-1e8, le=1e8, description="Its mean along y in the fixed frame, m.")
     sigma_m: Sigma = Field(description="Its standard deviation, m.")
 
 

@@ -113,9 +113,8 @@ def intensity(
 ) -> Intensity:
     """Return the densities of false alarms and of objects without a track in a scan.
 
-    False alarms are taken to be uniform over the field of view. So are objects without a track, unless the options
-    state a Gaussian of their positions. A filter that compares positions takes all false alarms in view, spread over
-    its area.
+    False alarms are uniform over the field of view; objects without a track too, unless the options state a Gaussian.
+    A filter that compares positions takes all false alarms in view, spread over its area.
 
     Args:
         scan: says what the sensor states.
@@ -130,23 +129,16 @@ def intensity(
     stated = config.clutter_density.get(scan.sensor, scan.clutter_density or 0.0)
     volume = view.volume or measured
     false_alarms = max(stated * volume, FEWEST_FALSE_ALARMS)
-    share: float | Array = 1.0 / (measured if as_measured else positions)
-    if isinstance(config.birth_density, GaussianBirths) and SENSOR_MODELS[scan.kind].measures_position():
-        share = _gaussian(config.birth_density, scan)
+    births, sensor = config.birth_density, SENSOR_MODELS[scan.kind]
+    new_objects = undetected / (measured if as_measured else positions) * detection
+    if isinstance(births, GaussianBirths) and sensor.measures_position():
+        place, noise = sensor.position(scan)
+        factor = linalg.cholesky(noise + linalg.expand(births.sigma_m**2 * np.eye(2), noise))
+        away = place - linalg.expand(np.array([births.x, births.y]), place)
+        new_objects = undetected * np.exp(factor.log_density(factor.whiten(away))) * detection
         if as_measured:
-            share /= volume_per_area(scan.kind, measured_distance(scan), velocity_sigma)
-    return Intensity(false_alarms / (volume if as_measured else positions), undetected * share * detection)
-
-
-def _gaussian(births: GaussianBirths, scan: Scan) -> Array:
-    """``(N,)`` density of the position of each detection of an object that the births bring, 1/m^2."""
-    position, noise = SENSOR_MODELS[scan.kind].position(scan)
-    xx, yy, xy = noise[0, 0] + births.sigma_m**2, noise[1, 1] + births.sigma_m**2, noise[0, 1]
-    x, y = position[0] - births.x, position[1] - births.y
-    determinant = xx * yy - xy * xy
-    distance = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant
-    density: Array = np.exp(-0.5 * distance) / (2.0 * np.pi * np.sqrt(determinant))
-    return density
+            new_objects /= volume_per_area(scan.kind, measured_distance(scan), velocity_sigma)
+    return Intensity(false_alarms / (volume if as_measured else positions), new_objects)
 
 
 @lru_cache(maxsize=64)

@@ -32,13 +32,10 @@ class Judged(NamedTuple):
 
 
 class _Untimed:
-    """The evidence does not change with time alone, and each confirmed track is reported."""
+    """The evidence does not change with time alone."""
 
     def after_time(self, evidence: Array, elapsed: float) -> Array:
         return evidence
-
-    def reports(self, evidence: Array) -> Mask:
-        return np.ones(evidence.shape[1:], dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -112,11 +109,8 @@ class ExistenceLogic:
     """
 
     confirm: float
-    """Least probability of existence that confirms a track."""
-    report: float
-    """Least probability of existence of a confirmed track that is reported."""
     delete: float
-    """Least probability of existence of a track that is kept."""
+    """Below this a track is deleted."""
     lifetime: float
     """Mean, s."""
     hides: float
@@ -142,10 +136,6 @@ class ExistenceLogic:
 
     def confirms(self, evidence: Array) -> Mask:
         result: Mask = evidence[0] >= self.confirm
-        return result
-
-    def reports(self, evidence: Array) -> Mask:
-        result: Mask = evidence[0] >= self.report
         return result
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
@@ -179,9 +169,6 @@ class CountedExistence:
     def confirms(self, evidence: Array) -> Mask:
         return self.count.confirms(self._counted(evidence))
 
-    def reports(self, evidence: Array) -> Mask:
-        return self.existence.reports(evidence)
-
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         exists = self.existence.deletes(evidence, confirmed)
         result: Mask = exists | self.count.deletes(self._counted(evidence), confirmed)
@@ -192,8 +179,8 @@ class CountedExistence:
 
 
 #: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
-#: detection; ``after_time`` and ``after_scan`` move it on. ``confirms`` tells which tracks get an id, ``reports`` which
-#: of those that have one are reported, and ``deletes`` which end, each ``(L,)``.
+#: detection; ``after_time`` and ``after_scan`` move it on; ``confirms`` tells which tracks get an id, and
+#: ``deletes`` which end, each ``(L,)``.
 TrackLogic = CountLogic | ScoreLogic | ExistenceLogic | CountedExistence
 
 
@@ -203,7 +190,7 @@ def track_logic(config: AssociateConfig) -> TrackLogic:
     if rule == "score":
         return ScoreLogic(config.confirm_score, config.score_drop)
     hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
-    limits = *config.report_limits, config.delete_existence
+    limits = config.report_limits[0], config.delete_existence
     existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
     if rule == "existence":
         return existence

@@ -99,18 +99,18 @@ def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[Trac
 
 
 def reported_tracks(
-    table: TrackTable, is_reported: Mask, filter: Filter[Any], existence: Array | None, runs: int
+    table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float
 ) -> Tracks:
-    """Return the reported tracks as arrays with a last axis of runs, padded.
+    """Return the confirmed tracks of sufficient existence as arrays with a last axis of runs, padded.
 
     Args:
         table: of all tracks.
-        is_reported: ``(L,)``.
         filter: of their beliefs.
         existence: ``(L,)``, if the tracker has it.
         runs: how many.
+        least_existence: of a track that is reported.
     """
-    which = indices(is_reported)
+    which = indices((table.id != NONE) & (True if existence is None else existence >= least_existence))
     shape, missing = (len(which), 1), None
     if runs > 1:
         which = by_run(which, table.run)

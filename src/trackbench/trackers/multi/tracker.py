@@ -199,8 +199,7 @@ class MultiObjectTracker(ScanTracker):
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
         existence = None if self.associate.method in COUNTING else table.evidence[0]
-        is_reported = (table.id != NONE) & self._manager.logic.reports(table.evidence)
-        return reported_tracks(table, is_reported, self._track_filter.filter, existence, runs)
+        return reported_tracks(table, self._track_filter.filter, existence, runs, self.associate.report_limits[1])
 
 
 def _used_of(tracks: Tracks, late: Tracks) -> Indices:
