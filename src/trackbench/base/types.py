@@ -172,8 +172,8 @@ class Tracks(NamedTuple):
 
     def __repr__(self) -> str:
         shown = np.array2string(np.asarray(self.ids), threshold=12, separator=", ", max_line_width=1000)
-        given = [name for name in ("existence", "used") if getattr(self, name) is not None]
-        return f"<tracks {shown}{''.join(f', {name}' for name in given)}>"
+        stated = [name for name in ("existence", "used") if getattr(self, name) is not None]
+        return f"<tracks {shown}{''.join(f', {name}' for name in stated)}>"
 
 
 class Estimate(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from trackbench.base.types import Array, Indices, Tracks
 from trackbench.driving.drive import DriveStep
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.second_drive import Disagreement, columns_of
+from trackbench.driving.second_drive import Disagreement, scan_of_columns
 from trackbench.driving.steppers import Stepper
 
 #: Members that are driven again, at most and at least, and how many copies of itself each has for company: so its draws
@@ -60,7 +60,7 @@ class DriveAlone:
             try:
                 with closing(self._start()) as stepper:
                     for step in self._steps:
-                        answer = stepper.step(columns_of(step.scan, np.full(COPIES, member)))
+                        answer = stepper.step(scan_of_columns(step.scan, np.full(COPIES, member)))
                         if step.last:
                             truth = np.repeat(self._truth[:, step.instant, :, place, None], COPIES, axis=-1)
                             errors.append(self._errors(answer, np.arange(COPIES), truth))

@@ -38,9 +38,9 @@ PACKETS = sys.platform == "linux"
 GLANCE = 0.5
 #: How long a process that has been told to end may take to write down where it was, s.
 DUMPING = 1.0
-#: How long it may take to start one, and to end it with all that it has started, s.
+#: How long a start may take, and the end of all that was started, s.
 STARTING, ENDING = 60.0, 10.0
-#: Variables of the environment that tell of the data, or of the test that runs.
+#: Variables of the environment that a tracker is not told.
 UNTOLD = ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
 #: Lines that are shown of what all processes of a tracker print.
 SHOWN = 100
@@ -340,7 +340,6 @@ class TrackerProcess(GuardedProcess):
 
 
 def _environment() -> dict[str, str]:
-    """Return that of the bench, without where recordings are, and with where modules are looked for."""
     kept = {name: value for name, value in os.environ.items() if name not in UNTOLD}
     return kept | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
 

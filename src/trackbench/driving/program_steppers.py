@@ -101,10 +101,10 @@ class ProgramStepper(Stepper):
 
     def _listed(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
         """The estimate of those who have begun, in one frame; where it needs a closer look one message for each."""
-        given, count = scan, len(self._members)
+        own, count = scan, len(self._members)
         if count < self._batch:
-            given = scan._replace(measurement=scan.measurement[:, self._members], valid=scan.valid[self._members])
-        self._program.send([ScanFrames(scan).of(self._ids, given)])
+            own = scan._replace(measurement=scan.measurement[:, self._members], valid=scan.valid[self._members])
+        self._program.send([ScanFrames(scan).of(self._ids, own)])
         message = self._received(self._members)
         try:
             estimate = plain_estimate([message], count)

@@ -45,19 +45,19 @@ class Company(NamedTuple):
     def scan(self, scan: Scan, number: int | None) -> Scan:
         """The scan of the second batch where the first had ``scan``; ``number`` None where that has no measurement."""
         if number is None:
-            return columns_of(scan, self.order % self.members)
+            return scan_of_columns(scan, self.order % self.members)
         other = self.others[number]
         if scan.valid.ndim == 2:
             most = max(len(scan.valid), len(other.valid))
             scan, other = _padded(scan, most), _padded(other, most)
         measurement = np.concatenate([scan.measurement, other.measurement], axis=-1)
         valid = np.concatenate([scan.valid, other.valid], axis=-1)
-        return columns_of(scan._replace(measurement=measurement, valid=valid), self.order)
+        return scan_of_columns(scan._replace(measurement=measurement, valid=valid), self.order)
 
     def before(self) -> list[Scan]:
         """What a process that serves several trackers is given before: the first scans of the other scenes alone."""
         width = np.arange(len(self.order))
-        return [columns_of(scan, width % scan.valid.shape[-1]) for scan in self.others[:BEFORE]]
+        return [scan_of_columns(scan, width % scan.valid.shape[-1]) for scan in self.others[:BEFORE]]
 
 
 class Disagreement(NamedTuple):
@@ -163,7 +163,7 @@ class SecondDrive:
         return TrackFault(text, "answer", member=int(self._members[member]))
 
 
-def columns_of(scan: Scan, order: Indices) -> Scan:
+def scan_of_columns(scan: Scan, order: Indices) -> Scan:
     """Return the scan with these members, without columns of detections that none of them has."""
     measurement, valid = scan.measurement[..., order], scan.valid[..., order]
     if valid.ndim == 2:

@@ -120,10 +120,10 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
         under_condition: whether they are those of one.
     """
     complete, beyond, parts = _is_complete(scores), scores.beyond or {}, []
-    given = scores.given / scores.count if scores.count else 1.0
+    share_given = scores.given / scores.count if scores.count else 1.0
     for point, share in beyond.items():
         if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None:
-            ci95 = (given * share.ci95[0], given * share.ci95[1] + 1 - given)
+            ci95 = (share_given * share.ci95[0], share_given * share.ci95[1] + 1 - share_given)
             word = tail_verdict(ci95, point, under_condition) if complete else "undecided"
             name, expected = _PART.format(point), BEYOND[point]
             parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=word))

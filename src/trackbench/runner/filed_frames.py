@@ -43,9 +43,9 @@ def remarks_on_files(work: Work, name: str) -> tuple[str, ...]:
     for number, every in enumerate(files):
         rows, truth = rows_of_run(every, number, 0), work.scenes[number].truth
         shift = float(every.start - truth.start) + config.time_offset_s
-        found = contradicted_velocity(every), why_nothing_matches(rows, truth, shift, work.cutoff or 0.0)
+        answers = contradicted_velocity(every), why_nothing_matches(rows, truth, shift, work.cutoff or 0.0)
         where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""
-        remarks += [where + remark for remark in found if remark is not None]
+        remarks += [where + remark for remark in answers if remark is not None]
     return tuple(remarks)
 
 

@@ -84,6 +84,6 @@ def _finest_measurement(work: Work, tracker: str) -> float:
         for sensor in scene.sensors
         if not sensor.recorded and sensor.detections is None and (used is None or sensor.name in used)
     ]
-    told = [np.linalg.eigvalsh(np.einsum("krio,krjo->koij", root, root)).max(initial=0.0) for root in roots]
-    largest = max(told, default=0.0)
+    eigenvalues = [np.linalg.eigvalsh(np.einsum("krio,krjo->koij", root, root)).max(initial=0.0) for root in roots]
+    largest = max(eigenvalues, default=0.0)
     return float(largest**-0.5) if largest > 0 else 0.0

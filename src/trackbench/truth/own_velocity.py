@@ -60,7 +60,7 @@ def _pairs(rows: TrackRows) -> tuple[Array, Array]:
     length = float(np.ptp(rows.time)) + 10.0
     axis = rows.time[order] - rows.time.min() + owner[order] * length
     later = np.searchsorted(axis, axis + APART_S[0])
-    found = later < len(axis)
-    first, later = np.flatnonzero(found), later[found]
+    has_partner = later < len(axis)
+    first, later = np.flatnonzero(has_partner), later[has_partner]
     near = axis[later] - axis[first] <= APART_S[1]
     return order[first[near]], order[later[near]]

@@ -87,8 +87,8 @@ class Radar(Polar):
     def _measuring(cls, options: Any) -> builtins.type[Radar]:
         """Return the subclass of ``Radar`` for the components that the options name; this class where there is none."""
         named = options.get("measures") if isinstance(options, dict) and cls is Radar else None
-        known = tuple(name for name in Radar.components if isinstance(named, list) and name in named)
-        return PARTIAL_RADARS.get(known, cls)
+        components = tuple(name for name in Radar.components if isinstance(named, list) and name in named)
+        return PARTIAL_RADARS.get(components, cls)
 
     def problems(self) -> Iterator[Problem]:
         for i, name in enumerate(self.measures):

@@ -93,8 +93,8 @@ def _in_folder(folder: Path, form: str | None) -> list[tuple[str, Path]]:
     """
     place = folder / "data" if (folder / "data").is_dir() else folder
     formats = TRAFFIC_FORMATS.loaded()
-    known = [formats[form]] if form in formats else formats.values()
-    endings = tuple(sorted({ending for each in known for ending in each.endings}))
+    possible = [formats[form]] if form in formats else formats.values()
+    endings = tuple(sorted({ending for each in possible for ending in each.endings}))
     every = [file for file in sorted(place.glob("[!.]*")) if is_log(file)]
     files = [file for file in every if file.name.lower().endswith(endings)] or (every if form in formats else [])
     by_name = [(file.stem, file) for file in files] or [
