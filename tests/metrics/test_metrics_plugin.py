@@ -173,6 +173,7 @@ NO_VALUES = {
     "{'radar': 1.0}": "finish gave odd_9.radar, where it may give odd_9",
     "{'': 1.0, 5: 2.0}": "finish gave odd_10.5, where it may give odd_10",
     "[1.0]": "must be real number, not list",
+    "{}": "ValueError: finish gave no odd_12",
 }
 
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from trackbench import results
 from trackbench.base import files
-from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.errors import InputError, OutputError, TrackbenchError
 from trackbench.results import SCHEMA_VERSION, MetricValue, Result, by_value, folder, json_text
 from trackbench.results.declared import LABELLED
 
@@ -201,7 +201,7 @@ def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
     for name in ("notes", "file"):
         with pytest.raises(InputError, match="not the folder of a run: not replaced"):
             results.require_replaceable(tmp_path / name)
-        with pytest.raises(InputError, match="not replaced"):
+        with pytest.raises(OutputError, match=r"cannot write .*: there already, and not .* not replaced"):
             SMALL.save(tmp_path / name, {})
     assert (tmp_path / "notes" / "thesis.txt").read_text() == "years of work"
     SMALL.save(tmp_path / "empty", {})
@@ -212,12 +212,11 @@ def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    for attempt in (
-        lambda: results.require_writable(tmp_path / "file" / "results"),
-        lambda: SMALL.save(tmp_path / "file" / "run", {}),
-    ):
-        with pytest.raises(InputError, match=r"cannot write to .*/file.*: (Not a directory|File exists)"):
-            attempt()
+    why = r"cannot write to .*/file.*: (Not a directory|File exists)"
+    with pytest.raises(InputError, match=why):
+        results.require_writable(tmp_path / "file" / "results")
+    with pytest.raises(OutputError, match=why):
+        SMALL.save(tmp_path / "file" / "run", {})
     with pytest.raises(TrackbenchError, match="cannot write"):
         results.write_text(tmp_path / "file" / "comparison.md", "text")
 

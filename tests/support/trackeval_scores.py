@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from tests.metrics.traffic.sequences import Similarities
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 FRAMES, RATE, CUTOFF = 80, 10.0, 5.0
@@ -36,32 +37,21 @@ def by_trackeval(sequences: Sequence[tuple[pd.DataFrame, pd.DataFrame]]) -> dict
     quiet = {"PRINT_CONFIG": False}
     scores: dict[str, Any] = {}
     for metric in (HOTA(), CLEAR(quiet), Identity(quiet)):
-        each = {str(k): metric.eval_sequence(_evaluated(*pair)) for k, pair in enumerate(sequences)}
+        each = {str(k): metric.eval_sequence(_similarities(*pair).for_trackeval()) for k, pair in enumerate(sequences)}
         scores |= metric.combine_sequences(each)
     return {name: float(np.mean(scores[name])) for name in ("HOTA", "MOTA", "IDF1")}
 
 
-def _evaluated(truth: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, Any]:
-    numbers, objects = ({name: number for number, name in enumerate(rows.id.unique())} for rows in (tracks, truth))
-    last = int(truth.frame.max()) + 1
-    frames = [(truth[truth.frame == k], tracks[tracks.frame == k]) for k in range(last)]
-    return {
-        "num_timesteps": last,
-        "num_gt_ids": len(objects),
-        "num_tracker_ids": len(numbers),
-        "num_gt_dets": len(truth),
-        "num_tracker_dets": len(tracks),
-        "gt_ids": [own.id.map(objects).to_numpy() for own, _ in frames],
-        "tracker_ids": [own.id.map(numbers).to_numpy() for _, own in frames],
-        "similarity_scores": [
-            np.maximum(
-                0,
-                1
-                - np.hypot(a.x.to_numpy()[:, None] - b.x.to_numpy(), a.y.to_numpy()[:, None] - b.y.to_numpy()) / CUTOFF,
-            )
-            for a, b in frames
-        ],
-    }
+def _similarities(truth: pd.DataFrame, tracks: pd.DataFrame) -> Similarities:
+    frames, places = int(truth.frame.max()) + 1, []
+    for rows in (truth, tracks):
+        names, number = np.unique(rows.id, return_inverse=True)
+        place = np.full((frames, len(names), 2), np.nan)
+        place[rows.frame, number] = rows[["x", "y"]]
+        places.append(place)
+    apart = np.linalg.norm(places[0][:, :, None] - places[1][:, None], axis=-1)
+    there = (np.isfinite(place[..., 0]) for place in places)
+    return Similarities(np.nan_to_num(np.maximum(1 - apart / CUTOFF, 0)), *there)
 
 
 def as_motchallenge(rows: pd.DataFrame, file: Path) -> None:

@@ -12,6 +12,10 @@ class TrackbenchError(Exception):
     """Base of every error whose text is meant for the user."""
 
 
+class PluginError(TrackbenchError):
+    """A failure of built-in code after plug-ins were loaded. The command line shows it and exits with status 3."""
+
+
 class OutputError(TrackbenchError):
     """A result cannot be written. The command line shows it and exits with status 4."""
 

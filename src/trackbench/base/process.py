@@ -18,6 +18,8 @@ except ImportError:  # Windows
 T = TypeVar("T")
 
 BAD_INPUT = 2
+#: A tracker, or another plug-in, failed.
+FAILED_PLUGIN = 3
 CANNOT_WRITE = 4
 #: Of sysexits.h: an internal error.
 FAULT = 70

@@ -49,8 +49,3 @@ def exp_minus_one(x: Array) -> Array:
     power = np.exp(x)
     lost = power == 1.0
     return np.where(lost, x, (power - 1.0) * x / np.log(np.where(lost, 2.0, power)))
-
-
-def sensor_type(kind: str) -> str:
-    """Return the type of the sensor whose scans are of a kind: "radar" of "radar(range, azimuth)"."""
-    return kind.partition("(")[0]

@@ -20,6 +20,7 @@ from trackbench.base.deferred import lighten_imports
 from trackbench.base.errors import (
     InputError,
     OutputError,
+    PluginError,
     TrackbenchError,
     did_you_mean,
     printable,
@@ -28,7 +29,7 @@ from trackbench.base.errors import (
     text_of,
 )
 from trackbench.base.files import is_utf8
-from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
+from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAILED_PLUGIN, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of_file, offered, resolve
 from trackbench.base.supervised import (
     end,
@@ -237,6 +238,8 @@ def _run() -> int:
         return _failed(str(error), BAD_INPUT)
     except OutputError as error:
         return _failed(f"trackbench: {error}{_with_plugins()}", CANNOT_WRITE)
+    except PluginError as error:
+        return _failed(f"trackbench: {error}", FAILED_PLUGIN)
     except TrackbenchError as error:
         return _failed(f"trackbench: {error}", BAD_INPUT)
     except click.Abort as error:

@@ -16,6 +16,7 @@ from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run_prepared
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
+from trackbench.base.process import FAILED_PLUGIN
 from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
@@ -43,9 +44,6 @@ from trackbench.results import Result
 from trackbench.scenario.shipped import files_of_scenarios
 from trackbench.scenario.worlds import WORLDS
 from trackbench.truth import MAX_SCENES
-
-FAILED_TRACKER = 3
-
 
 _HELP = f"""{RUN_SUMMARY}
 SCENARIO is a YAML file, a folder of them, or the name of one that comes
@@ -156,5 +154,5 @@ def run_command(
 def status(finished: Sequence[Result]) -> int:
     """The exit status of finished runs."""
     if any(tracker.failed for result in finished for tracker in result.summary.trackers):
-        return FAILED_TRACKER
+        return FAILED_PLUGIN
     return 0 if all(result.summary.passed for result in finished) else FAILED_EXPECTATION

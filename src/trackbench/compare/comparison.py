@@ -107,7 +107,7 @@ class PairDifference(ResultModel):
     scenes: int
     """Number of scenes that the runs are of; with several, the scenes are what is independent."""
     scenes_in_words: str = ""
-    """As of :class:`trackbench.results.scenario_summary.TruthSummary`."""
+    """Number and kind of the scenes, such as "6 sequences"; empty where there is one scene."""
     repeatable: bool = False
     """With a limit: whether both are of the same recorded data, in which nothing is drawn."""
     verdict: str
@@ -199,7 +199,7 @@ class JudgedLimit(ResultModel):
     metric: str
     percent: float
     outcome: GateOutcome
-    """As :func:`trackbench.compare.limits.gate_results` judges it; ``error``: the entrant has no value."""
+    """Outcome by the rule of :func:`trackbench.compare.limits.gate_results`; ``error``: the entrant has no value."""
     text: str
     """What was found, in one line."""
 
@@ -289,7 +289,7 @@ class Comparison(ResultModel):
 
     @property
     def outcomes(self) -> list[GateOutcome]:
-        """What became of each limit in every group."""
+        """Outcomes of all limits, group by group."""
         return [item.outcome for group in self.groups for item in group.gates]
 
     @property

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from trackbench.base.errors import PluginError
 from trackbench.base.plugins import one_line
-from trackbench.base.supervised import at_work, plugins_among
+from trackbench.base.supervised import at_work, loaded_plugins, plugins_among, with_plugins
 from trackbench.base.types import EXACT, Array, Indices, RecordedNoise
 from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.built_in import BUILT_IN
@@ -206,8 +207,7 @@ class Guarded:
     def __init__(self, accumulator: Accumulator) -> None:
         self._accumulator = accumulator
         self.name = accumulator.name
-        own = type(accumulator).__module__.startswith("trackbench.")
-        self.of_squares = own and getattr(accumulator, "of_squares", False)
+        self.of_squares = _built_in(accumulator) and getattr(accumulator, "of_squares", False)
         """Whether it is a metric of the bench that looks at no more of a chunk than at squared errors."""
 
     def init(self, scope: Scope) -> Any:
@@ -242,7 +242,15 @@ def _guarded(plugin: Accumulator | Metric, call: Callable[..., Any], *arguments:
     except (Fault, KeyboardInterrupt):
         raise
     except BaseException as error:
+        if _built_in(plugin) and (plugins := loaded_plugins()):
+            problem = f"no result: the built-in metric {plugin.name} fails: {one_line(error)}, {with_plugins(plugins)}"
+            raise PluginError(problem) from error
         return Broken(one_line(error))
+
+
+def _built_in(plugin: Accumulator | Metric) -> bool:
+    # A metric of a function of driver assistance runs that function.
+    return not plugins_among(plugin, getattr(plugin, "function", plugin))
 
 
 def _checked(
@@ -270,6 +278,8 @@ def _checked(
             raise ValueError(
                 f"finish gave a {'.'.join(map(str, first['loc']))} that is wrong: {first['msg']}"
             ) from None
+    for path in sorted(paths - {*values}):
+        raise ValueError(f"finish gave no {path}")
     return values
 
 

@@ -311,7 +311,7 @@ HIDDEN = {
 
 
 def _of_other_scenes(table: DeclaredTable) -> DeclaredTable:
-    """The same of the other scenes, in the run of the recorded run's number."""
+    """Return a table with the columns of another, for the scenes that are not recorded."""
     return DeclaredTable(f"{table.meaning}, for the other scenes", [*table.columns, _number("scene")])
 
 

@@ -157,14 +157,15 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         mark: name of the file by which such a folder is known.
 
     Raises:
-        OutputError: the folder cannot be written, or the disk is full; nothing is left under the final name.
+        OutputError: the folder cannot be written or is something else, or the disk is full; nothing is left under the
+            final name.
     """
     return_to_folder()
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=UNFINISHED, dir=folder.parent))
     except OSError as error:
-        raise InputError(f"cannot write to {folder.parent}: {error.strerror}") from error
+        raise OutputError(f"cannot write to {folder.parent}: {error.strerror}") from error
     tell_scratch(temporary)
     try:
         temporary.chmod(0o755)
@@ -284,7 +285,10 @@ def _put(temporary: Path, folder: Path, mark: str) -> None:
     if not folder.exists():
         os.replace(temporary, folder)
         return
-    require_replaceable(folder, mark)
+    try:
+        require_replaceable(folder, mark)
+    except InputError as error:
+        raise OutputError(f"cannot write {folder}: {error.message}") from None
     aside = temporary.with_suffix(".replaced")
     os.replace(folder, aside)
     try:

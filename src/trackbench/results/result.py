@@ -238,7 +238,8 @@ class Result:
             artifacts: by file name, a function that writes the file (report, recording).
 
         Raises:
-            TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
+            OutputError: the folder cannot be written or is something else, or the disk is full; nothing is left under
+                the final name.
         """
         save_files({**self.files(), **(artifacts or {})}, Path(folder), SUMMARY)
 

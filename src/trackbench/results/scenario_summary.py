@@ -157,7 +157,7 @@ class TruthSummary(ResultModel):
 
     @property
     def kind_of_scenes(self) -> str:
-        """What scenes are called: stretches of logs, sequences of boxes, or scenes."""
+        """Plural that names the scenes: stretches of logs, sequences of boxes, or scenes."""
         return "stretches" if self.log_stretches else "sequences" if self.source == "recorded-boxes" else "scenes"
 
     @property

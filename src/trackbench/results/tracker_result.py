@@ -123,7 +123,7 @@ class FiledRows(ResultModel):
     silent_runs: int
     """Runs of which there are none: what is due in them is missed."""
     remarks: tuple[str, ...] = ()
-    """What contradicts itself in the file, or contradicts the truth, and what to do."""
+    """Contradictions within the file or with the truth, each with what to do about it."""
 
 
 class TrackerResult(ResultModel):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import PurePath
 
 import numpy as np
 
-from trackbench.base.types import Array, Truth
+from trackbench.base.types import Truth
 from trackbench.runner.filed_run import NearestObject
 from trackbench.runner.filed_tracks import rows_of_run
 from trackbench.runner.work import Work
@@ -16,8 +17,6 @@ from trackbench.truth.tracks import TrackRows
 
 #: Share of the rows on objects below which other frames are tried, and from which one of them is named.
 FEW, MANY = 0.1, 0.5
-#: Most rows that are looked at.
-MOST_ROWS = 4000
 #: Other frames: what x and y would be in the truth's.
 FRAMES = {
     "x and y exchanged": (0, 1, 1, 0),
@@ -30,12 +29,13 @@ FRAMES = {
 }
 
 
-def remarks_on_files(work: Work, name: str) -> tuple[str, ...]:
-    """Say what contradicts itself in the files of a tracker, or contradicts the truth, and what to do.
+def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, ...]:
+    """Say where the files of a tracker contradict themselves or the truth, and what to do about it.
 
     Args:
         work: of the run; of each scene the first run is looked at.
         name: of the tracker.
+        matched_share: of its objects; where a single file has enough, its other tracks may be of other traffic.
     """
     config, files = work.trackers[name], work.filed[name]
     assert isinstance(config, TracksConfig)
@@ -43,7 +43,9 @@ def remarks_on_files(work: Work, name: str) -> tuple[str, ...]:
     for number, every in enumerate(files):
         rows, truth = rows_of_run(every, number, 0), work.scenes[number].truth
         shift = float(every.start - truth.start) + config.time_offset_s
-        answers = contradicted_velocity(every), why_nothing_matches(rows, truth, shift, work.cutoff or 0.0)
+        doubtful = len(files) > 1 or matched_share < FEW
+        why = why_nothing_matches(rows, truth, shift, work.cutoff or 0.0) if doubtful else None
+        answers = contradicted_velocity(every), why
         where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""
         remarks += [where + remark for remark in answers if remark is not None]
     return tuple(remarks)
@@ -58,21 +60,17 @@ def why_nothing_matches(rows: TrackRows, truth: Truth, shift: float, cutoff: flo
         shift: added to the rows' times, s.
         cutoff: distance at which a row is on no object, m.
     """
-    stamp = rows.time + shift
-    chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
-    chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
-    if not len(chosen):
+    nearest = NearestObject(rows, truth, 0, shift)
+    if not len(nearest.stamp):
         return None
-    place = np.stack([rows.px[chosen], rows.py[chosen]])
 
-    def share(frame: Array) -> float:
-        square = NearestObject(truth, 0, stamp[chosen], frame @ place).at(0.0)[1]
-        return float((square < cutoff**2).mean())
+    def share(frame: Sequence[float]) -> float:
+        return float((nearest.at(0.0, np.reshape(frame, (2, 2)))[1] < cutoff**2).mean())
 
-    near = share(np.eye(2))
+    near = share((1, 0, 0, 1))
     if near >= FEW:
         return None
-    others = {name: share(np.array(frame, dtype=float).reshape(2, 2)) for name, frame in FRAMES.items()}
+    others = {name: share(frame) for name, frame in FRAMES.items()}
     best = max(others, key=lambda name: others[name])
     what = f"{100 * near:.1f} % of its rows are within {cutoff:g} m of an object"
     if others[best] < MANY:

@@ -31,6 +31,8 @@ USELESS_S = 0.5
 #: A shorter offset is not spoken of, s, nor one that moves a track by a smaller share of its error.
 LEAST_S, LEAST_SHARE = 1e-3, 0.1
 
+#: Positions as they are.
+_AS_STATED = np.eye(2)
 NOTHING_MOVES = "no track is on an object that moves"
 
 
@@ -60,13 +62,9 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
         shift: added to the rows' times, s.
         cutoff: distance at which a row is on no object, m.
     """
-    stamp = rows.time + shift
-    chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
-    chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
-    if not len(chosen) or not truth.ids:
+    near = NearestObject(rows, truth, run, shift)
+    if not len(near.stamp) or not truth.ids:
         return np.zeros((4, 0))
-    stamp, place = stamp[chosen], np.stack([rows.px[chosen], rows.py[chosen]])
-    near = NearestObject(truth, run, stamp, place)
     fast = float(np.percentile(np.hypot(truth.vx, truth.vy)[truth.alive], 95))
     tried = np.linspace(-FARTHEST_S, FARTHEST_S, 2 * int(np.clip(FARTHEST_S * 2 * fast / cutoff, 1, 100)) + 1)
     costs = [np.minimum(near.at(each)[1], cutoff**2).mean() for each in tried.tolist()]
@@ -80,7 +78,7 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
         if not on.any():
             return np.zeros((4, 0))
         along = (error * velocity).sum(axis=0)[on] / speed[on]
-        pairs = np.stack([stamp[on], number[on], along + moved * speed[on], speed[on]])
+        pairs = np.stack([near.stamp[on], number[on], along + moved * speed[on], speed[on]])
         step = float((along @ speed[on]) / (speed[on] @ speed[on]))
         moved = float(np.clip(moved + step, -FARTHEST_S, FARTHEST_S))
         if abs(step) < 1e-5:
@@ -89,10 +87,22 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
 
 
 class NearestObject:
-    """The nearest object of each row, with the time stamps moved."""
+    """The nearest object of each row within the time of the truth, of ``MOST_ROWS`` at most.
 
-    def __init__(self, truth: Truth, run: int, stamp: Array, place: Array) -> None:
-        self._truth, self._stamp, self._place = truth, stamp, place
+    Args:
+        rows: of the run, in the order of time.
+        truth: of the scene.
+        run: whose motion it is.
+        shift: added to the rows' times, s.
+    """
+
+    def __init__(self, rows: TrackRows, truth: Truth, run: int, shift: float) -> None:
+        stamp = rows.time + shift
+        chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
+        chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
+        self.stamp = stamp[chosen]
+        """``(rows,)`` times of the rows, s after the start of the truth."""
+        self._truth, self._place = truth, np.stack([rows.px[chosen], rows.py[chosen]])
         self._motion = truth.state_of_run(run)
         self.slow = np.full(len(truth.ids), np.inf)
         """``(objects,)`` m/s, below which each has no direction of motion."""
@@ -102,15 +112,20 @@ class NearestObject:
                 fastest = float(np.percentile(np.hypot(*velocity), 95))
                 self.slow[item] = min(SLOW_MPS, SLOW_SHARE * fastest)
 
-    def at(self, moved: float) -> tuple[Array, Array, Array, Array]:
-        """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object."""
-        when = self._stamp + moved
+    def at(self, moved: float, frame: Array = _AS_STATED) -> tuple[Array, Array, Array, Array]:
+        """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object.
+
+        Args:
+            moved: added to the time stamps, s.
+            frame: ``(2, 2)`` by which the rows' positions are turned or mirrored.
+        """
+        when = self.stamp + moved
         states = np.empty((4, len(self._truth.ids), len(when)))
         step = np.clip(np.searchsorted(self._truth.time, when), 0, len(self._truth.time) - 1)
         for item in range(states.shape[1]):
             for row in range(4):
                 states[row, item] = np.interp(when, self._truth.time, self._motion[row, :, item])
-        away = self._place[:, None] - states[:2]
+        away = (frame @ self._place)[:, None] - states[:2]
         there = self._truth.alive[step].T & (when >= self._truth.time[0]) & (when <= self._truth.time[-1])
         square = np.where(there, (away**2).sum(axis=0), np.inf)
         number = np.argmin(square, axis=0)

@@ -12,7 +12,7 @@ from trackbench.base.errors import InputError, shortened_text
 from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.trackers.answers import NO_TRACK
-from trackbench.truth.row_times import row_period
+from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import SAME_STAMP_S, TrackRows
 
 #: Longest period of rows between which a track is given, s.
@@ -120,12 +120,10 @@ def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTrack
         reach = max(usual, min(period, LONGEST_PERIOD_S)) / 2 * (1 + 1e-9)
         low, high = np.searchsorted(time, [own[0] - reach, own[-1] + reach])
         at = np.arange(low, high)
-        after = np.clip(np.searchsorted(own, time[at]), 0, len(own) - 1)
-        away = np.abs(own[[np.maximum(after - 1, 0), after]] - time[at])
-        nearest = np.where(away[0] <= away[1], np.maximum(after - 1, 0), after)
-        near = away.min(axis=0) <= reach
+        nearest, away, before_at = nearest_rows(own, time[at])
+        near = away <= reach
         if period <= LONGEST_PERIOD_S:
-            near |= (time[at] > own[0]) & (time[at] < own[-1]) & np.append(whole, False)[np.maximum(after - 1, 0)]
+            near |= (time[at] > own[0]) & (time[at] < own[-1]) & np.append(whole, False)[before_at]
         inside = np.searchsorted(time, own[[0, -1]] + (-SAME_STAMP_S, SAME_STAMP_S))
         if 3 * exact[start:end].sum() > 2 * (before[inside[1]] - before[inside[0]]):
             near &= ~taken[at] | (exact[start + nearest] & (instant[start + nearest] == at))

@@ -234,15 +234,15 @@ class HiddenRun(TrackerRun[Tracks]):
         for run in range(count):
             truth, history = histories(part, run)
             own = None if taken is None else _associations_of(taken, part.first + run, len(scene.truth.ids))
-            outside = None
+            outside, elsewhere = None, scene.truth.unscored
             if with_truth:
-                if scene.truth.unscored is not None:
+                if elsewhere is not None:
                     # A track is on an object up to half of the cutoff.
                     x, y = history.mean[:2]
                     outside = unscored(scene.truth, scene.due.steps, x, y, margin=options.cutoff / 2)
-                    outside |= scene.truth.unscored.others
+                    outside |= elsewhere.others
                 scores = score_run(truth, history, options, own, outside, ends)
-                if scene.truth.unscored is not None and scene.truth.unscored.others:
+                if elsewhere is not None and elsewhere.others:
                     scores = scores.without_false_tracks()
             else:
                 scores = self._scored_without_truth(run, ends)

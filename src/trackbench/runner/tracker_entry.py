@@ -66,7 +66,8 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
             offset = offset_of(np.concatenate(pairs, axis=1))
             entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
             entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
-            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name], remarks_on_files(work, name))
+            remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
+            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name], remarks)
         reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
         return TrackerResult(**entry, health=Health(reused_ids=reused))
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))

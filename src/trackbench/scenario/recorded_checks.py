@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest_choices
-from trackbench.base.units import sensor_type
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.models.sensors.presets import presets
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth.config.columns import unit_problems

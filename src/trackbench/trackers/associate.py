@@ -154,7 +154,7 @@ class AssociateConfig(Config):
     ] = Field(
         "uniform",
         description="jipda and pmb. Where those objects are expected: uniform over the view of each sensor, or a "
-        "Gaussian, whose numbers are then those of the whole plane.",
+        "Gaussian, whose numbers are then those of the whole plane; it should lie in the view.",
     )
     max_cluster: int = Field(
         6,

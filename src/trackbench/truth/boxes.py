@@ -19,7 +19,7 @@ from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
 from trackbench.truth.recorded.rows import read_table
-from trackbench.truth.row_times import row_period
+from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import (
     LONGEST_GAP_S,
     SAME_STAMP_S,
@@ -140,9 +140,7 @@ def _beside(drive: Drive, truth: Truth) -> Mask:
     for number, own in enumerate(drive.motions.values()):
         period, whole = row_period(own.time)
         period = min(period or float(np.median(usual or [0.0])), LONGEST_GAP_S)
-        after = np.clip(np.searchsorted(own.time, truth.time), 0, len(own.time) - 1)
-        before = np.maximum(after - 1, 0)
-        away = np.abs(own.time[[after, before]] - truth.time).min(axis=0)
+        _, away, before = nearest_rows(own.time, truth.time)
         inside = (truth.time > own.time[0]) & (truth.time < own.time[-1])
         between = inside & np.append(whole & (np.diff(own.time) <= LONGEST_GAP_S), False)[before]
         result[:, number] = between | (away <= period / 2 * (1 + 1e-9))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.base.types import Array
+from trackbench.truth.config.columns import UNITS
 from trackbench.truth.tracks import TrackRows
 
 #: Between rows so far apart, s, of bodies that move so far by their positions or by their velocities, m.
@@ -14,8 +15,8 @@ FEWEST = 10
 RATIO, ANGLE = 1.5, np.pi / 4
 #: Least mean resultant length of the angles: below it they are no one rotation.
 ALIKE = 0.7
-#: What a ratio of the speeds means.
-UNITS = {"km/h": 3.6, "mph": 1 / 0.44704, "knots": 1.94384}
+#: m/s in units that speeds are written in.
+SPEEDS = {"km/h": UNITS["speed"]["kmph"], "mph": UNITS["speed"]["mph"], "knots": 1852 / 3600}
 
 
 def contradicted_velocity(rows: TrackRows) -> str | None:
@@ -36,7 +37,7 @@ def contradicted_velocity(rows: TrackRows) -> str | None:
         return None
     ratio = float(np.median(stated[far]) / max(float(np.median(moved[far])), 1e-9))
     if not 1 / RATIO < ratio < RATIO:
-        unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < 0.05), None)
+        unit = next((name for name, factor in SPEEDS.items() if abs(ratio * factor - 1) < 0.05), None)
         hint = f"are speeds in {unit}?" if unit else "are x and y degrees?" if ratio > 1e3 else "check the units"
         return f"speeds are {ratio:.3g} times those of the positions: {hint}"
     if vx is None or vy is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.base.types import Array, Mask
+from trackbench.base.types import Array, Indices, Mask
 
 #: Rows whose period is found together: clocks drift, and a periodogram of fewer does not show a jitter of 40 %.
 TOGETHER = 1000
@@ -48,6 +48,19 @@ def row_period(stamp: Array) -> tuple[float, Mask]:
             whole[first : own.stop - 1] = np.diff(frames) <= 1
             periods.append(period)
     return float(np.median(periods[1:] or periods)), whole
+
+
+def nearest_rows(stamp: Array, time: Array) -> tuple[Indices, Array, Indices]:
+    """Return for each time the nearest row, the earlier of two as near, how far it is, s, and the row before.
+
+    Args:
+        stamp: ``(rows,)`` s, ascending.
+        time: ``(times,)`` s.
+    """
+    after = np.clip(np.searchsorted(stamp, time), 0, len(stamp) - 1)
+    before = np.maximum(after - 1, 0)
+    away = np.abs(stamp[[before, after]] - time)
+    return np.where(away[0] <= away[1], before, after), away.min(axis=0), before
 
 
 def _runs(part: Array) -> list[tuple[int, int]]:

@@ -126,7 +126,7 @@ def test_a_bag_of_ros_2_in_mcap_is_a_file_or_a_folder(tmp_path: Path, boxes: Pat
     assert done.status == 2
     assert "format ros reads bags of ROS 2" in done.err
     (tmp_path / "empty").mkdir()
-    assert "no file in this folder ends in" in cli("score", "empty", "--truth", boxes, "--format", "ros").err
+    assert "ends in .bag, .db3" in cli("score", "empty", "--truth", boxes, "--format", "ros").err
     # Of a stated format are all files of a folder where none has an ending of it.
     for name in ("tracks/a", "truth/a"):
         (tmp_path / name).parent.mkdir()

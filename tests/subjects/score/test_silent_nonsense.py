@@ -85,6 +85,15 @@ def test_a_tracker_of_one_car_of_six_with_false_tracks_is_in_its_frame(tmp_path:
     assert remarks(result) == ()
 
 
+def test_tracks_of_other_traffic_are_of_this_recording(tmp_path: Path) -> None:
+    """One car has a truth; eleven others are far from it."""
+    truth = cars()[:200]
+    others = [noisy(truth.assign(id=100 + car, y=truth.y + 20.0 * (car + 1)), car) for car in range(11)]
+    result = scored(tmp_path, pd.concat([noisy(truth, 9), *others]), truth)
+    assert result["tracks"].matched_share.value > 0.9
+    assert remarks(result) == ()
+
+
 @pytest.mark.parametrize(
     ("factor", "words"), [(3.6, "km/h"), (2.23694, "mph"), (0.2778, "check the units"), (3e3, "are x and y degrees")]
 )
@@ -140,6 +149,8 @@ def test_degrees_are_refused_without_an_origin_and_scored_in_metres_with_one(tmp
     one = cars()[:200]
     result = scored(tmp_path, degrees(one, 2.0), degrees(one), columns=named, origin=(48.1, 11.6))
     assert result["tracks"].position_rmse.value == pytest.approx(2, abs=1e-3)
+    by_usual_names = scored(tmp_path, degrees(one, 2.0), degrees(one), origin=(48.1, 11.6))
+    assert by_usual_names["tracks"].position_rmse.value == result["tracks"].position_rmse.value
     assert remarks(result) == ()
 
 

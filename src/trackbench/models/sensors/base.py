@@ -31,7 +31,6 @@ from trackbench.base.config.plugin import Plugin
 from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Gaussian, Scan
-from trackbench.base.units import sensor_type
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
 from trackbench.models.sensors.presets import WORDS, Words, presets, typical
@@ -44,6 +43,11 @@ Latency = Annotated[
     Annotated[Delay, Tag(NUMBER)] | Annotated[list[Delay], Field(min_length=2, max_length=2), Tag(LIST)],
     chosen_by(number_or_list, "write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]"),
 ]
+
+
+def sensor_type(kind: str) -> str:
+    """Return the type of the sensor whose scans are of a kind: "radar" of "radar(range, azimuth)"."""
+    return kind.partition("(")[0]
 
 
 class Mount(Config):

@@ -119,7 +119,6 @@ class Examination:
             TrackbenchError: the folder cannot be written, or holds something else.
         """
         place = Path(folder)
-        results.require_replaceable(place, EXAMINATION)
         document = self.report().document
         files: dict[str, Callable[[Path], object]] = {
             EXAMINATION: partial(results.write_file, results.json_text(self.json())),

@@ -12,6 +12,7 @@ from rich.console import Console
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError, similar_names
 from trackbench.base.execution import executor
+from trackbench.base.process import FAILED_PLUGIN
 from trackbench.base.subjects import resolve
 from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import (
@@ -25,7 +26,6 @@ from trackbench.cli.options import (
     scenario_paths,
     write_suites,
 )
-from trackbench.cli.run import FAILED_TRACKER
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
@@ -184,4 +184,4 @@ def envelope_command(
     else:
         print_document(envelope_summary(made), Console())
         click.echo(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")
-    raise click.exceptions.Exit(FAILED_TRACKER if any(made.claim.failures.values()) else 0)
+    raise click.exceptions.Exit(FAILED_PLUGIN if any(made.claim.failures.values()) else 0)

@@ -114,7 +114,7 @@ class History(ResultModel):
 
     @property
     def outcomes(self) -> list[GateOutcome]:
-        """What became of each limit."""
+        """Outcomes of all limits."""
         return [gate.outcome for gate in self.gates]
 
     def json(self) -> dict[str, Any]:  # type: ignore[override]

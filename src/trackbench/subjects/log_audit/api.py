@@ -162,7 +162,6 @@ class ReportableAudit(LogAudit):
             TrackbenchError: the folder cannot be written, or holds something else.
         """
         place, document = Path(folder), log_audit_document(self)
-        results.require_replaceable(place, AUDIT)
         files: dict[str, Callable[[Path], object]] = {
             AUDIT: partial(results.write_file, results.json_text(self.json())),
             "report.html": partial(results.write_file, to_html(document)),

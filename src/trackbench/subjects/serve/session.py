@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array, Estimate, Observer, Scan
-from trackbench.base.units import sensor_type, wrap_angle
+from trackbench.base.units import wrap_angle
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
@@ -19,7 +19,7 @@ from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Stepper
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
-from trackbench.models.sensors import Lidar, Radar
+from trackbench.models.sensors import Lidar, Radar, sensor_type
 from trackbench.scenario import Scenario
 from trackbench.sensing.view import sensor_motion, silent
 from trackbench.subjects.serve.protocol import Marker

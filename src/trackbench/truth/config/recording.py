@@ -10,7 +10,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from trackbench.base.config import Angle, Config, KeyPath, Name, Positive, Problem
 from trackbench.base.errors import counted
-from trackbench.base.units import sensor_type
+from trackbench.models.sensors import sensor_type
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.columns import (
     POINTS,

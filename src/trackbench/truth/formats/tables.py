@@ -82,6 +82,17 @@ UNIT_WORDS = {"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "nsec": "n
 LONGEST_NAME = 64
 
 
+#: Words of the names of columns of degrees, and what may stand beside them there.
+LATITUDE, LONGITUDE = {"lat", "latitude"}, {"lon", "lng", "long", "longitude"}
+DEGREES = {"x": LONGITUDE, "y": LATITUDE}
+BESIDE = {"deg", "degrees", "gps", "wgs84", "pos", "position"}
+
+
+def _is_degrees(name: str, words: set[str]) -> bool:
+    parts = {*_parts(name)}
+    return bool(parts & words) and parts <= words | BESIDE
+
+
 class ColumnLayout(NamedTuple):
     """Where a table has what."""
 
@@ -122,6 +133,8 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str], required: It
             name, unit = _named(key, stated[key], header)
         else:
             candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
+            if not candidates and key in DEGREES:
+                candidates = [(name, None) for name in header if _is_degrees(name, DEGREES[key])]
             if len(candidates) > 1:
                 names = " or ".join(repr(name) for name, _ in candidates)
                 raise InputError(f"{key} may be {names}: say which, such as {key}={candidates[0][0]}")
@@ -257,16 +270,6 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
         start=start,
         notes=(*layout.lines, *rows.zone_notes(layout.columns["time"])),
     )
-
-
-#: Words of the names of columns of degrees, and what may stand beside them there.
-LATITUDE, LONGITUDE = {"lat", "latitude"}, {"lon", "lng", "long", "longitude"}
-BESIDE = {"deg", "degrees", "gps", "wgs84", "pos", "position"}
-
-
-def _is_degrees(name: str, words: set[str]) -> bool:
-    parts = {*_parts(name)}
-    return bool(parts & words) and parts <= words | BESIDE
 
 
 class TableFormat(RowsFormat):

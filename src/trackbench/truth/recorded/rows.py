@@ -11,7 +11,7 @@ from datetime import datetime
 from decimal import Decimal
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
 from trackbench.truth.recorded import mcap
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 
 def log_text(file: Path) -> str:
@@ -182,7 +185,8 @@ class Rows(NamedTuple):
         if isinstance(value, str):
             number = stated_number(value.strip())
         else:
-            number = float(value) if isinstance(value, int | float | Decimal) else math.nan
+            is_number = isinstance(value, int | float | Decimal) and not isinstance(value, bool)
+            number = float(value) if is_number else math.nan
         if not math.isfinite(number):
             raise self.error(row, f"{column} is not a finite number: {str(value)[:20]!r}")
         return number
@@ -255,8 +259,9 @@ def _parquet(file: Path, names: list[str]) -> Rows:
 
     with reading_parquet(file):
         metadata = pq.read_metadata(file)
-        header = metadata.schema.to_arrow_schema().names
-        _require(names, header, file, None)
+        schema = metadata.schema.to_arrow_schema()
+        _require(names, schema.names, file, None)
+        _require_plain(names, schema, file)
         _require_few(metadata.num_rows, file)
         table = pq.read_table(file, columns=names)
         columns = {name: _parquet_cells(table[name]) for name in names}
@@ -273,6 +278,18 @@ def _parquet_cells(column: Any) -> list[Any]:
     zone = "" if column.type.tz is None else "Z"
     texts = np.datetime_as_string(column.to_numpy()).tolist()
     return [None if text == "NaT" else text + zone for text in texts]
+
+
+def _require_plain(names: list[str], schema: pa.Schema, file: Path) -> None:
+    """Make sure that columns hold single numbers, times or texts: a truth value or a list would be read as another."""
+    from pyarrow import types
+
+    for name in names:
+        kind = schema.field(name).type
+        value = kind.value_type if types.is_dictionary(kind) else kind
+        others = types.is_boolean, types.is_nested, types.is_binary, types.is_large_binary, types.is_fixed_size_binary
+        if any(is_other(value) for is_other in others):
+            raise InputError(f"{name} is a column of {kind}, where numbers or texts are expected", file=file)
 
 
 def _require_few(rows: int, file: Path) -> None:

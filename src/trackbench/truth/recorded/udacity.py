@@ -12,8 +12,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.numbers import stated_number
-from trackbench.base.units import sensor_type
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
