@@ -64,7 +64,10 @@ def _scores(scenario: dict[str, Any], values: dict[str, Any] | None = None) -> d
         for name in TRACKERS
     }
     differences = [
-        {"metric": pair.metric, "a": pair.a, "b": pair.b, "value": pair.value, "ci95": list(pair.ci95)}
+        {
+            **{key: getattr(pair, key) for key in ("metric", "a", "b", "value", "margin", "verdict")},
+            "ci95": list(pair.ci95),
+        }
         for pair in result.differences
         if pair.metric in ("position_rmse", "velocity_rmse") and pair.a == "ekf_cv"
     ]
