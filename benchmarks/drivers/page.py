@@ -121,7 +121,8 @@ def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
         for world, of in worlds.items()
     ]
     yield from table(["drivers", *trackers], rows)
-    yield "Error of `ekf_cv` less that of the other, with its 95 % interval over scenes, and the verdict at the default margin."
+    yield "Error of `ekf_cv` less that of the other, with its 95 % interval over scenes, and the verdict at the default"
+    yield "margin."
     yield ""
     rows = [
         [
