@@ -18,10 +18,10 @@ import numpy as np
 
 import trackbench as tb
 from trackbench.base.types import Array
-from trackbench.metrics.contrasts import paired
+from trackbench.metrics.contrasts import all_paired
 from trackbench.metrics.differences import contrast_verdict, margin_between
 
-from .claim import Claim, power
+from .claim import STATED, Claim, power
 from .differences import MARGIN, NONE
 from .scenes import METRICS, rmse
 
@@ -34,7 +34,9 @@ SIZES = dict.fromkeys(("ideal", "human", "typical"), (5, 10, 20, 40)) | {"record
 SCENES, TOGETHER, RUNS = 100, 20, 2
 #: Every so many cars of the recording one observes a scene.
 CARS = 2
-TRIALS = 500
+TRIALS = 2000
+PAIRS = [*combinations(TRACKERS, 2)]
+MARGINS = {"the default margin": MARGIN, "no margin": NONE}
 #: How often an equal tracker may be called better at the default margin.
 MOST = 0.05
 
@@ -58,50 +60,71 @@ def claims() -> Iterator[Claim]:
 
 def of_size(random: np.random.Generator, world: str, metric: str, size: int) -> Iterator[Claim]:
     """Yield the rates of the pair that is called better most often, with and without a margin, and the power."""
-    pairs = [*combinations(TRACKERS, 2)]
     draws = random.integers(0, len(pool(world)["count"]), (TRIALS, size))
-    equal = [measured(world, metric, pair, draws, equal=True) for pair in pairs]
+    words, covered = verdicts(world, metric, draws, equal=True)
     where = f"{world}, {size} scenes, {metric} RMSE"
-    for place, (margin, most) in enumerate((("the default margin", MOST), ("no margin", 1.0))):
-        shares = [float(own[place].mean()) for own in equal]
-        worst = int(np.argmax(shares))
-        share, names = shares[worst], " and ".join(pairs[worst])
+    for margin, most in ("the default margin", MOST), ("no margin", 1.0):
+        shares = np.isin(words[margin], ("better", "worse")).mean(axis=0)
+        worst = int(shares.argmax())
+        share, names = float(shares[worst]), " and ".join(PAIRS[worst])
         error = 1.96 * max(share * (1 - share), 1 / TRIALS) ** 0.5 / TRIALS**0.5
-        what = f"{where}: either of two equal trackers called better at {margin}, most often of {len(pairs)} pairs"
+        what = f"{where}: either of two equal trackers called better at {margin}, most often of {len(PAIRS)} pairs"
         text = f"{100 * share:.1f} ± {100 * error:.1f} % of {TRIALS:,} ({names})"
-        wanted = f"at most {100 * most:g} %" if most < 1 else "stated"
+        wanted = f"at most {100 * most:g} %" if most < 1 else STATED
         yield Claim(what, text, wanted, share <= most, abs(share - most) > error)
-    covered = min(float(own[2].mean()) for own in equal)
-    yield Claim(f"{where}: interval covers, of the pair covered least", f"{100 * covered:.1f} %", "stated", True)
-    real = np.mean(
-        [measured(world, metric, pair, draws, equal=False)[0] for pair in pairs if "raw" not in pair], axis=0
-    )
-    yield power(f"{where}: the better of two filters as shipped called so at the default margin", real)
+    least = f"{100 * covered.mean(axis=0).min():.1f} %"
+    yield Claim(f"{where}: interval of the difference covers, of the pair covered least", least, STATED, True)
+    yield from shown(world, metric, draws, where)
 
 
-def measured(world: str, metric: str, pair: tuple[str, str], draws: Array, *, equal: bool) -> Array:
-    """Return ``(3, trials)``: whether one is called better with the default margin and without, where it is not so if
-    both are made ``equal``, and whether the interval covers.
+def shown(world: str, metric: str, draws: Array, where: str) -> Iterator[Claim]:
+    """Yield how often the better of two filters, as they are shipped, is called better at the default margin."""
+    errors = rmses(world, metric)
+    right = np.array(["better" if errors[a] < errors[b] else "worse" for a, b in PAIRS])
+    words, _ = verdicts(world, metric, draws, equal=False)
+    filters = np.array(["raw" not in pair for pair in PAIRS])
+    apart = filters & np.array([min(errors[a], errors[b]) <= 0.9 * max(errors[a], errors[b]) for a, b in PAIRS])
+    for kind, chosen in ("two filters", filters), ("two filters a tenth or more apart", apart):
+        if chosen.any():
+            hits = (words["the default margin"] == right)[:, chosen].mean(axis=1)
+            yield power(f"{where}: the better of {kind} called so at the default margin, of {chosen.sum()} pairs", hits)
 
-    Equal trackers have the larger RMSE of the two over the pool.
-    """
+
+def rmses(world: str, metric: str) -> dict[str, float]:
+    """Return the error of each tracker over the pool."""
     table = pool(world)
-    count, squares = table["count"], [table[f"{name} {metric}"] for name in pair]
-    totals = [own.sum() for own in squares]
-    if equal:
-        squares = [own * max(totals) / total for own, total in zip(squares, totals, strict=True)]
-    first, second = (float((own.sum() / count.sum()) ** 0.5) for own in squares)
-    found = np.empty((3, len(draws)))
-    for trial, scenes in enumerate(draws):
-        a, b = (rmse(own, count, scenes) for own in squares)
-        words = []
-        for margin in (MARGIN, NONE):
-            contrast = paired(a, b, margin_between(a, b, UNITS[metric], "smaller", margin))
-            words.append(contrast_verdict(contrast, contrast.p_value, "smaller"))
-        low, high = contrast.ci95 or (0.0, 0.0)
-        right = {"better", "worse"} if equal else {"better" if first < second else "worse"}
-        found[:, trial] = *(word in right for word in words), low <= first - second <= high
-    return found
+    return {name: float((table[f"{name} {metric}"].sum() / table["count"].sum()) ** 0.5) for name in TRACKERS}
+
+
+def verdicts(world: str, metric: str, draws: Array, *, equal: bool) -> tuple[dict[str, Array], Array]:
+    """Return by margin ``(trials, pairs)`` the verdict on the first of each pair, and whether its interval covers.
+
+    Args:
+        world: of the pool.
+        metric: that is compared.
+        draws: ``(trials, size)`` numbers of the scenes that are drawn.
+        equal: whether the errors of each tracker are scaled to those of the worst one over the pool, where an absolute
+            margin protects least.
+    """
+    table, errors = pool(world), rmses(world, metric)
+    factors = {name: max(errors.values()) / error if equal else 1.0 for name, error in errors.items()}
+    squares = {name: table[f"{name} {metric}"] * factors[name] ** 2 for name in TRACKERS}
+    places = [(TRACKERS.index(a), TRACKERS.index(b)) for a, b in PAIRS]
+    values = [factors[a] * errors[a] - factors[b] * errors[b] for a, b in PAIRS]
+    words: dict[str, list[list[str]]] = {name: [] for name in MARGINS}
+    covered = []
+    for scenes in draws:
+        intervals = [rmse(squares[name], table["count"], scenes) for name in TRACKERS]
+        for name, margin in MARGINS.items():
+            contrasts = all_paired(
+                intervals,
+                places,
+                lambda a, b, margin=margin: margin_between(a, b, UNITS[metric], "smaller", margin),
+            )
+            words[name].append([contrast_verdict(own, own.p_value, "smaller") for own in contrasts])
+        ends = [own.ci95 or (0.0, 0.0) for own in contrasts]
+        covered.append([low <= value <= high for (low, high), value in zip(ends, values, strict=True)])
+    return {name: np.array(own) for name, own in words.items()}, np.array(covered)
 
 
 def main() -> None:
