@@ -103,11 +103,12 @@ def verdicts(world: str, metric: str, draws: Array, *, equal: bool) -> tuple[dic
         world: of the pool.
         metric: that is compared.
         draws: ``(trials, size)`` numbers of the scenes that are drawn.
-        equal: whether the errors of each tracker are scaled to those of the worst one over the pool, where an absolute
-            margin protects least.
+        equal: whether the errors of each tracker are scaled to those of the worst filter over the pool, where an
+            absolute margin protects least.
     """
     table, errors = pool(world), rmses(world, metric)
-    factors = {name: max(errors.values()) / error if equal else 1.0 for name, error in errors.items()}
+    worst = max(error for name, error in errors.items() if name != "raw")
+    factors = {name: worst / error if equal else 1.0 for name, error in errors.items()}
     squares = {name: table[f"{name} {metric}"] * factors[name] ** 2 for name in TRACKERS}
     places = [(TRACKERS.index(a), TRACKERS.index(b)) for a, b in PAIRS]
     values = [factors[a] * errors[a] - factors[b] * errors[b] for a, b in PAIRS]

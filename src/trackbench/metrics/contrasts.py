@@ -13,8 +13,28 @@ from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.types import Array, Mask
 from trackbench.metrics.intervals import FEWEST_STRETCHES, ROUNDING, Interval, standard_errors
 
+#: Probability with which none of a kind of scene is drawn, at the share that ``undrawn_share`` returns.
+UNDRAWN_LEVEL = 0.05
 #: By which share of their value two errors may differ from scene to scene without a sign of it in those that were seen.
 UNSEEN = 0.1
+
+
+def undrawn_share(scenes: int) -> float:
+    """Return which share of all scenes a kind of scene may make up of which none was drawn.
+
+    At a larger share one is drawn with more than 95 %; it is about ``3 / scenes`` (Hanley and Lippman-Hand 1983, "If
+    nothing goes wrong, is everything all right?").
+    """
+    return float(1.0 - UNDRAWN_LEVEL ** (1.0 / scenes))
+
+
+def turning_factor(scenes: int) -> float:
+    """Return how many times as large as the mean difference, and opposite, that of the undrawn kind must be.
+
+    From there on it turns the sign of the mean over all scenes. Of root mean squares it is that of the mean squares.
+    """
+    share = undrawn_share(scenes)
+    return (1.0 - share) / share
 
 
 class Contrast(NamedTuple):
@@ -82,6 +102,9 @@ def all_paired(
             )
         varies = ~(constant[first] & constant[others])
         unseen = np.array([_unseen(intervals[first], intervals[other]) for other in others])
+        if judged:
+            # One scene more, as different as the most different of these, leaves the verdict.
+            unseen += np.where(unseen > 0, np.abs(apart).max(axis=1) / parts.number, 0.0)
         contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen)
     return contrasts
 
@@ -104,7 +127,7 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
 
 
 def _unseen(a: Interval, b: Interval) -> float:
-    """By how much further the interval of a difference of two errors reaches, for scenes that were not seen.
+    """By how much further the interval of a difference of two errors reaches, whatever was seen of their scenes.
 
     Two trackers that differ much in few scenes alone are alike in all others, and the smaller their differences there
     are, the shorter is the interval of the mean. The differences themselves do not show what is missing, so that this
