@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md docs/glossary.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration calibrated-worlds radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -134,6 +134,11 @@ envelopes: $(VENV)/.installed-dev
 # What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
 calibration: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.calibration
+
+# How often an equal tracker is called better in each world, on scenes that are simulated anew: ten minutes on two cores.
+calibrated-worlds: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.calibration.worlds
+	$(BIN)/python -m benchmarks.calibration worlds
 
 # Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about an hour on two cores.
 tuned: $(VENV)/.installed-dev

@@ -17,7 +17,8 @@ import gymnasium
 import numpy as np
 
 import trackbench.gym
-from trackbench.metrics.intervals import Contrast, Interval, paired
+from trackbench.metrics.contrasts import Contrast, paired
+from trackbench.metrics.intervals import Interval
 
 OUT = Path(__file__).parents[1] / "results" / "gym"
 EPISODES = 30

@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 from benchmarks.tuned.protocol import SCENARIOS
 from benchmarks.tuned.protocol import read as read_protocol
+from benchmarks.tuned.scores import best_and_not_worse
 
 import trackbench as tb
 from trackbench.scenario.worlds import WORLDS
@@ -25,6 +26,10 @@ RUNS, TUNED_RUNS, TRIALS = 10, 2, 48
 METRICS = ("position_rmse", "velocity_rmse")
 
 Scenario = dict[str, Any]
+Errors = dict[str, dict[str, dict[str, float]]]
+"""By tracker, world that it was tuned in, and metric."""
+Best = dict[str, dict[str, Any]]
+"""By metric, the tracker with the smallest error, and those that are not shown worse."""
 
 
 def in_world(world: str, tuning: bool) -> Scenario:
@@ -61,8 +66,9 @@ def tuned(world: str) -> dict[str, dict[str, Any]]:
     return values
 
 
-def scored(world: str, values: dict[str, dict[str, dict[str, Any]]]) -> dict[str, dict[str, dict[str, float]]]:
-    """By tracker and the world it was tuned in, its errors in this world."""
+def scored(world: str, values: dict[str, dict[str, dict[str, Any]]]) -> tuple[Errors, Best]:
+    """By tracker and the world it was tuned in, its errors in this world; and by metric which of those tuned in it has
+    the smallest error, with those that are not called worse."""
     scenario = in_world(world, tuning=False)
     plain, trackers = scenario["trackers"], {}
     for home, of in values.items():
@@ -71,13 +77,15 @@ def scored(world: str, values: dict[str, dict[str, dict[str, Any]]]) -> dict[str
             changed = tb.load({**scenario, "trackers": {name: plain[name]}}, changes)
             trackers[f"{name}-{home}"] = changed.document.value["trackers"][name]
     result = tb.run(tb.load({**scenario, "trackers": trackers}, runs=RUNS), recording=False)
-    return {
+    errors = {
         name: {home: {metric: getattr(result[f"{name}-{home}"], metric).value for metric in METRICS} for home in values}
         for name in TRACKERS
     }
+    own = [f"{name}-{world}" for name in TRACKERS]
+    return errors, {metric: best_and_not_worse(result, metric, own) for metric in METRICS}
 
 
-def page(errors: dict[str, dict[str, dict[str, dict[str, float]]]]) -> str:
+def page(errors: dict[str, Errors], best: dict[str, Best]) -> str:
     """By metric a table: tracker and the world it was tuned in, against the world it is scored in."""
     text = INTRODUCTION
     for metric, unit in zip(METRICS, ("m", "m/s"), strict=True):
@@ -92,11 +100,16 @@ def page(errors: dict[str, dict[str, dict[str, dict[str, float]]]]) -> str:
                         f"**{value:.3f}**" if home == world else f"{value:.3f} ({100 * (value / own - 1):+.0f} %)"
                     )
                 text += f"| {name} | {home} | {' | '.join(cells)} |\n"
-        best = [
-            min(TRACKERS, key=lambda name, of=of, world=world: of[name][world][metric]) for world, of in errors.items()
-        ]
-        text += "| best, tuned in its world | | " + " | ".join(best) + " |\n\n"
+        smallest = [_with_not_worse(best[world][metric], f"-{world}") for world in errors]
+        what = "smallest error, tuned in its world; in brackets those not shown worse"
+        what = what if metric == METRICS[0] else "smallest error, tuned in its world, which is not tested"
+        text += f"| {what} | | " + " | ".join(smallest) + " |\n\n"
     return text.rstrip() + "\n"
+
+
+def _with_not_worse(best: dict[str, Any], ending: str) -> str:
+    others = ", ".join(name.removesuffix(ending) for name in best["not worse"])
+    return best["best"].removesuffix(ending) + (f" ({others})" if others else "")
 
 
 INTRODUCTION = f"""\
@@ -112,10 +125,12 @@ scored; in brackets what tuning elsewhere costs, below zero where these scenes a
 
 def main() -> None:
     values = {world: tuned(world) for world in WORLDS}
-    errors = {world: scored(world, values) for world in WORLDS}
+    found = {world: scored(world, values) for world in WORLDS}
+    errors, best = ({world: of[place] for world, of in found.items()} for place in (0, 1))
     OUT.mkdir(parents=True, exist_ok=True)
-    (OUT / "tuned.json").write_text(json.dumps({"values": values, "errors": errors}, indent=1) + "\n", encoding="utf-8")
-    (OUT / "tuned.md").write_text(page(errors), encoding="utf-8")
+    content = {"values": values, "errors": errors, "best": best}
+    (OUT / "tuned.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    (OUT / "tuned.md").write_text(page(errors, best), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import trackbench as tb
-from trackbench.metrics.intervals import Interval, clustered, paired, ratio, root
+from trackbench.metrics.contrasts import paired
+from trackbench.metrics.intervals import Interval, clustered, ratio, root
 
 from .claim import Claim, rate
 

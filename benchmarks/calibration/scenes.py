@@ -17,7 +17,8 @@ import numpy as np
 import trackbench as tb
 from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array
-from trackbench.metrics.intervals import Interval, all_paired, ratio, root
+from trackbench.metrics.contrasts import all_paired
+from trackbench.metrics.intervals import Interval, ratio, root
 
 from .claim import Claim, power, rate
 

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices
+from trackbench.metrics.contrasts import paired
 from trackbench.metrics.differences import EQUIVALENT, EVERY_PAIR, Family, tracker_differences
-from trackbench.metrics.intervals import Interval, paired
+from trackbench.metrics.intervals import Interval
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results.scenario_summary import MarginSummary
 

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 import trackbench as tb
-from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE
+from trackbench.metrics.verdicts import ABOVE, BELOW, DOUBT, SMALLEST_SHARE, TOLERANCE, doubtless_verdict
 
 from .claim import Claim, power, rate
 
 SEEDS = 200
+#: Repeats of few runs, and the instants of each.
+PARTS, STEPS = 20_000, 50
 #: Scenarios whose truth moves as the trackers assume, with the trackers whose assumptions are right.
 SOUND = {"scripted/own_model": ("kf_lidar", "ekf"), "scripted/own_model_ctrv": ("ukf", "ckf")}
 #: The process noise of their truths, as options of a tracker.
@@ -52,6 +54,7 @@ def claims() -> Iterator[Claim]:
         yield from _power(scenario, trackers, smoothers, 100, " with its smoother")
     yield from _nearly_right()
     yield from _bias()
+    yield from _doubtless()
     for scenario, seed in RIGHT_ON_AVERAGE:
         for name, nees in right_on_average(scenario, seed, 100).items():
             off = [f"{item.name} {item.mean:.1f}" for item in nees.conditions or () if item.verdict != "consistent"]
@@ -92,6 +95,21 @@ def _power(
             yield power(
                 f"{scenario} {name}{what}, process noise sigma times {factor:.2f}, {runs} runs: {word}", hits, least
             )
+
+
+def _doubtless() -> Iterator[Claim]:
+    """Few parts: a consistent filter, with errors that are correlated from instant to instant, is not called wrong."""
+    random = np.random.default_rng(3)
+    for parts, correlation in product((1, 2, 3, 5), (0.0, 0.9, 0.99, 1.0)):
+        errors = random.standard_normal((4, PARTS, parts))
+        nees = np.zeros((PARTS, parts))
+        for _ in range(STEPS):
+            errors = correlation * errors + (1 - correlation**2) ** 0.5 * random.standard_normal(errors.shape)
+            nees += (errors**2).sum(axis=0) / STEPS
+        for factor in (1.0, 1 + TOLERANCE, 1 - TOLERANCE):
+            words = [doubtless_verdict(mean, parts, 4) for mean in (factor * nees.mean(axis=1)).tolist()]
+            what = f"{parts} runs, autocorrelation {correlation:g}, NEES {4 * factor:.3g}: called wrong from few runs"
+            yield rate(what, [word != "undecided" for word in words], 0.0, 2 * DOUBT)
 
 
 def _nearly_right() -> Iterator[Claim]:

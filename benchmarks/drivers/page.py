@@ -121,14 +121,21 @@ def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
         for world, of in worlds.items()
     ]
     yield from table(["drivers", *trackers], rows)
-    yield "Error of `ekf_cv` less that of the other, with its 95 % interval over scenes: below zero `ekf_cv` is ahead."
+    yield "Error of `ekf_cv` less that of the other, with its 95 % interval over scenes, and the verdict at the default"
+    yield "margin."
     yield ""
     rows = [
-        [world, pair["metric"], pair["b"], f"{pair['value']:+.4f} ({pair['ci95'][0]:+.4f} to {pair['ci95'][1]:+.4f})"]
+        [
+            world,
+            pair["metric"],
+            pair["b"],
+            f"{pair['value']:+.4f} ({pair['ci95'][0]:+.4f} to {pair['ci95'][1]:+.4f})",
+            pair.get("verdict") or "not judged",
+        ]
         for world, of in worlds.items()
         for pair in of["differences"]
     ]
-    yield from table(["drivers", "metric", "other", "difference"], rows)
+    yield from table(["drivers", "metric", "other", "difference", "verdict"], rows)
 
 
 def _short(value: float | None) -> str:

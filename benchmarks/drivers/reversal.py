@@ -11,6 +11,8 @@ from benchmarks.tuned.protocol import read as read_protocol
 import trackbench as tb
 
 TRACKERS = ("ekf_cv", "imm_cv_ca", "imm_three")
+#: So that the velocity has verdicts too.
+JUDGED = [{"tracker": TRACKERS[0], "metric": "velocity_rmse", "better_than": name} for name in TRACKERS[1:]]
 #: By name, of how the drivers vary: as they did where the reversal was seen first, and as fitted.
 WORLDS: dict[str, Any] = {
     "steady": "steady",
@@ -58,13 +60,16 @@ def _tuned(drivers: Any) -> dict[str, Any]:
 
 def _scores(scenario: dict[str, Any], values: dict[str, Any] | None = None) -> dict[str, Any]:
     changes = {f"trackers.{name}.{key}": value for name, of in (values or {}).items() for key, value in of.items()}
-    result = tb.run(tb.load(scenario, changes, runs=RUNS))
+    result = tb.run(tb.load({**scenario, "expect": JUDGED}, changes, runs=RUNS))
     errors = {
         name: {metric: getattr(result[name], metric).value for metric in ("position_rmse", "velocity_rmse", "nees")}
         for name in TRACKERS
     }
     differences = [
-        {"metric": pair.metric, "a": pair.a, "b": pair.b, "value": pair.value, "ci95": list(pair.ci95)}
+        {
+            **{key: getattr(pair, key) for key in ("metric", "a", "b", "value", "margin", "verdict")},
+            "ci95": list(pair.ci95),
+        }
         for pair in result.differences
         if pair.metric in ("position_rmse", "velocity_rmse") and pair.a == "ekf_cv"
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -60,13 +60,18 @@ def _scores(result: Any, trackers: list[str]) -> dict[str, Any]:
             "diverged": result[name].health.diverged_runs,
             "nees": {"value": result[name].nees.value, "verdict": result[name].nees.verdict},
         }
-    for metric in METRICS:
-        best = min(trackers, key=lambda name: getattr(result[name], metric).value)
-        # A metric whose differences are in no family has no verdict; nothing is said of the others.
-        worse = {
-            pair.b if pair.a == best else pair.a
-            for pair in result.differences
-            if pair.metric == metric and best in (pair.a, pair.b) and (pair.verdict is None or pair.better == best)
-        }
-        scores[metric] = {"best": best, "not worse": [name for name in trackers if name not in {best, *worse}]}
-    return scores
+    return scores | {metric: best_and_not_worse(result, metric, trackers) for metric in METRICS}
+
+
+def best_and_not_worse(result: Any, metric: str, trackers: Sequence[str]) -> dict[str, Any]:
+    """Return the tracker with the smallest error as ``best``, and those that the product does not call worse.
+
+    A metric whose differences are in no family has no verdict; nothing is said of the others.
+    """
+    best = min(trackers, key=lambda name: getattr(result[name], metric).value)
+    worse = {
+        pair.b if pair.a == best else pair.a
+        for pair in result.differences
+        if pair.metric == metric and best in (pair.a, pair.b) and (pair.verdict is None or pair.better == best)
+    }
+    return {"best": best, "not worse": [name for name in trackers if name not in {best, *worse}]}

@@ -32,8 +32,9 @@ from trackbench.compare import (
 from trackbench.compare.comparability import Comparability, comparability, compared_metrics
 from trackbench.document import Paragraph
 from trackbench.metrics import BUILT_IN, Metric
+from trackbench.metrics.contrasts import paired, unpaired
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
-from trackbench.metrics.intervals import paired, ratio, unpaired
+from trackbench.metrics.intervals import ratio
 from trackbench.report.comparison.sentences import answer_blocks
 from trackbench.results import Result
 

@@ -190,7 +190,7 @@ LIST_FAULTS = {
     "names one": ("{'type': 'error', 'id': 3, 'message': 'no'}", "no", 2),
     "names none": ("{'type': 'error', 'id': None, 'message': 'no'}", "no", None),
     "gives up": ("({'given': packed(ids != 4)} if scans > 1 else {})", "None after an estimate", 3),
-    "nan": ("{'mean': packed(np.where(ids == 2, np.nan, 1) * np.ones((4, 1)))}", "not finite", 1),
+    "nan": ("{'mean': packed(np.where((ids == 2) & (np.arange(4) == 3)[:, None], np.nan, 1))}", "not finite", 1),
     "not symmetric": ("{'covariance': packed(np.tri(4)[..., None] * (ids == 2) + P)}", "not symmetric", 1),
     "too few": ("{'mean': packed(np.ones((4, 3)))}", r"mean has the shape \(4, 3\) in an answer for 4 trackers", None),
     "tracks": ("{'type': 'tracks'}", "it gave tracks", 0),

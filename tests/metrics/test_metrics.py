@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics.consistency import mean_bounds, normalised_square, point95
+from trackbench.metrics.contrasts import paired, unpaired
 from trackbench.metrics.differences import holm
-from trackbench.metrics.intervals import paired, ratio, root, scaled_interval, unpaired
+from trackbench.metrics.intervals import ratio, root, scaled_interval
 
 
 def test_normalised_square_by_hand():

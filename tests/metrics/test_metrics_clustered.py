@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackbench.metrics import clustered, ratio, root, scaled_interval
-from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, paired, unpaired
+from trackbench.metrics.contrasts import paired, turning_factor, undrawn_share, unpaired
+from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.tracker_entry import scene_share
 
@@ -84,6 +85,9 @@ def test_a_difference_of_errors_over_scenes_reaches_further_by_what_they_do_not_
     value, of_runs, *_ = compare(a, b)
     over_scenes = [item._replace(scenes=True) for item in (a, b)]
     reach = (1 + 1.5 / 3) * (of_runs[1] - value) + 0.1 * a.value / 3
+    if compare is paired:
+        # One scene more, as different as the most different of the nine.
+        reach += np.abs(over_scenes[0].corrected - over_scenes[1].corrected).max() / 9
     assert compare(*over_scenes).ci95 == pytest.approx((value - reach, value + reach))
     # The p-value is below 5 % where the interval lies beside the margin.
     assert compare(*over_scenes, margin=0.99 * (-value - reach)).p_value < 0.05
@@ -169,3 +173,13 @@ def test_tracks_have_an_interval_from_as_many_runs_as_calibrate_it(path, runs, r
         scenes = clustered(own, np.arange(runs) % FEWEST_SCENES)
         assert scenes.ci95 is not None
         assert clustered(own, np.arange(runs) % (FEWEST_SCENES - 1)).as_value("m").reason == TOO_FEW_SCENES
+
+
+def test_a_kind_of_scene_is_left_out_as_often_as_stated_and_turns_the_order_from_the_factor_on() -> None:
+    for scenes in (5, 10, 40):
+        share, factor = undrawn_share(scenes), turning_factor(scenes)
+        assert share == pytest.approx(3 / scenes, rel=0.3)
+        random = np.random.default_rng(scenes)
+        undrawn = (random.random((20_000, scenes)) >= share).all(axis=1)
+        assert undrawn.mean() == pytest.approx(0.05, abs=0.005)
+        assert (1 - share) * 1.0 - share * factor == pytest.approx(0.0)

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics import BUILT_IN
+from trackbench.metrics.contrasts import all_paired, paired, unpaired
 from trackbench.metrics.differences import Family, contrast_verdict, holm, margin_between, tracker_differences
-from trackbench.metrics.intervals import Interval, all_paired, paired, ratio, root, unpaired
+from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.results.scenario_summary import MarginSummary
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)

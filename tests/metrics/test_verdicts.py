@@ -10,6 +10,7 @@ from trackbench.metrics.intervals import ratio
 from trackbench.metrics.verdicts import (
     condition_verdict,
     condition_verdicts,
+    doubtless_verdict,
     mean_verdict,
     meaning,
     overall_verdict,
@@ -200,3 +201,14 @@ def test_a_mixed_verdict_that_is_off_nowhere_names_what_is_furthest_apart() -> N
     found = MetricValue(value=3.2, unit="1", dof=4, verdict="mixed", conditions=tuple(conditions))
     assert what_is_off(found) == "straight 3.1, turning 5.0"
     assert what_is_off(found.model_copy(update={"verdict": "consistent"})) == ""
+
+
+def test_few_runs_decide_what_is_beyond_doubt_and_nothing_else() -> None:
+    assert doubtless_verdict(164.0, 3, 4) == "optimistic"
+    assert doubtless_verdict(164.0, 1, 4) == "optimistic"
+    assert doubtless_verdict(0.05, 2, 4) == "pessimistic"
+    for parts in (1, 2, 3, 5):
+        assert doubtless_verdict(4.0, parts, 4) == "undecided"
+    # The 99.9 % point of chi-square with 8 degrees of freedom, 26.12, over two runs, and a tenth more.
+    assert doubtless_verdict(1.1 * 26.0 / 2, 2, 4) == "undecided"
+    assert doubtless_verdict(1.1 * 26.3 / 2, 2, 4) == "optimistic"

@@ -1,81 +1,63 @@
-"""A tracker with smaller errors than the Cramér-Rao bound is not ranked: it knows more than its measurements."""
+"""A tracker that is shown to beat a true Cramér-Rao bound is said first; below another reference it is a remark."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-import trackbench as tb
 from trackbench.report.console import print_summary
 from trackbench.report.sentences import below_the_bound
 from trackbench.report.tables import unranked_table
+from trackbench.report.verdict import headline_sentence
 from trackbench.results import MetricValue, Result
 
-PEEKS = """
-import numpy as np
+BEATS = "beats the Cramér-Rao bound: it knows more than its measurements say"
 
 
-class Peeks:
-    batched = True
-    random = True
-
-    def step(self, state, scan):
-        # Of one object: all members share its truth.
-        position = 0.9 * np.mean(scan.measurement, axis=1, keepdims=True) + 0.1 * scan.measurement
-        zero = np.zeros_like(position)
-        return None, (np.concatenate([position, zero + [[5.0], [0.0]]]), np.eye(4)[:, :, None] + zero[:1, None])
-"""
-
-SCENARIO = {
-    "name": "bound",
-    "truth": {
-        "source": "scripted", "duration_s": 4, "rate_hz": 10,
-        "objects": {"ahead": {"start": {"x": 20, "speed_mps": 5}}},
-    },
-    "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.3}},
-    "monte_carlo": {"runs": 40, "seed": 1},
-}  # fmt: skip
+def below(result: Result, kind: str, acceleration: float, upper: float = 0.9) -> Result:
+    """The result with an EKF whose error over the reference has this upper limit."""
+    ratio = MetricValue(value=0.8, ci95=(0.7, upper), unit="1")
+    ekf = result["ekf"]
+    ekf = ekf.model_copy(update={"metrics": {**ekf.metrics, "position_over_reference": ratio}})
+    reference = result.summary.held_against.model_copy(update={"kind": kind, "acceleration_sigma_mps2": acceleration})
+    return result.updated(trackers=[ekf, result["raw"]], reference=reference)
 
 
-def test_a_tracker_that_averages_over_runs_is_not_ranked_and_an_honest_one_is(
-    tmp_path: Path, write_module: Callable[[Path, str], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    trackers = {
-        "ekf": {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 0.1},
-        "peeks": {"use": f"{write_module(tmp_path, PEEKS)}:Peeks"},
-    }
-    result = tb.run(tb.load({**SCENARIO, "trackers": trackers}))
-    assert result.summary.held_against.kind == "bound"
-    assert result.summary.ranking == ["ekf", "peeks"]
-    assert [tracker.name for tracker in result.scored] == ["ekf"]
-    reason = "it is below the Cramér-Rao bound: it knows more than its measurements say (random = True)"
-    assert result.why_unscored(result["peeks"]) == reason
-    assert not result.differences
+def test_one_that_beats_a_true_bound_is_said_first_and_is_not_ranked(tiny_result: Result) -> None:
+    result = below(tiny_result, "bound", 2.0)
+    assert result.why_unscored(result["ekf"]) == f"it {BEATS}"
+    assert [tracker.name for tracker in result.scored] == ["raw"]
+    assert headline_sentence(result).startswith(f"ekf {BEATS}. raw has ")
+    assert not below_the_bound(result)
     numbers = unranked_table(result)
     assert numbers is not None
-    assert [row[0].tracker for row in numbers.rows] == ["peeks"]
-    error = result["peeks"].position_rmse.value
+    assert [row[0].tracker for row in numbers.rows] == ["ekf"]
+    error = result["ekf"].position_rmse.value
     assert error is not None
-    assert numbers.rows[0][1].text == f"{error:.4f}"
-    assert f"{reason}; position RMSE {error:.4f} m" in " ".join(printed(result).split())
+    text = printed(result)
+    assert text.startswith(f"{result.name}: ekf {BEATS}; ")
+    assert f"NOT RANKED: it {BEATS}; position RMSE {error:.4f} m"[:90] in text
 
 
-def test_one_that_is_driven_a_second_time_is_named(tiny_result: Result) -> None:
-    ratio = MetricValue(value=0.8, ci95=(0.7, 0.9), unit="1")
-    ekf = tiny_result["ekf"]
-    ekf = ekf.model_copy(update={"metrics": {**ekf.metrics, "position_over_reference": ratio}})
-    reference = tiny_result.summary.held_against.model_copy(update={"kind": "bound"})
-    result = tiny_result.updated(trackers=[ekf, tiny_result["raw"]], reference=reference)
-    assert below_the_bound(result) == ["ekf is below the Cramér-Rao bound: it knows more than its measurements say"]
-    assert not result.why_unscored(ekf)
+@pytest.mark.parametrize(("kind", "acceleration"), [("bound", 0.0), ("reference", 2.0)])
+def test_below_any_other_reference_it_is_a_remark(tiny_result: Result, kind: str, acceleration: float) -> None:
+    result = below(tiny_result, kind, acceleration)
+    label = result.summary.held_against.label
+    remark = f"ekf is below the {label}: it expects this motion, or knows more than its measurements say"
+    assert below_the_bound(result) == [remark]
+    assert remark in printed(result)
+    assert not result.why_unscored(result["ekf"])
+
+
+def test_one_that_is_not_shown_to_is_ranked(tiny_result: Result) -> None:
+    result = below(tiny_result, "bound", 2.0, upper=0.98)
+    assert not result.why_unscored(result["ekf"])
+    assert not below_the_bound(result)
 
 
 def printed(result: Result) -> str:
-    console = Console(width=80, record=True, file=io.StringIO())
+    console = Console(width=250, record=True, file=io.StringIO())
     print_summary(result, console)
     return console.export_text()

@@ -54,8 +54,8 @@ Examples:
   trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
 
 \b
-Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
-3 a tracker failed, 4 cannot write
+Exit status: 0 expectations met, 1 one failed or undecided, or a bound was
+beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 """
 
 

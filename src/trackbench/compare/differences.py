@@ -14,6 +14,7 @@ from trackbench.compare.comparability import Comparability
 from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.metrics import Metric
+from trackbench.metrics.contrasts import Contrast, paired, unpaired
 from trackbench.metrics.differences import (
     MOST_PAIRED,
     UNDECIDED,
@@ -22,7 +23,7 @@ from trackbench.metrics.differences import (
     margin_between,
     verdict_on_first,
 )
-from trackbench.metrics.intervals import Contrast, Interval, paired, unpaired
+from trackbench.metrics.intervals import Interval
 
 #: Share of the estimates by which one tracker must give fewer than the other for a note on it.
 NOTED = 0.01

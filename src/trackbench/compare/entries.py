@@ -163,7 +163,7 @@ class Entry:
             rows = rows.filter(pa.array(np.isin(self._column(rows, "run"), runs)))
             interval = metric.of_runs(*(self._column(rows, column) for column in metric.columns))
         if interval is None or over_stretches:
-            return interval
+            return interval and interval._replace(of_stretches=True)
         scene = self._column(rows, "scene")
         if not np.array_equal(scene, np.round(np.clip(np.nan_to_num(scene), 0, expected))):
             raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)

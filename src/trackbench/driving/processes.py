@@ -38,8 +38,10 @@ PACKETS = sys.platform == "linux"
 GLANCE = 0.5
 #: How long a process that has been told to end may take to write down where it was, s.
 DUMPING = 1.0
-#: How long it may take to start one, and to end it with all that it has started, s.
+#: How long a start may take, and the end of all that was started, s.
 STARTING, ENDING = 60.0, 10.0
+#: Variables of the environment that a tracker is not told.
+UNTOLD = ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
 #: Lines that are shown of what all processes of a tracker print.
 SHOWN = 100
 NO_ANSWER = "its process sent what is no answer"
@@ -67,7 +69,7 @@ class Template:
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", TEMPLATE, str(theirs.fileno())],
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+                env=_environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
@@ -335,6 +337,11 @@ class TrackerProcess(GuardedProcess):
         self._end()
         self.fault = TrackFault(cause, "died", place)
         return self.fault
+
+
+def _environment() -> dict[str, str]:
+    kept = {name: value for name, value in os.environ.items() if name not in UNTOLD}
+    return kept | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
 
 
 def _end(template: Template, process: int, files: Sequence[Closeable]) -> None:

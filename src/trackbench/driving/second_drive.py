@@ -45,19 +45,19 @@ class Company(NamedTuple):
     def scan(self, scan: Scan, number: int | None) -> Scan:
         """The scan of the second batch where the first had ``scan``; ``number`` None where that has no measurement."""
         if number is None:
-            return _columns(scan, self.order % self.members)
+            return scan_of_columns(scan, self.order % self.members)
         other = self.others[number]
         if scan.valid.ndim == 2:
             most = max(len(scan.valid), len(other.valid))
             scan, other = _padded(scan, most), _padded(other, most)
         measurement = np.concatenate([scan.measurement, other.measurement], axis=-1)
         valid = np.concatenate([scan.valid, other.valid], axis=-1)
-        return _columns(scan._replace(measurement=measurement, valid=valid), self.order)
+        return scan_of_columns(scan._replace(measurement=measurement, valid=valid), self.order)
 
     def before(self) -> list[Scan]:
         """What a process that serves several trackers is given before: the first scans of the other scenes alone."""
         width = np.arange(len(self.order))
-        return [_columns(scan, width % scan.valid.shape[-1]) for scan in self.others[:BEFORE]]
+        return [scan_of_columns(scan, width % scan.valid.shape[-1]) for scan in self.others[:BEFORE]]
 
 
 class Disagreement(NamedTuple):
@@ -104,6 +104,10 @@ class SecondDrive:
         if problem is not None:
             self.disagreement = Disagreement(problem, step.instant, step.scan.sensor)
             self.close()
+
+    def conclude(self) -> Disagreement | None:
+        """Return where both drives differ, once all steps are taken."""
+        return self.disagreement
 
     def close(self) -> None:
         """End the tracker."""
@@ -159,8 +163,8 @@ class SecondDrive:
         return TrackFault(text, "answer", member=int(self._members[member]))
 
 
-def _columns(scan: Scan, order: Indices) -> Scan:
-    """The scan with these members, without columns of detections that none of them has."""
+def scan_of_columns(scan: Scan, order: Indices) -> Scan:
+    """Return the scan with these members, without columns of detections that none of them has."""
     measurement, valid = scan.measurement[..., order], scan.valid[..., order]
     if valid.ndim == 2:
         most = int(valid.sum(axis=0).max(initial=0))

@@ -12,7 +12,8 @@ from itertools import combinations, compress
 import numpy as np
 
 from trackbench.base.distributions import t_quantile
-from trackbench.metrics.intervals import Contrast, Interval, all_paired
+from trackbench.metrics.contrasts import Contrast, all_paired
+from trackbench.metrics.intervals import Interval
 from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference, MetricValue
 from trackbench.results.scenario_summary import MarginSummary

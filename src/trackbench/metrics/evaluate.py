@@ -91,6 +91,8 @@ def evaluate(
                 if not by_part:
                     interval = clustered(interval, scene, in_time=in_time)
                     value = interval.as_value(metric.unit)
+                elif blocks.single_runs is not None:
+                    interval = interval._replace(of_stretches=True)
                 if noise != EXACT and (axes := metric.reference_axes(path, own_sums)):
                     sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps
                     value = carrying(value, axes * sigma**2)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from itertools import groupby
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trackbench.base.distributions import t_probability, t_quantile
+from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array, Mask
 from trackbench.metrics.count_intervals import Counted, count_limits
 from trackbench.results import MetricValue
@@ -21,8 +18,8 @@ TOO_SHORT = "too short for an interval"
 ALL_THE_SAME = "the same in every run, which says nothing of others: no interval"
 #: With fewer scenes there is no interval and no verdict: what holds is calibrated from here on.
 FEWEST_SCENES = 5
-#: By which share of their value two errors may differ from scene to scene without a sign of it in those that were seen.
-UNSEEN = 0.1
+#: With fewer stretches of a single run no two trackers are compared.
+FEWEST_STRETCHES = 4
 UNCALIBRATED = "no interval holds"
 TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the report shows each of them"
 
@@ -98,6 +95,8 @@ class Interval(NamedTuple):
     """Runs from which on the interval is calibrated."""
     in_time: bool = False
     """Whether the parts are stretches of time that follow each other, so that neighbours may be alike."""
+    of_stretches: bool = False
+    """Whether the parts are stretches of single runs, as which two values are compared."""
     counted: Counted | None = None
     """What it is, where its limits are those of counts."""
     repeats: float = 1.0
@@ -138,6 +137,11 @@ class Interval(NamedTuple):
         return np.ones(len(self.influence), dtype=bool) if self.weight is None else self.weight > 0
 
     @property
+    def is_ratio_of_stretches(self) -> bool:
+        """Whether it is a positive value over stretches of a run, of which the ratio of two is the steadier one."""
+        return self.of_stretches and self.at_least == 0.0 < self.value and self.at_most == np.inf
+
+    @property
     def parts(self) -> Parts:
         """The runs or scenes."""
         return Parts(len(self.influence), self.scenes, self.fewest)
@@ -161,7 +165,7 @@ class Interval(NamedTuple):
     @property
     def error(self) -> float | None:
         """The standard error; None with too few runs or scenes."""
-        return None if self.parts.too_few else float(_standard_errors(self.corrected[None], self.in_time)[0])
+        return None if self.parts.too_few else float(standard_errors(self.corrected[None], self.in_time)[0])
 
     @property
     def ci95(self) -> tuple[float, float] | None:
@@ -272,115 +276,8 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: b
     return interval._replace(influence=influence, weight=weight, scenes=True, in_time=in_time, repeats=repeats)
 
 
-class Contrast(NamedTuple):
-    """A difference of two values."""
-
-    value: float
-    ci95: tuple[float, float] | None
-    """None with fewer than two runs or ``FEWEST_SCENES`` scenes, and where each of the two values is the same in every
-    run."""
-    p_value: float
-    """Of the hypothesis that the difference is within the margin: twice that of the nearer end, so it is below 5 %
-    exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis that treatments
-    have negligible effects"). Without a margin that of the two-sided t test; where the difference is the same in every
-    run that of the sign test; 1 with fewer than two runs or ``FEWEST_SCENES`` scenes."""
-    margin: float
-    """Up to this a difference does not matter; at least what rounding makes."""
-
-    @property
-    def equivalent(self) -> bool:
-        """Whether the interval lies within the margin.
-
-        So the two one-sided tests show, each at 2.5 % (Schuirmann 1987, "A comparison of the two one-sided tests
-        procedure and the power approach").
-        """
-        return self.ci95 is not None and max(map(abs, self.ci95)) <= self.margin
-
-
-def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
-    """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
-    (contrast,) = all_paired([a, b], [(0, 1)], lambda *_: margin)
-    return contrast
-
-
-def all_paired(
-    intervals: Sequence[Interval], pairs: Sequence[tuple[int, int]], margin: Callable[[Interval, Interval], float]
-) -> list[Contrast]:
-    """The same of many pairs; those of one first interval are computed together where they follow each other.
-
-    Args:
-        intervals: from the same runs.
-        pairs: by their places.
-        margin: of two of them.
-    """
-    values = np.array([item.value for item in intervals])
-    influences = np.array([item.corrected for item in intervals])
-    constant = np.array([item.constant for item in intervals])
-    contrasts: list[Contrast] = []
-    for first, own in groupby(pairs, key=itemgetter(0)):
-        others = np.array([other for _, other in own])
-        margins = np.array([margin(intervals[first], intervals[other]) for other in others])
-        freedom, errors, parts = influences.shape[1] - 1, None, intervals[first].parts
-        if not parts.too_few:
-            apart = influences[first] - influences[others]
-            errors = parts.stretch.difference * _standard_errors(apart, intervals[first].in_time)
-        varies = ~(constant[first] & constant[others])
-        unseen = np.array([_unseen(intervals[first], intervals[other]) for other in others])
-        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen)
-    return contrasts
-
-
-def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
-    """``a - b`` where the runs of one have nothing to do with those of the other, by Welch's t test on the influences.
-
-    Source: Welch (1947), "The generalization of Student's problem when several different population variances are
-    involved". Where the runs have something in common after all, the interval is too wide rather than too narrow.
-    """
-    squares = [(item.parts.stretch.difference * item.error) ** 2 for item in (a, b) if item.error is not None]
-    errors, freedom = None, 0.0
-    if len(squares) == 2:
-        total = sum(squares)
-        parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
-        freedom = total**2 / sum(parts) if total > 0 else min(len(a.influence), len(b.influence)) - 1.0
-        errors = np.array([np.sqrt(total)])
-    varies, margins, unseen = (np.array([item]) for item in (not (a.constant and b.constant), margin, _unseen(a, b)))
-    return _tested(a.value, np.array([b.value]), errors, freedom, margins, varies, unseen)[0]
-
-
-def _unseen(a: Interval, b: Interval) -> float:
-    """By how much further the interval of a difference of two errors reaches, for scenes that were not seen.
-
-    Two trackers that differ much in few scenes alone are alike in all others, and the smaller their differences there
-    are, the shorter is the interval of the mean. The differences themselves do not show what is missing, so that this
-    is a share of the errors, and falls as a standard error does: ``benchmarks/calibration/scenes.py``.
-    """
-    errors = all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in (a, b))
-    parts = min(len(a.influence), len(b.influence))
-    return UNSEEN * min(a.value, b.value) / parts**0.5 if errors else 0.0
-
-
-def _tested(
-    first: float, others: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask, unseen: Array
-) -> list[Contrast]:
-    """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors;
-    ``varies`` is whether the runs tell anything of the errors, ``unseen`` what is added to the reach."""
-    values = first - others
-    margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(others)))
-    if errors is None:
-        return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
-    # Two that do the same in every run are the same.
-    unseen = np.where(errors > ROUNDING * abs(first), unseen, 0.0)
-    reach, excess = t_quantile(0.975, freedom) * errors + unseen, abs(values) - margins - unseen
-    positive = errors > 0
-    tails = t_probability(-excess / np.where(positive, errors, 1.0), freedom)
-    p_values = np.where(positive, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
-    ends = zip((values - reach).tolist(), (values + reach).tolist(), varies.tolist(), strict=True)
-    ci95 = [(low, high) if own else None for low, high, own in ends]
-    return list(map(Contrast, values.tolist(), ci95, p_values.tolist(), margins.tolist()))
-
-
-def _standard_errors(influences: Array, in_time: bool) -> Array:
-    """``(k,)`` of influences ``(k, parts)``.
+def standard_errors(influences: Array, in_time: bool) -> Array:
+    """Return ``(k,)`` standard errors from influences ``(k, parts)``.
 
     Of parts that follow each other in time it is that of a first-order autoregressive process: the autocorrelation of
     neighbours is allowed for where it is positive, up to one half, without its bias of one over the number of parts

@@ -18,6 +18,8 @@ WHITENESS = ("white", "coloured", "undecided")
 #: How far the mean of a NEES or NIS may be from its degrees of freedom without consequence, as a share of them. A
 #: covariance that is 10 % too large or too small is one whose standard deviations are 5 % off.
 TOLERANCE = 0.1
+#: Probability at which few runs or scenes call a consistent tracker wrong, on each side.
+DOUBT = 0.001
 #: How far above it may be for the share beyond the farthest point that is judged: where ten are expected beyond it, a
 #: matched filter is shown to be within this in 97 % of all cases or more, and within ``TOLERANCE`` in 33 to 79 %.
 FAR_TOLERANCE = 0.2
@@ -56,6 +58,23 @@ def mean_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
         dof: what the mean of a consistent tracker is.
     """
     return _consistency(ci95, dof * (1 - TOLERANCE), dof * (1 + TOLERANCE))
+
+
+def doubtless_verdict(mean: float, parts: float, dof: int) -> str:
+    """Return ``optimistic`` or ``pessimistic`` where a mean over few parts leaves no doubt, else ``undecided``.
+
+    However much the errors within a part are correlated, the mean NEES of a consistent filter there varies no more than
+    a single chi-square variable. So the sum is held against chi-square with ``dof`` degrees of freedom for each part.
+
+    Args:
+        mean: of a NEES or NIS.
+        parts: effective number of independent runs or scenes.
+        dof: what the mean of a consistent tracker is.
+    """
+    total, freedom = mean * parts, dof * parts
+    if chi_square_beyond(total / (1 + TOLERANCE), freedom) < DOUBT:
+        return "optimistic"
+    return "pessimistic" if 1 - chi_square_beyond(total / (1 - TOLERANCE), freedom) < DOUBT else "undecided"
 
 
 def condition_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
@@ -101,10 +120,10 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
         under_condition: whether they are those of one.
     """
     complete, beyond, parts = _is_complete(scores), scores.beyond or {}, []
-    given = scores.given / scores.count if scores.count else 1.0
+    share_given = scores.given / scores.count if scores.count else 1.0
     for point, share in beyond.items():
         if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None:
-            ci95 = (given * share.ci95[0], given * share.ci95[1] + 1 - given)
+            ci95 = (share_given * share.ci95[0], share_given * share.ci95[1] + 1 - share_given)
             word = tail_verdict(ci95, point, under_condition) if complete else "undecided"
             name, expected = _PART.format(point), BEYOND[point]
             parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=word))

@@ -13,7 +13,7 @@ from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_tex
 from trackbench.report.functions import function_tables
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
 from trackbench.report.pairs import Standing, standing
-from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
+from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_scenes, values_of_few_scenes
 from trackbench.report.sentences import (
     FALSE_OF_REFERENCE,
     below_the_bound,
@@ -301,6 +301,7 @@ def _notes(result: Result) -> list[str]:
         f"/ref: times the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_note_on_groups(result),
         *(values_of_few_scenes(result) or [f"{sign}: 95 %, {basis_of_intervals(result)}"]),
+        *(undrawn_scenes(len(summary.truth.scenes)) if result.differences else []),
         *_coverage(trackers),
         *missing_estimates(result),
         *below_the_bound(result),

@@ -58,6 +58,10 @@ class Pairs:
         self.margins = [item.margin for item in self._items.values()] or [result.summary.score.margin.absolute("m")]
         """Up to which differences do not matter, m."""
 
+        alone = result.summary.runs == 1 and not any(item.ci95 for item in self._items.values())
+        self.unjudged = "one run: differences cannot be judged" if alone and self._items else ""
+        """Why no difference can be judged; empty where one can."""
+
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
         item, sign = self._items.get((a, b)), 1.0
@@ -126,6 +130,8 @@ def standing(result: Result) -> Standing:
     if score.against is None:
         heading = short = "group"
         meaning, cells = f"no difference over {margin} shown between those that share a letter", groups(names, pairs)
+        if pairs.unjudged:
+            meaning, cells = pairs.unjudged, {}
     else:
         words = {name: pair.verdict for name in names if (pair := pairs.get(name, score.against))}
         heading, short, cells = f"against {score.against}", "against", {score.against: "baseline", **words}

@@ -34,7 +34,14 @@ from trackbench.report.functions import functions_section
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import joined_names, margin_words, percent
 from trackbench.report.pairs import Pairs, standing
-from trackbench.report.scenes import ONE_RUN, basis_of_intervals, scenes, values_of_few_scenes, without_interval
+from trackbench.report.scenes import (
+    ONE_RUN,
+    basis_of_intervals,
+    scenes,
+    undrawn_scenes,
+    values_of_few_scenes,
+    without_interval,
+)
 from trackbench.report.sentences import (
     FALSE_OF_REFERENCE,
     SWITCH_COSTS,
@@ -236,6 +243,7 @@ def _differences(result: Result, styles: Mapping[str, TrackerStyle]) -> Section:
     title = "All pairs"
     if summary.identities == "known":
         text += _NOT_BETTER if any(item.turned for item in result.differences) else ""
+        text += "".join(f" {sentence}." for sentence in undrawn_scenes(len(summary.truth.scenes)))
         title += "" if len(drawn) == len(result.scored) else f" of the best {len(drawn)}"
     blocks: list[Block] = [Paragraph(text), beside]
     if summary.score.against is None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
+from trackbench.metrics.contrasts import turning_factor, undrawn_share
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
 from trackbench.results import Result
@@ -64,6 +65,20 @@ def values_of_few_scenes(result: Result) -> list[str]:
             f"  {tracker.name}: {', '.join(rounded(scene.error.get(tracker.name), places) for scene in every)}"
         )
     return lines
+
+
+def undrawn_scenes(number: int) -> list[str]:
+    """Say how frequent a kind of scene of which none was drawn may be, and from which difference there an order turns.
+
+    Empty where there are too few scenes for a verdict.
+    """
+    if number < FEWEST_SCENES:
+        return []
+    share, factor = f"{100 * undrawn_share(number):.2g} %", f"{turning_factor(number):.2g}"
+    return [
+        f"{number} scenes may leave out a kind of scene that makes up {share} of all; it turns an order if the mean "
+        f"difference there is {factor} times that of these scenes, the other way"
+    ]
 
 
 def without_interval(result: Result) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC
 
 from trackbench.base.errors import counted
+from trackbench.driving.law import FEWEST
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.metrics.verdicts import mean_text, meaning, what_is_off
 from trackbench.report.calibration import calibration_clauses
@@ -188,7 +189,8 @@ def reused_identities(result: Result) -> str:
 def drawing_random(result: Result) -> str:
     """Which trackers draw random numbers, and what follows; empty where none does."""
     names = [tracker.name for tracker in result.scored if tracker.random]
-    return f"{joined_names(names)}: random = True, so not asked again in another batch" if names else ""
+    how = f"random = True, so with {FEWEST} members or more its errors are compared with those of each member alone"
+    return f"{joined_names(names)}: {how}" if names else ""
 
 
 def others_ignored(result: Result) -> list[str]:
@@ -292,12 +294,10 @@ def missing_estimates(result: Result) -> list[str]:
 
 
 def below_the_bound(result: Result) -> list[str]:
-    """Of each contender that is shown to be below the Cramer-Rao bound: that it cannot be by its measurements alone."""
-    sentences = []
-    for tracker in result.contenders if result.summary.held_against.kind == "bound" else ():
-        if tracker.below_reference:
-            sentences.append(f"{tracker.name} is below the Cramér-Rao bound: it knows more than its measurements say")
-    return sentences
+    """Which contenders are shown to be below a reference that is no true bound."""
+    label, names = result.summary.held_against.label, [t.name for t in result.contenders if t.below_reference]
+    why = "it expects this motion, or knows more than its measurements say"
+    return [f"{name} is below the {label}: {why}" for name in names]
 
 
 def charged(metric: MetricValue, error: str) -> str:

@@ -13,6 +13,7 @@ from trackbench.report.pairs import Pairs
 from trackbench.report.sentences import charged, divergence, expectations_met
 from trackbench.report.tables import metric_of
 from trackbench.results import MOST_DRAWN, MetricValue, Result, TrackerResult
+from trackbench.results.tracker_result import BEATS_BOUND
 
 #: More names than these are counted.
 NAMED = 3
@@ -29,7 +30,7 @@ def verdict_of_run(result: Result) -> str:
     outcome = outcome[0].lower() + outcome[1:] if expectations else ""
     failed = _some([tracker.name for tracker in result.unscored if tracker.failed])
     met = all(item.passed for item in expectations)
-    went_wrong = [failed and f"{failed} failed", _diverged(result, NAMED), "" if met else outcome]
+    went_wrong = [beaten_bound(result), failed and f"{failed} failed", _diverged(result, NAMED), "" if met else outcome]
     clauses = [*went_wrong, *_of_functions(result), _best(result)]
     return f"{result.name}: {'; '.join(filter(None, [*clauses, outcome if met else '']))}"
 
@@ -61,8 +62,19 @@ def next_step(result: Result) -> tuple[str, str]:
 def headline_sentence(result: Result) -> str:
     """Which tracker is the most accurate, by how much, and whether the difference was shown.
 
-    One that knows the true origin of each detection is not held against the others.
+    One that knows the true origin of each detection is not held against the others. A beaten bound is said first.
     """
+    beaten = beaten_bound(result)
+    return f"{beaten}. {_accuracy_sentence(result)}" if beaten else _accuracy_sentence(result)
+
+
+def beaten_bound(result: Result) -> str:
+    """Which trackers beat a true Cramér-Rao bound; empty where none does."""
+    names = [tracker.name for tracker in result.summary.trackers if tracker.beats_bound(result.summary.reference)]
+    return "; ".join(f"{name} {BEATS_BOUND}" for name in names)
+
+
+def _accuracy_sentence(result: Result) -> str:
     summary, names = result.summary, [tracker.name for tracker in result.contenders]
     labelled = summary.identities == "known"
     if not names:
@@ -85,7 +97,9 @@ def headline_sentence(result: Result) -> str:
     if equivalent:
         others = _some(_marked(result, equivalent), MOST_DRAWN)
         text += f"; equivalent to {others} {pairs.within(names[0], equivalent)}"
-    if undecided:
+    if undecided and pairs.unjudged:
+        text += f"; {pairs.unjudged}"
+    elif undecided:
         text += f"; whether it is better than {_some(_marked(result, undecided), MOST_DRAWN)} is undecided"
     if turned := pairs.turned(names).get(names[0], []):
         others = _some(turned, MOST_DRAWN)
@@ -142,6 +156,8 @@ def _best(result: Result) -> str:
     if not words:
         have = "has the smallest" if others else "has a"
         return f"{over}{best} {have} {what}{',' if others else ' of'} {_error(contenders[:1], summary.headline)}"
+    if pairs.unjudged:
+        return f"{best} has the smallest {what}, {_error(contenders[:1], summary.headline)}; {pairs.unjudged}"
     tied = [best, *open_]
     low, high = contenders[0].metrics[summary.headline].ci95 or (0.0, 0.0)
     alike = len(tied) <= NAMED and not any(pairs.differ(a, b) for a, b in combinations(tied, 2))

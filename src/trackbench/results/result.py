@@ -195,9 +195,8 @@ class Result:
         if share is not None and share < self.summary.score.min_coverage:
             least = 100 * self.summary.score.min_coverage
             return f"it gave {100 * share:.0f} % of the estimates due, {least:g} % are needed (score.min_coverage)"
-        if tracker.is_too_good(self.summary.reference):
-            return "it is below the Cramér-Rao bound: it knows more than its measurements say (random = True)"
-        return ""
+        runs_of_scene = self.summary.runs // max(1, len(self.summary.truth.scenes))
+        return tracker.why_suspect(self.summary.reference, runs_of_scene)
 
     def json(self) -> dict[str, Any]:
         """The summary as JSON values."""

@@ -275,6 +275,11 @@ class ReferenceSummary(ResultModel):
     """Standard deviation per axis before the first measurement, for trackers that do not start from the truth."""
 
     @property
+    def is_true_bound(self) -> bool:
+        """Whether the motion is drawn anew in each run, so that no tracker can know it by heart."""
+        return self.kind == "bound" and self.acceleration_sigma_mps2 > 0
+
+    @property
     def label(self) -> str:
         """As a legend names it."""
         return "Cramér-Rao bound" if self.kind == "bound" else "reference"

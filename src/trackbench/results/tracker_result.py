@@ -11,8 +11,12 @@ from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import MetricsByPath, MetricValue, ResultModel, flat_metrics, nested_metrics
 from trackbench.results.scenario_summary import ReferenceSummary
 
-#: A biased estimator may be a little below the Cramer-Rao bound.
-LEAST_OVER_BOUND = 0.95
+#: Error over the Cramer-Rao bound below which the bound is beaten: a biased estimator may be a little below it.
+LEAST_OVER_BOUND = 0.97
+#: Spread over runs, as a share of the standard deviation of the finest measurement, below which the measurements are
+#: not used. Weights that sum to one make it at least one over the root of their number: this is 10,000 of them.
+LEAST_SPREAD = 0.01
+BEATS_BOUND = "beats the Cramér-Rao bound: it knows more than its measurements say"
 #: How a tracker associates that knows the true origin of each detection.
 ORACLE = "oracle"
 
@@ -143,7 +147,10 @@ class TrackerResult(ResultModel):
     engine: ComputedBy | None = None
     """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
     random: bool = False
-    """Whether it says that it draws random numbers: it was not driven a second time."""
+    """Whether it says that it draws random numbers: when it is driven again, its errors are compared in law."""
+    run_spread: float | None = None
+    """Standard deviation of its positions over the runs of a scene, per axis, as a share of that of the finest
+    measurement; None of a built-in filter, and where no two runs have other noise."""
     offline: bool = False
     """Whether its tracks were made elsewhere: nothing shows that they were made without the measurements to come."""
     paired: bool = True
@@ -183,13 +190,27 @@ class TrackerResult(ResultModel):
 
     @property
     def below_reference(self) -> bool:
-        """Whether its position error is shown to be below the reference by more than a bias explains."""
+        """Whether its position error is shown to be below the reference, by more than ``LEAST_OVER_BOUND`` allows."""
         ratio = self.metrics.get("position_over_reference")
         return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
 
-    def is_too_good(self, reference: ReferenceSummary | None) -> bool:
-        """Whether it is not driven a second time, and shown to be below the reference, which is a bound."""
-        return self.random and self.below_reference and reference is not None and reference.kind == "bound"
+    def why_suspect(self, reference: ReferenceSummary | None, runs: int) -> str:
+        """Why its estimates cannot come from its measurements alone; empty where nothing shows it.
+
+        Args:
+            reference: what errors are held against; None where identities are hidden.
+            runs: how many there are of each scene.
+        """
+        if self.run_spread is not None and self.run_spread < LEAST_SPREAD:
+            return (
+                f"its estimates are the same in all {runs} runs, whose noise differs: it does not use the measurements"
+            )
+        return f"it {BEATS_BOUND}" if self.beats_bound(reference) else ""
+
+    def beats_bound(self, reference: ReferenceSummary | None) -> bool:
+        """Whether it is no smoother, and shown to be below a true Cramer-Rao bound."""
+        is_bound = reference is not None and reference.is_true_bound
+        return is_bound and self.below_reference and not self.is_reference
 
     @property
     def marks(self) -> tuple[str, ...]:

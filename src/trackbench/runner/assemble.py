@@ -36,6 +36,7 @@ from trackbench.results.scenario_summary import (
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated, evaluated, judge
 from trackbench.runner.first_velocity import contradiction
+from trackbench.runner.run_spread import run_spreads
 from trackbench.runner.tables import labelled_tables
 from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.traffic_tables import hidden_tables
@@ -81,6 +82,7 @@ def assemble(
     every_engine = joined_engines(engines.values())
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     random = frozenset[str]().union(*(block.random for block in blocks))
+    spreads = run_spreads(work, blocks)
     in_blocks = [block.first_velocities for block in blocks]
     first = {
         name: contradiction(config, [velocities[name] for velocities in in_blocks if name in velocities])
@@ -88,14 +90,21 @@ def assemble(
     }
     trackers = [
         tracker_entry(
-            work, name, scores, engines.get(name), place=place, random=name in random, first_velocity=first[name]
+            work,
+            name,
+            scores,
+            engines.get(name),
+            place=place,
+            random=name in random,
+            run_spread=spreads.get(name),
+            first_velocity=first[name],
         )
         for name, place in loaded.places.items()
         if name in work.trackers
     ]
     reference = None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work)
-    too_good = {tracker.name for tracker in trackers if tracker.is_too_good(reference)}
-    scores = replace(scores, ranked=[name for name in scores.ranked if name not in too_good])
+    suspect = {tracker.name for tracker in trackers if tracker.why_suspect(reference, work.runs)}
+    scores = replace(scores, ranked=[name for name in scores.ranked if name not in suspect])
     references = {tracker.name for tracker in trackers if tracker.is_reference}
     baseline = scenario.score.baseline if scenario.score.baseline in scores.ranked else None
     contenders = [name for name in scores.ranked if name not in references | work.unpaired]
@@ -155,7 +164,8 @@ def assemble(
         trackers=trackers,
         ranking=[*scores.ranked, *(name for name in work.trackers if name not in scores.ranked)],
         expectations=expectations,
-        passed=all(item.passed for item in expectations),
+        passed=all(item.passed for item in expectations)
+        and not any(tracker.beats_bound(reference) for tracker in trackers),
         artifacts={},
     )
     tables = (hidden_tables if hidden else labelled_tables)(work, blocks, scores)

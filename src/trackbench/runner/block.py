@@ -28,6 +28,7 @@ from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun, score_l
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant, RecordedScans
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.targets import Targets
+from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
@@ -66,16 +67,20 @@ class Block:
     """The plug-ins that say that they draw random numbers."""
     first_velocities: Mapping[str, Array] = field(default_factory=dict)
     """As ``first_velocity`` has them, in the first block of each scene."""
+    spreads: dict[str, list[Array]] = field(default_factory=dict)
+    """By plug-in, the sums of ``RunSpread``."""
     unshown: Counter[str] = field(default_factory=Counter)
     """Lines that plug-ins printed and that were not shown."""
 
-    def add(self, name: str, outcome: Outcome, engine: EngineUsed | None, random: bool) -> None:
-        """Add what a tracker leaves, what computed it, and whether it says that it draws random numbers."""
-        self.outcomes[name] = outcome
+    def add(self, tracker: TrackerRun[Any], outcome: Outcome, engine: EngineUsed | None) -> None:
+        """Add what a tracker leaves, what computed it, and what it says of itself."""
+        self.outcomes[tracker.name] = outcome
         if engine is not None:
-            self.engines[name] = engine
-        if random:
-            self.random |= {name}
+            self.engines[tracker.name] = engine
+        if tracker.random:
+            self.random |= {tracker.name}
+        if tracker.spread is not None and tracker.failure is None:
+            self.spreads[tracker.name] = tracker.spread.sums
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates]:
@@ -154,11 +159,11 @@ def _run_labelled(work: Work, piece: BlockRuns, progress: Progress, on_recorded_
     for names in [[*work.trackers]] if observe is not None else [[name] for name in work.trackers]:
         trackers = {name: LabelledRun(work, piece, name, targets, second_drives) for name in names}
         _advance(trackers, len(scene.instants()), lambda: progress(next(taken) / steps * len(runs), len(runs)), observe)
-        for name, tracker in trackers.items():
+        for tracker in trackers.values():
             outcome = tracker.close()
             if isinstance(outcome, LabelledOutcome):
                 sum_classes(outcome.scores)
-            block.add(name, outcome, tracker.engine, tracker.random)
+            block.add(tracker, outcome, tracker.engine)
     block.unshown = take_unshown()
     return block
 
@@ -183,7 +188,7 @@ def _run_hidden(work: Work, pieces: Sequence[BlockRuns], progress: Progress) -> 
             for place, piece in enumerate(tracker.pieces):
                 outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
                 own = engine if engine is None or place == 0 else engine._replace(again=0)
-                blocks[pieces.index(piece)].add(name, outcome, own, tracker.random)
+                blocks[pieces.index(piece)].add(tracker, outcome, own)
         progress(next(taken) / len(work.trackers) * runs, runs)
     blocks[0].unshown = take_unshown()
     return blocks

@@ -191,6 +191,16 @@ class HiddenRun(TrackerRun[Tracks]):
             self._taken.append((step.instant, step.answer, step.number))
         if step.last:
             self._tracks_at.append(step.answer)
+            self._note_spread(step.instant, step.answer)
+
+    def _note_spread(self, instant: int, tracks: Tracks) -> None:
+        """Note the mean position of the tracks of each run."""
+        if self.spread is None:
+            return
+        there = tracks.ids != NO_TRACK
+        count = there.sum(axis=0)
+        mean = np.where(there, tracks.mean[:2], 0.0).sum(axis=1) / np.maximum(count, 1)
+        self.spread.take(instant, mean[:, None], (count > 0)[None])
 
     def _note_predicted(self, tracker: Stepper, delivery: Delivery) -> None:
         """Keep what a built-in tracker expected before a scan."""

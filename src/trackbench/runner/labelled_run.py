@@ -184,6 +184,9 @@ class LabelledRun(TrackerRun[Estimate | None]):
         if not step.last:
             return None
         self.scorer.estimate(latest)
+        if self.spread is not None:
+            due = self._target.due[step.instant]
+            self.spread.take(step.instant, latest.mean[:2].reshape(2, *due.shape), due)
         if latest.mode_probabilities is not None:
             self._take_modes(step.instant, latest.mode_probabilities)
         if self._recorded is None:

@@ -15,7 +15,7 @@ from trackbench.base.execution import InProcess
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.metrics.intervals import paired
+from trackbench.metrics.contrasts import paired
 from trackbench.results import PrecisionReached, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks, failures_and_outcomes

@@ -11,6 +11,7 @@ import numpy as np
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
 from trackbench.driving.isolation import plugged_in
+from trackbench.driving.law import COPIES, FEWEST, MOST, DriveAlone
 from trackbench.driving.remote import start_stepper
 from trackbench.driving.second_drive import Company, SecondDrive
 from trackbench.driving.steppers import Offline, Stepper, Traits
@@ -98,17 +99,20 @@ class SecondDrives:
         self._work, self._piece = work, piece
         self._others = cache(self._other_scans)
 
-    def start(self, config: FilterConfig | PluginConfig, traits: Traits) -> SecondDrive | None:
-        """That of a tracker, or None of one that is built in or draws random numbers.
+    def start(self, config: FilterConfig | PluginConfig, traits: Traits) -> SecondDrive | DriveAlone | None:
+        """That of a tracker, or None of one that is built in.
 
         A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
-        permuted. Any other gets two runs in reverse order, after one of another scene.
+        permuted. Any other gets two runs in reverse order, after one of another scene. Of one that draws random numbers
+        some members are driven alone; None where there are too few, or no truth.
 
         Raises:
             TrackFault: its process ended.
         """
-        if traits.random or not plugged_in(config):
+        if not plugged_in(config):
             return None
+        if traits.random:
+            return self._alone(config)
         work, runs, several = self._work, len(self._piece.runs), self._work.cutoff is not None
         # Members are numbered by object, then run; with hidden identities each is a run.
         objects = 1 if several else len(work.scenes[self._piece.scene].truth.ids)
@@ -129,6 +133,22 @@ class SecondDrives:
         company = Company(order, members, self._others(other_runs))
         stepper.restart(company.before())
         return SecondDrive(stepper, company, traits.batched)
+
+    def _alone(self, config: FilterConfig | PluginConfig) -> DriveAlone | None:
+        work, scene, runs = self._work, self._work.scenes[self._piece.scene], self._piece.runs
+        several = work.cutoff is not None
+        steps = scene.due.steps if several else scene.instants()
+        truth = np.where(scene.truth.alive[steps, :, None], of_runs(scene.truth.state[:2, steps], runs), np.nan)
+        truth = np.broadcast_to(truth, (*truth.shape[:3], len(runs)))
+        if not several:
+            truth = truth.reshape(2, len(steps), 1, -1)
+        if truth.shape[-1] < FEWEST or not scene.truth.known:
+            return None
+        random = stream(work.seed, work.noise_of(self._piece.scene), runs.start, PURPOSE)
+        members = np.sort(random.permutation(truth.shape[-1])[:MOST])
+        with_engine = partial(replace, engine=work.engine_here)
+        start = partial(start_stepper, config, work.folder, COPIES, with_engine, work.isolation, several, work.sensors)
+        return DriveAlone(start, members, truth[..., members], work.cutoff or np.inf)
 
     def _other_scans(self, count: int) -> list[Scan]:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""

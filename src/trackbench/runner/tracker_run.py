@@ -9,9 +9,11 @@ from typing import Generic
 from trackbench.base.types import Array, Gaussian
 from trackbench.driving.drive import Answer, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.law import DriveAlone
 from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
 from trackbench.results import Failure
+from trackbench.runner.run_spread import spread_in
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
 
@@ -45,7 +47,9 @@ class TrackerRun(ABC, Generic[Answer]):
         """Whether it says that it draws random numbers; known once it is started."""
         self._work, self._piece, self._drive, self._time = work, piece, drive, time
         self._second_drives = second_drives
-        self._second: SecondDrive | None = None
+        self._second: SecondDrive | DriveAlone | None = None
+        self.spread = None if isinstance(work.trackers[name], FilterConfig) else spread_in(work, piece.scene)
+        """How much its positions differ between runs; None of a built-in filter."""
         self._instants = self._through()
 
     @property
@@ -66,10 +70,12 @@ class TrackerRun(ABC, Generic[Answer]):
     def end(self) -> None:
         """End the tracker, and note what its second drive found where nothing else was wrong."""
         self._instants.close()
-        if self._second is not None:
-            self._second.close()
-            if self.failure is None and self._second.disagreement is not None:
-                self.fail(*self._second.disagreement)
+        second, self._second = self._second, None
+        if second is not None:
+            disagreement = second.conclude() if self.failure is None else None
+            second.close()
+            if disagreement is not None:
+                self.fail(*disagreement)
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""

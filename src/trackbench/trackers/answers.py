@@ -49,14 +49,18 @@ class TrackerFault(Exception):
 
 
 def require_kept(answer: Any, estimated: bool, finite: bool = True) -> None:
-    """An answer is an estimate where there was one before, and finite, as that of one member is to be.
+    """Make sure that an answer is an estimate where there was one before, and that of one member finite.
+
+    A mean of NaN alone is a missing estimate, of one member as of a batch.
 
     Raises:
         TrackerFault: it is not.
     """
     if answer is None and estimated:
         raise TrackerFault(GIVEN_UP)
-    if finite and isinstance(answer, Estimate) and not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
+    if not finite or not isinstance(answer, Estimate) or np.isnan(answer.mean).all():
+        return
+    if not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
         raise TrackerFault(NOT_FINITE)
 
 

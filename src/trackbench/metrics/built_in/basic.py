@@ -22,6 +22,7 @@ from trackbench.metrics.verdicts import (
     WHITENESS,
     WHITENESS_TOLERANCE,
     condition_verdicts,
+    doubtless_verdict,
     heavy_beside,
     judged_parts,
     mean_verdict,
@@ -141,16 +142,16 @@ class Nees(EstimateMetric):
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["given"]], sums.per_step[ERROR["nees"]], 4)
-        mean = ratio(total, count, at_least=0.0, scenes=sums.scenes)
-        value = _chi_square(mean, 4, inside)
+        value = _chi_square(total, count, 4, inside, sums.scenes, sums.per_run.shape[1])
+        mean = float(total.sum() / count.sum())
         scores = breakdown(sums.classes)
         conditions, parts = condition_verdicts(scores), judged_parts(scores.all)
         whole = value.verdict if sums.given >= LEAST_COVERAGE * sums.due else "undecided"
         if whole is None or (whole == "consistent" and not parts):
             # Too few to tell anything of the tails.
             whole = "undecided"
-        word = overall_verdict(mean.value, whole, conditions, parts)
-        also = heavy_beside(word, mean.value, conditions, parts)
+        word = overall_verdict(mean, whole, conditions, parts)
+        also = heavy_beside(word, mean, conditions, parts)
         judgement = {"verdict": word, "also": also, "conditions": tuple(conditions), "parts": tuple(parts)}
         return value.model_copy(update=judgement)
 
@@ -169,15 +170,16 @@ class Nis(EstimateMetric):
     )
 
     def finish(self, sums: Scores) -> Mapping[str, Outcome]:
-        return {sensor: self._of(nis, sums.scenes) for sensor, nis in sums.nis.items()}
+        runs = sums.per_run.shape[1]
+        return {sensor: self._of(nis, sums.scenes, runs) for sensor, nis in sums.nis.items()}
 
-    def _of(self, nis: NisScores, scenes: bool) -> MetricValue:
+    def _of(self, nis: NisScores, scenes: bool, runs: int) -> MetricValue:
         count, total = nis.per_run[NIS["count"]], nis.per_run[NIS["nis"]]
         if count.sum() == 0:
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
         share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
-        value = _chi_square(ratio(total, count, at_least=0.0, scenes=scenes), nis.dof, inside)
+        value = _chi_square(total, count, nis.dof, inside, scenes, runs)
         expected = count.sum() + nis.per_run[NIS["missing"]].sum()
         coverage = _share(count.sum(), expected)
         # The innovations that are missing may be the large ones.
@@ -292,13 +294,18 @@ def _number(metric: Metric, value: float, reason: str) -> Outcome:
     return float(value) if np.isfinite(value) else metric.no_value(reason)
 
 
-def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
+def _chi_square(total: Array, count: Array, dof: int, steps_inside: float, scenes: bool, runs: int) -> MetricValue:
+    """The mean of sums ``(parts,)`` over as many terms, of parts of so many runs, with its verdict."""
+    mean = ratio(total, count, at_least=0.0, scenes=scenes)
     value = mean.as_value("1")
     # Innovations that are zero in every run are too small, whatever is not known of other runs.
     certain = (mean.value, mean.value) if mean.constant and len(mean.influence) > 1 else value.ci95
-    return value.model_copy(
-        update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": mean_verdict(certain, dof)}
-    )
+    word = mean_verdict(certain, dof)
+    if word == "undecided":
+        # Stretches of one run may share an error that stays.
+        parts = min(runs, float(count.sum() ** 2 / (count**2).sum()))
+        word = doubtless_verdict(mean.value, parts, dof)
+    return value.model_copy(update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": word})
 
 
 def _inside(count: Array, total: Array, dof: int) -> float:

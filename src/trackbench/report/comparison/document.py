@@ -43,7 +43,7 @@ from trackbench.report.comparison.sentences import (
     set_letter,
 )
 from trackbench.report.numbers import half_width, short
-from trackbench.report.scenes import parts_in_words
+from trackbench.report.scenes import parts_in_words, undrawn_scenes
 from trackbench.report.tables import unit_after_heading
 from trackbench.results import json_text
 
@@ -218,11 +218,12 @@ def _explanation(items: Sequence[PairDifference], number: int) -> str:
     corrected = f", corrected for their number{together} (Holm)" if number > 1 else ""
     few = all(item.ci95 is None and item.p_value == 1 for item in items)
     untested = " There are too few runs or scenes to test any." if few else ""
+    undrawn = "".join(f" {sentence}." for sentence in undrawn_scenes(min(item.scenes for item in items)))
     return (
         "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
         f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "
         f"than the margin, at a level of 5 %{corrected}; equivalent: interval within the margin; undecided: neither."
-        f"{untested}"
+        f"{untested}{undrawn}"
     )
 
 

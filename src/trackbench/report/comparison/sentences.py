@@ -14,6 +14,7 @@ from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Sec
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import competitors
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, rounded, short, signed
+from trackbench.results.tracker_result import BEATS_BOUND
 from trackbench.scenario.worlds import MEANING
 
 #: The metrics that rank, in words.
@@ -60,7 +61,9 @@ def _lost(comparison: Comparison) -> str:
     for score in (score for score in comparison.scores if score.failure):
         places = [set_letter(score.entrant.set)] if len(comparison.sets) > 1 else []
         places += [score.scenario] if len(comparison.scenarios) > 1 else []
-        parts.append(f"{score.entrant.tracker} failed{' in ' * bool(places)}{', '.join(places)}")
+        beats_bound = BEATS_BOUND in score.failure
+        what = "beats the Cramér-Rao bound" if beats_bound else "failed"
+        parts.append(f"{score.entrant.tracker} {what}{' in ' * bool(places)}{', '.join(places)}")
     return f"{', '.join(parts[:LISTED])}{number_left_out(parts)}. " if parts else ""
 
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.metrics import Metric
+from trackbench.metrics.contrasts import Contrast, paired
 from trackbench.metrics.differences import UNDECIDED, contrast_verdict, holm, margin_between
-from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, paired
+from trackbench.metrics.intervals import FEWEST_SCENES, Interval
 from trackbench.results.scenario_summary import MarginSummary
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig

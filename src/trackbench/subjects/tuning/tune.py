@@ -16,7 +16,8 @@ from trackbench.base.types import Array, Indices, NotedProgress, Progress, no_pr
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.engine.equations import ComputedBy
-from trackbench.metrics.intervals import Interval, paired
+from trackbench.metrics.contrasts import paired
+from trackbench.metrics.intervals import Interval
 from trackbench.runner.assemble import log_left_to_numpy
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.entry import Values

@@ -1,0 +1,121 @@
+"""Members of a tracker that draws random numbers, each driven again alone: its errors must have the same law.
+
+Estimates that are drawn anew cannot be compared one by one. But a member that is alone has what it has in its batch, so
+that the error in the batch has any rank among those of drives alone with the same probability. One that reads other
+members is better, or worse, in the batch.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices, Tracks
+from trackbench.driving.drive import DriveStep
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.second_drive import Disagreement, scan_of_columns
+from trackbench.driving.steppers import Stepper
+
+#: Members that are driven again, at most and at least, and how many copies of itself each has for company: so its draws
+#: are not those of every other member, also where the tracker fixes its seed.
+MOST, FEWEST, COPIES = 20, 10, 4
+#: Largest probability of a wrong word on a tracker whose members are independent.
+LEVEL = 1e-4
+#: Squared errors that differ by a smaller factor are not spoken of: draws that all members share may make it.
+LEAST_FACTOR = 1.25
+#: Squared distances below this are none, m^2.
+SMALLEST = 1e-24
+
+
+class DriveAlone:
+    """Keeps what some members did in the first drive, then drives each of them alone.
+
+    Args:
+        start: gives a fresh tracker for ``COPIES`` members.
+        members: ``(n,)`` their columns in the first drive.
+        truth: ``(2, instants, objects, n)`` m, where their objects are; NaN where one is not there.
+        farthest: distance that counts where no estimate is nearer, m; infinite: such instants are left out.
+    """
+
+    def __init__(self, start: Callable[[], Stepper], members: Indices, truth: Array, farthest: float) -> None:
+        self._start, self._members, self._truth, self._farthest = start, members, truth, farthest
+        self._steps: list[DriveStep[Any]] = []
+        self._batch: list[Array] = []
+
+    def take(self, step: DriveStep[Any]) -> None:
+        """Note the step that the first drive took."""
+        self._steps.append(step._replace(answer=None))
+        if step.last:
+            self._batch.append(self._errors(step.answer, self._members, self._truth[:, step.instant]))
+
+    def conclude(self) -> Disagreement | None:
+        """Drive each member alone, one after the other; return what differs in law."""
+        step, alone = self._steps[0], []
+        for place, member in enumerate(self._members):
+            errors = []
+            try:
+                with closing(self._start()) as stepper:
+                    for step in self._steps:
+                        answer = stepper.step(scan_of_columns(step.scan, np.full(COPIES, member)))
+                        if step.last:
+                            truth = np.repeat(self._truth[:, step.instant, :, place, None], COPIES, axis=-1)
+                            errors.append(self._errors(answer, np.arange(COPIES), truth))
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                fault = fault_of(error)
+                cause = f"driven again with one member alone, it fails: {fault.cause}"
+                failed = TrackFault(cause, fault.kind, fault.place, int(member))
+                return Disagreement(failed, step.instant, step.scan.sensor)
+            alone.append(_mean_log(errors))
+        difference = difference_in_law(_mean_log(self._batch), np.array(alone))
+        fault = TrackFault(difference, "answer")
+        return Disagreement(fault, step.instant, step.scan.sensor) if difference else None
+
+    def close(self) -> None:
+        """Nothing is left to end."""
+
+    def _errors(self, answer: Any, columns: Indices, truth: Array) -> Array:
+        """``(objects, n)`` squared distances of objects ``(2, objects, n)`` from the nearest estimate, m^2."""
+        if answer is None:
+            mean = np.full((2, 1, len(columns)), np.nan)
+        elif isinstance(answer, Tracks):
+            mean = np.where(answer.ids >= 0, answer.mean[:2], np.nan)[..., columns]
+        else:
+            mean = answer.mean[:2, None, columns]
+        squares = ((mean[:, :, None] - truth[:, None]) ** 2).sum(axis=0)
+        nearest = np.fmin.reduce(squares, axis=0, initial=self._farthest**2)
+        return np.where(np.isfinite(truth[0]) & np.isfinite(nearest), nearest, np.nan)
+
+
+def _mean_log(errors: Sequence[Array]) -> Array:
+    """``(n,)`` mean logarithm of squared errors ``(objects, n)`` of several instants; 0 of none."""
+    logs = np.log(np.maximum(errors, SMALLEST))
+    there = np.isfinite(logs)
+    return np.asarray(np.where(there, logs, 0.0).sum(axis=(0, 1)) / np.maximum(there.sum(axis=(0, 1)), 1))
+
+
+def difference_in_law(batch: Array, alone: Array) -> str:
+    """What members' errors in a batch have to do with the other members; empty where nothing shows it.
+
+    A rank among distinct drives alone, scaled to -1 to 1, has the variance ``(k + 2) / 3k``, and no larger moment
+    generating function than a normal variable of this variance. So Chernoff's bound holds for the sum of the ranks.
+
+    Args:
+        batch: ``(n,)`` mean logarithm of the squared error of each member in the batch.
+        alone: ``(n, k)`` the same of drives alone.
+    """
+    distinct = [np.unique(row) for row in alone]
+    ranks = [np.sign(own - each).mean() for own, each in zip(batch, distinct, strict=True)]
+    variance = sum((len(each) + 2) / (3 * len(each)) for each in distinct)
+    p_value = 2 * math.exp(-(sum(ranks) ** 2) / (2 * variance))
+    factor = math.exp(float(np.mean(alone.mean(axis=1) - batch)))
+    if p_value >= LEVEL or 1 / LEAST_FACTOR < factor < LEAST_FACTOR:
+        return ""
+    size = f"{max(factor, 1 / factor):.3g} times {'as large' if factor > 1 else 'smaller'}"
+    compared = f"of {len(batch)} members driven again, each alone, the squared errors are {size}"
+    return f"{compared} (p < {LEVEL:g}): they depend on the other members; likely an operation over the batch"

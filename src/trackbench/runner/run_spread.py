@@ -1,0 +1,89 @@
+"""How much a tracker's positions differ between the runs of a scene, which differ in nothing but the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trackbench.base.types import Array, Mask
+from trackbench.runner.work import Work
+
+if TYPE_CHECKING:
+    from trackbench.runner.block import Block
+
+
+class RunSpread:
+    """Sums over the runs of a block at each instant; those of the blocks of a scene add up.
+
+    Args:
+        truth: ``(2, instants, objects)`` m, near the positions and the same in every block, which keeps rounding small.
+    """
+
+    def __init__(self, truth: Array) -> None:
+        self._truth = truth[..., None]
+        self.sums: list[Array] = []
+        """Of each instant ``(4, objects)``: number of positions, sums of x and y, m, and of their squares, m^2."""
+
+    def take(self, instant: int, position: Array, there: Mask) -> None:
+        """Take in the positions of an instant.
+
+        Args:
+            instant: its number.
+            position: ``(2, objects, runs)`` m; NaN where there is none.
+            there: ``(objects, runs)`` where measurements have been taken in.
+        """
+        there = there & np.isfinite(position).all(axis=0)
+        apart = np.where(there, position - self._truth[:, instant], 0.0)
+        square = (apart**2).sum(axis=(0, 2))
+        self.sums.append(np.concatenate([there.sum(axis=-1)[None], apart.sum(axis=-1), square[None]]))
+
+
+def spread_in(work: Work, number: int) -> RunSpread | None:
+    """Return what sums the spread of a tracker in a scene; None without a truth.
+
+    Where identities are hidden it is that of the mean position of the tracks.
+    """
+    scene, hidden = work.scenes[number], work.cutoff is not None
+    if not scene.truth.known:
+        return None
+    steps = scene.due.steps if hidden else scene.instants()
+    truth = np.nan_to_num(np.stack([scene.truth.px[steps, :, 0], scene.truth.py[steps, :, 0]]))
+    return RunSpread(truth.sum(axis=2, keepdims=True) / max(truth.shape[2], 1) if hidden else truth)
+
+
+def run_spreads(work: Work, blocks: Sequence[Block]) -> dict[str, float]:
+    """By plug-in, the standard deviation of its positions over runs as a share of that of the finest measurement.
+
+    None is told of a tracker that reads recorded measurements alone.
+    """
+    spreads = {}
+    for name in dict.fromkeys(name for block in blocks for name in block.spreads):
+        scenes: dict[int, Array] = {}
+        for block in blocks:
+            if len(block.spreads.get(name, ())):
+                scenes[block.piece.scene] = scenes.get(block.piece.scene, 0.0) + np.array(block.spreads[name])
+        squares = freedom = 0.0
+        for count, x, y, square in (sums.transpose(1, 0, 2) for sums in scenes.values()):
+            several = count > 1
+            squares += np.maximum(square - (x**2 + y**2) / np.maximum(count, 1), 0.0)[several].sum()
+            freedom += 2 * (count[several] - 1).sum()
+        finest = _finest_measurement(work, name)
+        if freedom > 0 and finest > 0:
+            spreads[name] = float(np.sqrt(squares / freedom) / finest)
+    return spreads
+
+
+def _finest_measurement(work: Work, tracker: str) -> float:
+    """Smallest standard deviation, m, of a simulated measurement in the direction that it tells most of; 0 of none."""
+    used = work.trackers[tracker].sensors_used
+    roots = [
+        scene.information[sensor.name].root[:, :, :2]
+        for scene in work.scenes
+        for sensor in scene.sensors
+        if not sensor.recorded and sensor.detections is None and (used is None or sensor.name in used)
+    ]
+    eigenvalues = [np.linalg.eigvalsh(np.einsum("krio,krjo->koij", root, root)).max(initial=0.0) for root in roots]
+    largest = max(eigenvalues, default=0.0)
+    return float(largest**-0.5) if largest > 0 else 0.0

@@ -1,0 +1,289 @@
+"""Trackers that know more than their measurements say raise an alarm, and honest ones do not."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+import trackbench as tb
+from trackbench.cli.run import status
+from trackbench.report.console import print_summary
+from trackbench.report.junit import suite_of_run
+from trackbench.report.verdict import headline_sentence
+from trackbench.results import Result
+
+Write = Callable[[Path, str], str]
+
+TRACKERS = """
+import numpy as np
+import trackbench as tb
+
+
+class Averages:
+    "Averages the lidar over some runs of an object."
+    batched = True
+    random = True
+
+    def __init__(self, objects=1, over=None):
+        self.objects, self.runs = objects, over
+
+    def step(self, state, scan):
+        if scan.kind == "lidar":
+            objects = self.objects if scan.valid.size % self.objects == 0 else 1
+            own = position(scan).reshape(2, objects, -1)
+            pooled, runs = own.copy(), self.runs or own.shape[2]
+            for first in range(0, own.shape[2], runs):
+                pooled[..., first : first + runs] = np.nanmean(own[..., first : first + runs], axis=2, keepdims=True)
+            z = pooled.reshape(2, -1)
+            state = np.concatenate([z, 0 * z]), np.eye(4)[:, :, None] + 0 * z[0]
+        return state, state
+
+
+class ReadsRoad:
+    "Answers from the truth of the packaged scenario of which the first measurement is nearest."
+
+    def __init__(self, scenario):
+        truth = tb.truth(tb.load(scenario))
+        self.time, self.states = truth.time, truth.state[..., 0]
+
+    def step(self, state, scan):
+        states = self.states[:, np.argmin(np.abs(self.time - scan.time))]
+        if state is None:
+            state = np.nanargmin(((states[:2] - position(scan)[:, None]) ** 2).sum(axis=0))
+        return state, (states[:, state], 1e-4 * np.eye(4))
+
+
+class ReadsRuns:
+    "Finds out which of the runs of a packaged scenario it is in, and answers from their truth."
+    batched = True
+
+    def __init__(self, scenario):
+        truth = tb.truth(tb.load(scenario))
+        self.time, self.states = truth.time, truth.state.reshape(4, len(truth.time), -1)
+
+    def step(self, state, scan):
+        states = self.states[:, np.argmin(np.abs(self.time - scan.time))]
+        apart = ((states[:2, :, None] - position(scan)[:, None]) ** 2).sum(axis=0)
+        apart = np.where(scan.valid, apart, 0.0) + (0.0 if state is None else state)
+        return apart, (states[:, apart.argmin(axis=0)], 1e-2 * np.eye(4)[:, :, None] + np.zeros(scan.valid.size))
+
+
+class Particles:
+    "A bootstrap particle filter; all members take their numbers from one generator, in the order of the batch."
+    batched = True
+    random = True
+
+    def __init__(self, particles=100, seed=None):
+        self.count, self.draws = particles, np.random.default_rng(seed)
+
+    def step(self, state, scan):
+        time, particles = (scan.time, np.full((4, self.count, scan.valid.size), np.nan)) if state is None else state
+        dt, new = scan.time - time, np.isnan(particles[0, 0]) & scan.valid
+        a = 3.0 * self.draws.standard_normal(particles[:2].shape)
+        moved = np.concatenate([particles[:2] + dt * particles[2:] + dt**2 / 2 * a, particles[2:] + dt * a])
+        z, sigma = position(scan)[:, None], np.sqrt(scan.noise_covariance[0, 0])
+        first = self.draws.standard_normal(moved.shape) * np.array([sigma, sigma, 10, 10])[:, None, None]
+        first[:2] += z
+        moved = np.where(new, first, moved)
+        weight = np.exp(-((z - moved[:2]) ** 2).sum(axis=0) / (2 * sigma**2)) + 1e-300
+        sums = np.cumsum(weight / weight.sum(axis=0), axis=0)
+        points = (np.arange(self.count)[:, None] + self.draws.random(scan.valid.size)) / self.count
+        drawn = (points[:, None] > sums[None, :-1]).sum(axis=1) if self.count < 200 else np.stack(
+            [np.searchsorted(own[:-1], at) for own, at in zip(sums.T, points.T)], axis=1)
+        drawn = np.where(scan.valid & ~new, drawn, np.arange(self.count)[:, None])
+        particles = np.take_along_axis(moved, drawn[None], axis=1)
+        mean = particles.mean(axis=1)
+        apart = particles - mean[:, None]
+        return (scan.time, particles), (
+            mean, np.einsum("ikm,jkm->ijm", apart, apart) / self.count + 1e-3 * np.eye(4)[:, :, None])
+
+
+class Stiff:
+    "Hardly takes a measurement in once it has some: a recursive least squares of constant velocity."
+    batched = True
+
+    def step(self, state, scan):
+        n, z = scan.valid.size, position(scan)
+        time, begun, moments = (scan.time, scan.time, np.zeros((3, 3, n))) if state is None else state
+        t = scan.time - begun
+        terms = np.array([[1 + 0 * z[0], t + 0 * z[0]], [z[0], t * z[0]], [z[1], t * z[1]]])
+        sums, products = (np.zeros((3, n)), np.zeros((2, 2, n))) if state is None else moments
+        sums = sums + np.array([1.0, t, t * t])[:, None]
+        products = products + terms[1:]
+        det = np.maximum(sums[0] * sums[2] - sums[1] ** 2, 1e-9)
+        slope = (sums[0] * products[:, 1] - sums[1] * products[:, 0]) / det
+        level = (products[:, 0] - slope * sums[1]) / sums[0]
+        mean = np.concatenate([level + slope * t, slope])
+        return (scan.time, begun, (sums, products)), (mean, np.eye(4)[:, :, None] + np.zeros(n))
+
+
+class Nowhere:
+    "Stands where it was told to."
+    batched = True
+
+    def step(self, state, scan):
+        n = scan.valid.size
+        return None, (np.array([[20.0], [0.0], [5.0], [0.0]]) + np.zeros(n), np.eye(4)[:, :, None] + np.zeros(n))
+
+
+class OneTrack:
+    "Of several objects: a track that no measurement moves."
+    batched = True
+
+    def step(self, state, scan):
+        runs = scan.valid.shape[1]
+        ids = np.zeros((1, runs), dtype=int)
+        mean = np.array([20.0 + 5 * scan.time, 0.0, 5.0, 0.0])[:, None, None] + np.zeros((1, runs))
+        return None, (ids, mean, np.eye(4)[:, :, None, None] + np.zeros((1, runs)))
+
+
+def position(scan):
+    x, y, yaw = scan.sensor_pose
+    z = scan.measurement
+    if scan.kind == "radar":
+        return np.array([x + z[0] * np.cos(yaw + z[1]), y + z[0] * np.sin(yaw + z[1])])
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([x + c * z[0] - s * z[1], y + s * z[0] + c * z[1]])
+"""
+SAME = "its estimates are the same in all {} runs, whose noise differs: it does not use the measurements"
+LAW = "of 20 members driven again, each alone, the squared errors are "
+
+STEADY: dict[str, Any] = {
+    "name": "steady",
+    "truth": {
+        "source": "scripted", "duration_s": 6, "rate_hz": 10,
+        "objects": {"ahead": {"start": {"x": 20, "speed_mps": 5}}},
+    },
+    "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.3}},
+    "monte_carlo": {"runs": 40, "seed": 1},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def module(tmp_path_factory: pytest.TempPathFactory, write_module: Write) -> tuple[Path, str]:
+    """The folder and the name of the module of all trackers."""
+    folder = tmp_path_factory.mktemp("leaks")
+    return folder, write_module(folder, TRACKERS)
+
+
+@pytest.fixture
+def run(module: tuple[Path, str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    folder, name = module
+    monkeypatch.chdir(folder)
+
+    def one(which: Any, cls: str, runs: int | None = None, **options: Any) -> Result:
+        entry = {"use": f"{name}:{cls}", "options": options}
+        if isinstance(which, dict):
+            return tb.run(tb.load({**which, "trackers": {"mine": entry}}, runs=runs))
+        return tb.run(tb.load(which, {"trackers.mine": entry}, runs=runs))
+
+    return one
+
+
+def printed(result: Result) -> str:
+    console = Console(width=200, record=True, file=io.StringIO())
+    print_summary(result, console)
+    return console.export_text()
+
+
+@pytest.mark.parametrize("over", [None, 20, 5, 2])
+def test_a_random_tracker_that_averages_over_runs_fails(run: Callable[..., Result], over: int | None) -> None:
+    result = run(STEADY, "Averages", over=over)
+    failed = result["mine"].failed
+    assert failed is not None
+    assert failed.cause.startswith(LAW)
+    assert status([result]) == 3
+
+
+def test_one_in_traffic_too(run: Callable[..., Result]) -> None:
+    result = run("highway", "Averages", runs=10, objects=10)
+    failed = result["mine"].failed
+    assert failed is not None
+    assert failed.cause.startswith(LAW)
+
+
+@pytest.mark.parametrize(
+    "options", [{"particles": 50}, {"particles": 100, "seed": 3}, {"particles": 500}], ids=["few", "seeded", "many"]
+)
+def test_an_honest_particle_filter_is_ranked(run: Callable[..., Result], options: dict[str, Any]) -> None:
+    result = run(STEADY, "Particles", runs=20, **options)
+    assert result["mine"].failed is None
+    assert not result.why_unscored(result["mine"])
+    assert "mine: random = True, so with 10 members or more its errors are compared" in printed(result)
+
+
+def test_one_that_reads_the_packaged_scenario_is_not_ranked(run: Callable[..., Result]) -> None:
+    result = run("highway", "ReadsRoad", runs=5, scenario="highway")
+    assert result.why_unscored(result["mine"]) == SAME.format(5)
+    assert f"NOT RANKED: {SAME.format(5)}" in printed(result)
+    assert "mine" not in [tracker.name for tracker in result.scored]
+    assert not [item for item in result.differences if "mine" in (item.a, item.b)]
+    spread = result["raw"].run_spread
+    assert spread is not None
+    assert spread > 1
+
+
+def test_one_that_beats_the_bound_is_said_first_and_ends_with_status_1(run: Callable[..., Result]) -> None:
+    result = run("scripted/own_model", "ReadsRuns", runs=30, scenario="scripted/own_model")
+    beats = "beats the Cramér-Rao bound: it knows more than its measurements say"
+    assert result.why_unscored(result["mine"]) == f"it {beats}"
+    assert printed(result).startswith(f"own_model: mine {beats}; ")
+    assert headline_sentence(result).startswith(f"mine {beats}. ")
+    assert not result.summary.passed
+    assert status([result.updated(expectations=[])]) == 1
+    cases = {case.name: case.outcome for case in suite_of_run(result).cases}
+    assert cases["mine runs to the end"] == "failed"
+    assert not [name for name in result if name != "mine" and result.why_unscored(result[name])]
+
+
+def test_one_that_uses_no_measurement_is_not_ranked_and_a_stiff_one_is(run: Callable[..., Result]) -> None:
+    nowhere, stiff = run(STEADY, "Nowhere"), run(STEADY, "Stiff")
+    assert nowhere.why_unscored(nowhere["mine"]) == SAME.format(40)
+    assert not stiff.why_unscored(stiff["mine"])
+    assert stiff["mine"].run_spread is not None
+    assert 0.1 < stiff["mine"].run_spread < 1
+    # A single run tells nothing of it.
+    alone = run(STEADY, "Nowhere", runs=1)
+    assert alone["mine"].run_spread is None
+
+
+def test_tracks_that_no_measurement_moves_are_not_ranked(run: Callable[..., Result]) -> None:
+    lidar = {**STEADY["sensors"]["lidar"], "max_range_m": 100, "clutter": {"per_scan": 1}}
+    hidden = {**STEADY, "sensing": {"identities": "hidden"}, "sensors": {"lidar": lidar}}
+    result = run(hidden, "OneTrack", runs=10)
+    assert result.why_unscored(result["mine"]) == SAME.format(10)
+
+
+SPY = """
+import json, os, sys
+import numpy as np
+
+class Spy:
+    def step(self, state, scan):
+        told = {"environment": dict(os.environ), "arguments": sys.argv, "scan": repr(scan)}
+        with open("told.json", "w") as file:
+            json.dump(told, file)
+        return None, (np.array([*scan.measurement, 0.0, 0.0]), np.eye(4))
+"""
+
+
+def test_the_process_of_a_tracker_is_told_no_name_seed_or_data(
+    tmp_path: Path, write_module: Write, trackbench: str
+) -> None:
+    entry = {"mine": {"use": f"{write_module(tmp_path, SPY)}:Spy"}}
+    scenario = {**STEADY, "name": "hush_name", "monte_carlo": {"runs": 2, "seed": 918273645}, "trackers": entry}
+    (tmp_path / "hush_file.yaml").write_text(json.dumps(scenario), encoding="utf-8")
+    environment = os.environ | {"TRACKBENCH_DATA": "hush_data"}
+    command = [trackbench, "run", "hush_file.yaml", "--no-recording"]
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    told = (tmp_path / "told.json").read_text(encoding="utf-8")
+    assert "lidar" in told
+    assert not [word for word in ("hush_", "918273645", "PYTEST_CURRENT_TEST") if word in told]
