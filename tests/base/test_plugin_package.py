@@ -75,10 +75,7 @@ for folder, arguments in json.load(sys.stdin):
     files = [tempfile.TemporaryFile("w+") for _ in kept]
     for number, file in zip((1, 2), files):
         os.dup2(file.fileno(), number)
-    try:
-        run_command_line()
-    except SystemExit as stop:
-        status = stop.code
+    status = run_command_line()
     sys.stdout.flush()
     for number, before in zip((1, 2), kept):
         os.dup2(before, number)

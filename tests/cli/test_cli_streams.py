@@ -37,9 +37,7 @@ def one_line(done: subprocess.CompletedProcess[str], status: int) -> str:
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
-@pytest.mark.parametrize(
-    "command", ["list filters", "schema", "--help", "--version", "completion bash", "check tiny.yaml"]
-)
+@pytest.mark.parametrize("command", ["list filters", "schema", "--help", "--version", "check tiny.yaml"])
 def test_a_full_standard_output(shell: Shell, tiny: Path, command: str) -> None:
     line = one_line(shell(f"tb {command} > /dev/full"), 4)
     assert line == "trackbench: cannot write standard output: No space left on device"

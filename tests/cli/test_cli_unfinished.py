@@ -16,7 +16,6 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from trackbench.cli import commands
 from trackbench.runner import work
 from trackbench.subjects.recording import writer as recording
 
@@ -98,8 +97,6 @@ def test_ctrl_c_while_the_result_is_written(
     def interrupted(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    # As a signal leaves it; one that a plug-in raises is its fault.
-    monkeypatch.setattr(commands, "_interrupted_at", 0.0)
     monkeypatch.setattr(recording, "write", interrupted)
     done = cli("run", "tiny.yaml")
     assert (done.status, done.out) == (130, "")
@@ -137,7 +134,7 @@ def test_workers_that_die(
     done = cli("run", "tiny.yaml", "--workers", "2", "--set", metric)
     assert (done.status, done.out) == (2, "")
     assert done.err.startswith("trackbench: no result: a second worker has ended: its process ")
-    assert done.err.endswith(":Deadly' was at work\n")
+    assert done.err.endswith("ended itself, with status 7\n")
     assert list((tmp_path / "results").iterdir()) == []
 
 

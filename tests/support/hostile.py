@@ -16,7 +16,6 @@ expect: [{{tracker: ekf, metric: position_rmse, below: {below}}}]
 """
 #: What stands in the scenario where a plug-in of another kind misbehaves.
 SOUND = {"tracker": "raw", "motion": "cv", "sensor": "lidar", "truth": "scripted", "metric": ""}
-KINDS = tuple(SOUND)
 
 PLUG_INS = """\
 import asyncio, atexit, builtins, ctypes, gc, os, posix, resource, shutil, signal, socket, subprocess, sys, threading

@@ -138,3 +138,14 @@ def test_what_is_no_database_is_named(tmp_path: Path) -> None:
         open_tables(tmp_path / "a.shf")
     with pytest.raises(FileNotFoundError):
         open_tables(tmp_path / "b.shf")
+
+
+@pytest.mark.parametrize("column", ["type", "name", "sql"])
+def test_a_damaged_database_with_other_bytes_than_utf_8_is_one_message(tmp_path: Path, column: str) -> None:
+    file = write_smarts(tmp_path)
+    with closing(sqlite3.connect(file)) as database, database:
+        database.execute("CREATE TABLE broken (x)")
+        database.execute("PRAGMA writable_schema=ON")
+        database.execute(f"UPDATE sqlite_master SET {column} = CAST(X'76C576' AS TEXT) WHERE name = 'broken'")
+    with pytest.raises(InputError, match=r"database"):
+        open_tables(file)

@@ -32,6 +32,8 @@ def open_tables(file: Path) -> sqlite3.Connection:
     database = None
     try:
         database = sqlite3.connect(f"file:{quote(str(file.resolve()))}?mode=ro&immutable=1", uri=True)
+        # A damaged file has other bytes than UTF-8 in texts, and in names that messages of SQLite repeat.
+        database.text_factory = lambda content: content.decode(errors="replace")
         until = time.monotonic() + LONGEST
         database.set_progress_handler(lambda: time.monotonic() > until, INSTRUCTIONS)
         other = database.execute(_OTHERS).fetchone()
@@ -42,7 +44,7 @@ def open_tables(file: Path) -> sqlite3.Connection:
     except BaseException as error:
         if database is not None:
             database.close()
-        if isinstance(error, sqlite3.Error):
+        if isinstance(error, (sqlite3.Error, UnicodeDecodeError)):
             reason = shortened_text(" ".join(str(error).split()))
             raise InputError(f"not an SQLite database that can be read: {reason}", file=file) from None
         raise

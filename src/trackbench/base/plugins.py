@@ -21,7 +21,6 @@ from typing import Any, Generic, TypeVar, cast
 
 from trackbench.base.at_hand import HOME, class_at_hand
 from trackbench.base.errors import InputError, did_you_mean, nearest_choices, printable, similar_names, text_of
-from trackbench.base.supervised import at_work, tell_plugin
 
 
 def load_reference(reference: str) -> Any:
@@ -148,12 +147,12 @@ class Registry(Generic[T]):
             InputError: there is no such name, it cannot be imported, or it is something else; says why.
         """
         own = not self.home_of(reference).startswith("trackbench.")
-        with searched(folder), import_errors_explained(reference, folder), at_work(repr(reference) if own else ""):
+        with searched(folder), import_errors_explained(reference, folder):
             plugin = class_at_hand(reference)
             if plugin is None:
                 plugin = attribute(reference, class_names) if ":" in reference else self._entry(reference).load()
         if own:
-            tell_plugin(reference)
+            _loaded[repr(reference)] = None
         try:
             lacking = self.lacks(plugin)
         except KeyboardInterrupt:
@@ -218,6 +217,15 @@ class Registry(Generic[T]):
 
     def _published(self) -> dict[str, list[EntryPoint]]:
         return _entries(self.group, tuple(sys.path))
+
+
+def with_plugins() -> str:
+    """Return "with the plug-ins 'a:A', 'b:B'": those that were loaded in this process; empty where none was."""
+    return f"with the plug-in{'s' if len(_loaded) > 1 else ''} {', '.join(_loaded)}" if _loaded else ""
+
+
+#: References of the plug-ins that were loaded in this process, in their order.
+_loaded: dict[str, None] = {}
 
 
 @cache

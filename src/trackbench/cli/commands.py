@@ -8,7 +8,6 @@ import logging
 import os
 import signal
 import sys
-import time
 import traceback
 from contextlib import suppress
 from pathlib import Path
@@ -28,37 +27,21 @@ from trackbench.base.errors import (
     similar_names,
     text_of,
 )
+from trackbench.base.exit_status import BAD_INPUT, CANNOT_WRITE, FAILED_PLUGIN, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.files import is_utf8
-from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAILED_PLUGIN, FAULT, INTERRUPTED, UNREAD
+from trackbench.base.plugins import with_plugins
 from trackbench.base.subjects import Offer, kind_of_file, offered, resolve
-from trackbench.base.supervised import (
-    end,
-    if_interrupted,
-    is_supervised,
-    loaded_plugins,
-    tell_signal,
-    tell_unsaid,
-    with_plugins,
-)
 from trackbench.base.user_code import place_of
+from trackbench.cli.answer import answer
 
 log = logging.getLogger(__name__)
+
+#: What becomes of a command that is interrupted.
+UNFINISHED = "the unfinished run was not kept"
 
 
 #: Characters of the tables.
 _PRINTED = "±²µ°é"
-
-
-def _open_missing_streams() -> None:
-    """Keep the numbers of closed streams, so that no file that is opened gets one; messages go nowhere."""
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            # The lowest free number is this one.
-            os.open(os.devnull, os.O_RDWR)
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
 
 
 def _require_stdout() -> None:
@@ -68,38 +51,39 @@ def _require_stdout() -> None:
         OutputError: standard output is closed.
         InputError: it has an encoding that lacks characters of a table.
     """
-    if sys.stdout is None:
+    output = answer()
+    if output is None:
         raise OutputError("standard output is closed; to print nothing, send it to /dev/null")
     try:
-        _PRINTED.encode(sys.stdout.encoding or "utf-8")
+        _PRINTED.encode(output.encoding or "utf-8")
     except UnicodeEncodeError:
-        problem = f"standard output is written as {sys.stdout.encoding}, which lacks characters of the tables"
+        problem = f"standard output is written as {output.encoding}, which lacks characters of the tables"
         raise InputError(f"{problem}; set PYTHONIOENCODING=utf-8") from None
 
 
 def _failed(text: str, status: int) -> int:
-    """The status, after a message on stderr, or by the supervisor if that cannot be written."""
-    try:
+    """Return the status, after a message on stderr, where that can be written."""
+    with suppress(OSError, ValueError, AttributeError):
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
-    except (OSError, ValueError, AttributeError):
-        tell_unsaid(text)
     return status
 
 
-def _with_plugins() -> str:
+def _and_plugins() -> str:
     """The end of a message: with which plug-ins."""
-    words = with_plugins(loaded_plugins())
+    words = with_plugins()
     return words and f", {words}"
 
 
 def _abandon_streams() -> None:
     """Let what cannot be written go nowhere, so that the interpreter does not try it again as it ends."""
-    for stream in (sys.stdout, sys.stderr):
+    for stream in (answer(), sys.stderr):
+        if stream is None:
+            continue
         try:
             stream.flush()
-        except (OSError, ValueError, AttributeError):
-            with suppress(OSError, ValueError, AttributeError):
+        except (OSError, ValueError):
+            with suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -115,9 +99,6 @@ COMMANDS = {
     "explain": Offer("trackbench.cli.explain:explain_command", "Print the page of a term of a table or a report."),
     "check": Offer("trackbench.cli.listing:check_command", "Validate scenario files without running them."),
     "schema": Offer("trackbench.cli.listing:schema_command", "Print the JSON Schema of a scenario file, for editors."),
-    "completion": Offer(
-        "trackbench.cli.options:completion_command", "Print the script that lets a shell complete trackbench."
-    ),
     **dict(offered("commands")),
 }
 
@@ -179,35 +160,32 @@ def cli() -> None:
     """
 
 
-def run_command_line() -> None:
-    """The console script. Exit status: see the README."""
+def run_command_line() -> int:
+    """Return the exit status, which the README explains, after the command in ``sys.argv``."""
     # A run that is told to end tidies up as one that is interrupted.
     for number in (signal.SIGINT, signal.SIGTERM):
         if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interruption)
-    _open_missing_streams()
     try:
         status = _run()
-        if sys.stdout is not None and not sys.stdout.closed:
-            sys.stdout.flush()
+        if (output := answer()) is not None:
+            output.flush()
     except BrokenPipeError:
         status = UNREAD
     except OSError as error:
         where = "standard output" if error.filename is None else shortened_text(str(error.filename))
         if error.errno == errno.EMFILE:
-            status = _failed(
-                f"trackbench: too many open files; raise the limit (ulimit -n){_with_plugins()}", BAD_INPUT
-            )
+            status = _failed(f"trackbench: too many open files; raise the limit (ulimit -n){_and_plugins()}", BAD_INPUT)
         elif error.errno == errno.ENAMETOOLONG:
             status = _failed(f"{where}: the name is too long for the file system", BAD_INPUT)
         else:
             status = _failed(
-                f"trackbench: cannot write {where}: {error.strerror or error}{_with_plugins()}", CANNOT_WRITE
+                f"trackbench: cannot write {where}: {error.strerror or error}{_and_plugins()}", CANNOT_WRITE
             )
     except KeyboardInterrupt as error:
         status = _interrupted(error)
     _abandon_streams()
-    end(status)
+    return status
 
 
 def _run() -> int:
@@ -237,7 +215,7 @@ def _run() -> int:
     except InputError as error:
         return _failed(str(error), BAD_INPUT)
     except OutputError as error:
-        return _failed(f"trackbench: {error}{_with_plugins()}", CANNOT_WRITE)
+        return _failed(f"trackbench: {error}{_and_plugins()}", CANNOT_WRITE)
     except PluginError as error:
         return _failed(f"trackbench: {error}", FAILED_PLUGIN)
     except TrackbenchError as error:
@@ -257,32 +235,26 @@ def _unexpected(error: BaseException) -> int:
     Raises:
         OSError: standard output cannot be written.
     """
-    if __name__ not in sys.modules:
-        _failed("trackbench: modules that were imported are gone from sys.modules", FAULT)
-        # What ends an interpreter would import them again. The supervisor says which plug-in was at work.
-        os._exit(FAULT)
     if place_of(error, installed=False) is not None:
         return _plugin_failed(error)
     match error:
         case OSError():
             raise error
-        case SystemExit() if not loaded_plugins() or _raised_in(error) in ("rich", "click"):
+        case SystemExit() if not with_plugins() or _raised_in(error) in ("rich", "click"):
             # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
             return UNREAD if error.code else 0
         case UnicodeEncodeError():
             problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
             return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
-        case ValueError() if sys.stdout is None or sys.stdout.closed:
-            return _failed(f"trackbench: standard output was closed{_with_plugins()}", CANNOT_WRITE)
         case MemoryError():
             return _failed(
                 "trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT
             )
-    if plugins := loaded_plugins():
+    if plugins := with_plugins():
         log.info("a command that failed", exc_info=error)
         frame = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(frame.filename).name}:{frame.lineno}, in {frame.name}"
-        cause = f"{type(error).__name__}: {printable(text_of(error))} ({place}), with {', '.join(plugins)}"
+        cause = f"{type(error).__name__}: {printable(text_of(error))} ({place}), {plugins}"
         return _failed(f"trackbench: no result: {cause}; if it fails without, it is a fault of trackbench", BAD_INPUT)
     # Not 1, which says that an expectation failed.
     return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
@@ -308,25 +280,11 @@ def _require_place() -> None:
         raise InputError("the working directory is not there any more; change to one that is") from None
 
 
-#: When the last signal to end was taken; later ones within a second are the same, as Ctrl-C goes to all processes of a
-#: terminal and the supervisor sends it on.
-_interrupted_at = float("-inf")
-
-
-def _interruption(number: int, _: object) -> None:
-    global _interrupted_at
-    before, _interrupted_at = _interrupted_at, time.monotonic()
-    if _interrupted_at - before > 1.0:
-        tell_signal(number)
-        raise KeyboardInterrupt
+def _interruption(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _interrupted(error: BaseException) -> int:
-    if _interrupted_at == float("-inf") and place_of(error, installed=False) is not None:
-        return _plugin_failed(error)
-    if _interrupted_at > float("-inf") and is_supervised():
-        # The supervisor, which knows whether it was sent the signal too, says so.
-        return INTERRUPTED
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
-    return _failed(f"{start}interrupted: {if_interrupted()}", INTERRUPTED)
+    return _failed(f"{start}interrupted: {text_of(error) or UNFINISHED}", INTERRUPTED)

@@ -30,12 +30,12 @@ a traceback.
 `--quiet` leaves the outcome and what failed. `--verbose` says on stderr what is done: what came from the cache, how
 long each part took, what was written.
 
-The shell completes commands, options, scenario files and the names of trackers after one of these lines:
+The shell completes commands, options and scenario files after one of these lines:
 
 ```sh
-eval "$(trackbench completion bash)"    # in ~/.bashrc
-eval "$(trackbench completion zsh)"     # in ~/.zshrc
-trackbench completion fish > ~/.config/fish/completions/trackbench.fish
+eval "$(_TRACKBENCH_COMPLETE=bash_source trackbench)"    # in ~/.bashrc
+eval "$(_TRACKBENCH_COMPLETE=zsh_source trackbench)"     # in ~/.zshrc
+_TRACKBENCH_COMPLETE=fish_source trackbench > ~/.config/fish/completions/trackbench.fish
 ```
 
 What a word in a table, a report or an examination means:

@@ -14,6 +14,7 @@ import yaml
 
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.subjects import TermPage, offered, resolve
+from trackbench.cli.answer import print_answer
 from trackbench.cli.listing import rows
 
 WIDTH = 80
@@ -178,12 +179,12 @@ def explain_command(term: str | None) -> None:
     """
     subjects = terms()
     if term is None:
-        click.echo("\n".join(_contents(subjects))[1:])
+        print_answer("\n".join(_contents(subjects))[1:])
         return
     pages = [entry for of in subjects.values() for entry in of if entry.name.lower() == term.lower()]
     if not pages:
         raise InputError(f"there is no page on {term!r}: {_nearest(term, subjects.values())}")
-    click.echo("\n\n".join(map(page, pages)))
+    print_answer("\n\n".join(map(page, pages)))
 
 
 def _nearest(term: str, subjects: Iterable[Iterable[TermPage]]) -> str:

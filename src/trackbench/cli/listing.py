@@ -15,6 +15,7 @@ import click
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry
 from trackbench.base.subjects import offered, resolve
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import NearestChoice, isolation_options, scenarios_argument
 from trackbench.cli.terminal import quiet_option
 from trackbench.driving.isolation import Isolation
@@ -156,7 +157,7 @@ def list_command(what: str) -> None:
     """Show what a scenario or an option can name."""
     table = click.HelpFormatter(width=shutil.get_terminal_size().columns)
     table.write_dl(list(rows(what)))
-    click.echo(table.getvalue(), nl=False)
+    print_answer(table.getvalue(), nl=False)
 
 
 @click.command("check")
@@ -176,9 +177,9 @@ def check_command(scenarios: tuple[Path, ...], isolation: Isolation, quiet: bool
         if quiet:
             continue
         sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())
-        click.echo(f"{shown_name(file)}: ok{f' ({sweeps})' if sweeps else ''}")
+        print_answer(f"{shown_name(file)}: ok{f' ({sweeps})' if sweeps else ''}")
         for note in notes:
-            click.echo(f"  {note}")
+            print_answer(f"  {note}")
 
 
 @click.command("schema")
@@ -189,4 +190,4 @@ def schema_command() -> None:
     Example:
       trackbench schema > scenario.schema.json
     """
-    click.echo(json.dumps(json_schema(), indent=2))
+    print_answer(json.dumps(json_schema(), indent=2))

@@ -5,18 +5,20 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
-from click.shell_completion import CompletionItem, get_completion_class
+from click.shell_completion import CompletionItem
 
-from trackbench.base.errors import InputError, did_you_mean, shortened_text, similar_names
+from trackbench.base.errors import did_you_mean, shortened_text, similar_names
 from trackbench.base.execution import MOST_WORKERS
 from trackbench.base.numbers import stated_number
 from trackbench.base.subjects import offered, resolve
+from trackbench.cli.answer import answer, kept_path
 from trackbench.engine.choice import ENGINE_NAMES
 
 if TYPE_CHECKING:
@@ -40,9 +42,9 @@ def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_j
     from trackbench.results import write_text
 
     if junit is not None:
-        write_text(junit, to_xml(suites))
+        write_text(kept_path(junit), to_xml(suites))
     for line in to_annotations(suites) if github else ():
-        click.echo(line, err=as_json)
+        click.echo(line, file=sys.stderr if as_json else answer())
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:
@@ -184,31 +186,6 @@ def artifact_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
-SHELLS = ("bash", "zsh", "fish")
-
-
-@click.command("completion")
-@click.argument("shell", type=NearestChoice(SHELLS))
-@click.pass_context
-def completion_command(ctx: click.Context, shell: str) -> None:
-    """Print the script that lets a shell complete trackbench.
-
-    It completes commands, options, scenario files and the names of their trackers.
-
-    \b
-    Examples:
-      eval "$(trackbench completion bash)"               in ~/.bashrc
-      eval "$(trackbench completion zsh)"                in ~/.zshrc
-      trackbench completion fish > ~/.config/fish/completions/trackbench.fish
-    """
-    root = ctx.find_root()
-    kind = get_completion_class(shell)
-    assert kind is not None
-    assert root.info_name is not None
-    variable = f"_{root.info_name.upper()}_COMPLETE"
-    click.echo(kind(root.command, {}, root.info_name, variable).source())
-
-
 def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """The scenarios by name, and the files of the working directory; any file where none begins like this."""
     from trackbench.scenario.shipped import PATTERN, at_hand
@@ -232,27 +209,6 @@ scenarios_argument = click.argument(
 def names_in(text: str) -> list[str]:
     """Of an option's value such as ``A,B``."""
     return [name for item in text.split(",") if (name := item.strip())]
-
-
-def trackers_of_scenarios(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    """``A,B``: the trackers of the scenarios on the line, those already named left out."""
-    before, comma, begun = incomplete.rpartition(",")
-    # While an option at the end of the line has no value, Click leaves all words unread.
-    words = ctx.params.get("scenarios") or ctx.args
-    names = dict.fromkeys(name for word in words for name in trackers_in(word))
-    taken = before.split(",")
-    return [before + comma + name for name in names if name.startswith(begun) and name not in taken]
-
-
-def trackers_in(named: Path | str) -> Iterable[str]:
-    """The names of the trackers of a scenario and of its sweeps; none of one that cannot be read."""
-    from trackbench.scenario import load_scenario
-
-    try:
-        loaded = load_scenario(named)
-    except InputError:
-        return ()
-    return (*loaded.sweeps, *loaded.config.trackers)
 
 
 #: Of the options of all subjects, by parameter.

@@ -14,6 +14,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import kind_of_file, offered, resolve
+from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import NearestChoice, end_with_limits, github_option, write_suites
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -
 
     document = _document(run)
     if format == "terminal" and out is None:
-        print_document(document, Console())
+        print_document(document, Console(file=answer()))
         return
     folder, name = _target(run, format, out, document.kind)
     content_of = dict(files(document, format, name))
@@ -79,7 +80,7 @@ def _write(content_of: Mapping[str, Callable[[], bytes]], folder: Path) -> None:
         results.write_bytes(folder / path, content())
     top = [Path(*Path(path).parts[:2]) for path in content_of]
     parts = _files_in_words(Path(), top, lambda name: name.removesuffix("s") if name.endswith("s") else "file")
-    click.echo(f"{folder}/: {parts}")
+    print_answer(f"{folder}/: {parts}")
 
 
 def _document(run: Path) -> Document:
@@ -185,9 +186,9 @@ def compare_command(
         written.append(file)
     write_suites(suites_of_comparison(comparison), junit, github, as_json)
     if as_json:
-        click.echo(json.dumps(comparison.json(), indent=2, allow_nan=False))
+        print_answer(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:
-        print_document(comparison_document(comparison, times=True), Console())
+        print_document(comparison_document(comparison, times=True), Console(file=answer()))
         if out is not None:
             click.echo(_files_in_words(out.parent, written), err=True)
     end_with_limits(comparison.outcomes)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.shell_completion import CompletionItem
 
 from trackbench import results
 from trackbench.api.plan import MAX_RUNS, RunPlan
@@ -16,7 +15,8 @@ from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run_prepared
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
-from trackbench.base.process import FAILED_PLUGIN
+from trackbench.base.exit_status import FAILED_PLUGIN
+from trackbench.cli.answer import print_answer
 from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
@@ -33,7 +33,6 @@ from trackbench.cli.options import (
     out_option,
     scenarios_argument,
     subject_options,
-    trackers_of_scenarios,
     write_suites,
 )
 from trackbench.cli.run_output import RunOutput
@@ -72,13 +71,10 @@ beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 @click.option("--max-runs", type=Whole(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
 @click.option("--seed", type=Whole(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
 @click.option("--scenes", type=Whole(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
-@click.option(
-    "--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Only these of the scenario's trackers."
-)
+@click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option(
     "--worlds",
     metavar="A,B",
-    shell_complete=lambda *_: [CompletionItem(name) for name in WORLDS],
     help="In each of these worlds: ideal, human, typical, recorded.",
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
@@ -147,7 +143,7 @@ def run_command(
                 write_suites(suites, junit, github, as_json)
             if as_json:
                 summaries: Any = [result.json() for result in finished]
-                click.echo(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
+                print_answer(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
     raise click.exceptions.Exit(status(finished))
 
 

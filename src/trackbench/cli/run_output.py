@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ from trackbench import results
 from trackbench.api.plan import Listener, Prepared
 from trackbench.base.errors import InputError
 from trackbench.base.types import NotedProgress, Scan
+from trackbench.cli.answer import answer
 from trackbench.cli.terminal import progress
 from trackbench.results import Result, Summary
 
@@ -35,7 +35,7 @@ class RunOutput(Listener):
         self._out = None if as_json or quiet else out
         self._earlier: dict[str, Summary] = {}
         self._quiet = quiet
-        self._console = Console()
+        self._console = Console(file=answer())
         self.followers: list[Listener] = []
         """What else is told of the runs while they go on."""
 
@@ -46,8 +46,8 @@ class RunOutput(Listener):
 
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
-        """A bar; what a tracker prints is no part of the result, and goes to stderr."""
-        with redirect_stdout(sys.stderr), progress(work, unit, quiet=self._quiet) as advance:
+        """Show a bar on stderr."""
+        with progress(work, unit, quiet=self._quiet) as advance:
             yield advance
 
     def note(self, text: str) -> None:

@@ -74,6 +74,15 @@ def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Not
         yield advance
 
 
+@contextmanager
+def if_interrupted(kept: str) -> Iterator[None]:
+    """Say what is kept of the work in this context, where Ctrl-C ends it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(kept) from None
+
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 #: What every layer of trackbench says of its work goes to a logger below this one.

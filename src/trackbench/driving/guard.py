@@ -16,9 +16,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from trackbench.base.descendants import adopt_orphans, descendants, end_descendants, end_with_parent
-from trackbench.base.printed import Shown
 from trackbench.driving import execute, host
+from trackbench.driving.descendants import adopt_orphans, descendants, end_descendants, end_with_parent
+from trackbench.driving.printed import Shown
 from trackbench.driving.wire import LAST, Launch, ProcessReport
 
 #: Between two looks at the memory, s.

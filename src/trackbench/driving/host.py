@@ -21,10 +21,10 @@ import numpy as np
 
 from trackbench.base import at_hand
 from trackbench.base.errors import InputError, InputErrors
-from trackbench.base.printed import say_stray_errors
 from trackbench.base.types import Estimate, FieldOfView, Progress, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
+from trackbench.driving.printed import say_stray_errors
 from trackbench.driving.steppers import Stepper, local, refuse_truth
 from trackbench.driving.wire import Arrays, receive_message, send_answer
 from trackbench.trackers.answers import is_random

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from trackbench.base import at_hand
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.base.process import how_it_ended
+from trackbench.base.exit_status import how_it_ended
 from trackbench.base.types import Progress, no_progress
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import TrackFault, raise_reported

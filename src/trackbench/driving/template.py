@@ -12,8 +12,8 @@ import socket
 import sys
 from contextlib import suppress
 
-from trackbench.base.descendants import adopt_orphans, end_children, end_descendants
 from trackbench.driving import guard
+from trackbench.driving.descendants import adopt_orphans, end_children, end_descendants
 from trackbench.driving.wire import INSIDE, LONGEST_LAUNCH, Launch, ProcessReport
 
 #: How often it looks whether the bench is still there, s.

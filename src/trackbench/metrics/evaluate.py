@@ -13,8 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from trackbench.base.errors import PluginError
-from trackbench.base.plugins import one_line
-from trackbench.base.supervised import at_work, loaded_plugins, plugins_among, with_plugins
+from trackbench.base.plugins import one_line, with_plugins
 from trackbench.base.types import EXACT, Array, Indices, RecordedNoise
 from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.built_in import BUILT_IN
@@ -237,20 +236,20 @@ def _guarded(plugin: Accumulator | Metric, call: Callable[..., Any], *arguments:
     if broken is not None:
         return broken
     try:
-        with at_work(plugins_among(plugin)):
-            return call(*arguments)
+        return call(*arguments)
     except (Fault, KeyboardInterrupt):
         raise
     except BaseException as error:
-        if _built_in(plugin) and (plugins := loaded_plugins()):
-            problem = f"no result: the built-in metric {plugin.name} fails: {one_line(error)}, {with_plugins(plugins)}"
+        if _built_in(plugin) and (plugins := with_plugins()):
+            problem = f"no result: the built-in metric {plugin.name} fails: {one_line(error)}, {plugins}"
             raise PluginError(problem) from error
         return Broken(one_line(error))
 
 
 def _built_in(plugin: Accumulator | Metric) -> bool:
     # A metric of a function of driver assistance runs that function.
-    return not plugins_among(plugin, getattr(plugin, "function", plugin))
+    parts = plugin, getattr(plugin, "function", plugin)
+    return all(type(part).__module__.startswith("trackbench.") for part in parts)
 
 
 def _checked(

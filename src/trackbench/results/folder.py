@@ -7,7 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,10 +16,13 @@ import pydantic_core
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError, nearest_choices, shortened_text
 from trackbench.base.files import require_regular
-from trackbench.base.process import locked
-from trackbench.base.supervised import return_to_folder, tell_scratch, tell_written
 from trackbench.results.columns import split
 from trackbench.results.declared import HIDDEN, LABELLED
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -160,13 +163,11 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         OutputError: the folder cannot be written or is something else, or the disk is full; nothing is left under the
             final name.
     """
-    return_to_folder()
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=UNFINISHED, dir=folder.parent))
     except OSError as error:
         raise OutputError(f"cannot write to {folder.parent}: {error.strerror}") from error
-    tell_scratch(temporary)
     try:
         temporary.chmod(0o755)
         for name, write in files.items():
@@ -175,8 +176,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
             if not (temporary / name).exists():
                 raise OutputError(f"cannot write {folder}: {name} was not written")
         written = [f"{name} {(temporary / name).stat().st_size / 1000:.0f} kB" for name in sorted(files)]
-        tell_written(folder, {name: temporary / name for name in files})
-        with locked(folder.parent):
+        with _locked(folder.parent):
             _put(temporary, folder, mark)
     except (OSError, TrackbenchError) as error:
         # A reader knows the folder by its final name.
@@ -263,9 +263,6 @@ def write_bytes(path: Path, content: bytes) -> None:
             path.write_bytes(content)
         else:
             temporary.write_bytes(content)
-            if path.parent.suffix != UNFINISHED:
-                # What a folder holds is told when it is whole.
-                tell_written(path.parent, {path.name: temporary})
             os.replace(temporary, path)
         log.info("wrote %s", path)
     except OSError as error:
@@ -278,6 +275,21 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_file(text: str, path: Path) -> None:
     """Write a file of a folder that is put in its place as a whole."""
     path.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder, where the system and the file system have locks."""
+    if fcntl is None:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:

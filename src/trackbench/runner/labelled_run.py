@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trackbench.base.supervised import at_work
 from trackbench.base.types import Array, Estimate, Gaussian, Scan
 from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive, scans_read
 from trackbench.driving.faults import TrackFault
@@ -137,8 +136,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
 
         instants = self._deliveries[first : first + INSTANTS]
         scans = [[delivery.scan for delivery in group] for group in instants]
-        with at_work(self._plugins):
-            taken = through(direct.tracker, direct.state, scans, self.scorer, first, self._kept)
+        taken = through(direct.tracker, direct.state, scans, self.scorer, first, self._kept)
         if taken is None:
             # Most of the time it is because of a single instant.
             self._step_by_step_until = first + self.chunk

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from typing import Generic
 
-from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Array, Gaussian
 from trackbench.driving.drive import Answer, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.law import DriveAlone
 from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
-from trackbench.models.motion import MotionModel
 from trackbench.results import Failure
 from trackbench.runner.run_spread import spread_in
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.scenario.config import TrackerEntry
-from trackbench.trackers.config import FilterConfig, ImmConfig
 
 
 class TrackerRun(ABC, Generic[Answer]):
@@ -55,8 +51,6 @@ class TrackerRun(ABC, Generic[Answer]):
         self.spread = None if isinstance(work.trackers[name], FilterConfig) else spread_in(work, piece.scene)
         """How much its positions differ between runs; None of a built-in filter."""
         self._instants = self._through()
-        sensors = (sensor.config for sensor in work.scenes[piece.scene].sensors)
-        self._plugins = plugins_among(*_motions(work.trackers[name]), *sensors)
 
     @property
     @abstractmethod
@@ -71,8 +65,7 @@ class TrackerRun(ABC, Generic[Answer]):
         """
         if self.failure is not None:
             return None
-        with at_work(self._plugins):
-            return next(self._instants, None)
+        return next(self._instants, None)
 
     def end(self) -> None:
         """End the tracker, and note what its second drive found where nothing else was wrong."""
@@ -120,10 +113,3 @@ class TrackerRun(ABC, Generic[Answer]):
             self.fail(self._explained(fault_of(error)), drive.instant, drive.sensor)
         finally:
             self.engine = self._work.engine_of(drive.engine_used)
-
-
-def _motions(config: TrackerEntry) -> Sequence[MotionModel]:
-    """The motion models of a built-in filter."""
-    if not isinstance(config, FilterConfig):
-        return ()
-    return config.motion.imm if isinstance(config.motion, ImmConfig) else (config.motion,)

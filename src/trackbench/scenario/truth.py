@@ -8,7 +8,6 @@ from pathlib import Path
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Here, InProcess, Task
-from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Progress, no_progress
 from trackbench.scenario.load import Scenario, own_folder
 from trackbench.sensing.view import sensor_reach
@@ -92,8 +91,7 @@ class PendingTruths:
         self._made = 0
         self._progress: Progress = no_progress
         self._here = InProcess()
-        with at_work(plugins_among(loaded.config.truth)):
-            self._scenes = [self._begun(source, executor) for source in truth_source(loaded).scenes()]
+        self._scenes = [self._begun(source, executor) for source in truth_source(loaded).scenes()]
 
     def collect(self, progress: Progress = no_progress) -> list[LoadedTruth]:
         """The truths, once they are there; as ``truths_of``."""
@@ -147,8 +145,7 @@ class _Load:
 
     def made(self, progress: Progress) -> LoadedTruth:
         """The truth of the scene."""
-        with at_work(plugins_among(self.source)):
-            loaded = self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
+        loaded = self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
         return _as_sensed(loaded, self.hides)
 
 

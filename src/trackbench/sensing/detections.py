@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.streams import stream
-from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import FALSE_ALARM, UNKNOWN_ORIGIN, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
 from trackbench.engine.arithmetic import by_arithmetic
@@ -292,8 +291,7 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
 
 def _detections(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[_Detections]:
     for part, seen in sensor_measurements(sensor, seed, scenario, runs):
-        with at_work(plugins_among(sensor.config, *sensor.config.effects)):
-            alarms = draw_false_alarms(sensor, seed, scenario, part, seen.sensed)
+        alarms = draw_false_alarms(sensor, seed, scenario, part, seen.sensed)
         for i, run in enumerate(part):
             objects = Resolved(seen.measurement[..., i], seen.detected[..., i], np.full(seen.detected.shape[:2], -1))
             if sensor.config.resolution is not None:

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.streams import RunStreams, stream
-from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import (
     Array,
     Indices,
@@ -85,11 +84,10 @@ def ideal_sensors(
     from_file = recorded or {}
     ideal = []
     for name, config in sensors.items():
-        with at_work(plugins_among(config)):
-            if name in from_file:
-                ideal.append(_as_recorded(truth, name, config, from_file[name]))
-            else:
-                ideal.append(ideal_sensor(truth, name, config, firing_steps(config, truth.time)))
+        if name in from_file:
+            ideal.append(_as_recorded(truth, name, config, from_file[name]))
+        else:
+            ideal.append(ideal_sensor(truth, name, config, firing_steps(config, truth.time)))
     return ideal
 
 
@@ -235,9 +233,7 @@ def sensor_measurements(
     size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(runs.start, runs.stop, size):
         part = range(first, min(first + size, runs.stop))
-        with at_work(plugins_among(sensor.config, *sensor.config.effects)):
-            seen = _measured(sensor, seed, scenario, part)
-        yield part, seen
+        yield part, _measured(sensor, seed, scenario, part)
 
 
 def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> ObjectMeasurements:

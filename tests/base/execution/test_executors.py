@@ -81,7 +81,7 @@ def test_workers_that_die_again_end_the_run_with_a_message() -> None:
         for future in futures:
             with pytest.raises(
                 TrackbenchError,
-                match=r"^no result: a second worker has ended: its process ended itself, with status 7, with ",
+                match=r"^no result: a second worker has ended: its process ended itself, with status 7$",
             ):
                 future.result()
 

@@ -16,7 +16,7 @@ from tests.support.udacity import data_folder
 
 from trackbench.api.run import run
 from trackbench.base.errors import InputError
-from trackbench.document import Figure, Items, Paragraph, Row, Section, Table, every
+from trackbench.document import Figure, Items, Paragraph, Section, Table, every
 from trackbench.metrics.blocks import Blocks
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
@@ -79,7 +79,7 @@ def test_each_part_of_the_page_has_its_figures_before_its_tables(faulty: list[Re
     assert all(finding.title in blocks[0].text for finding in faulty[0].findings)
     sections = {block.title: [*every(block.blocks)] for block in blocks if isinstance(block, Section)}
     first = next(iter(sections.values()))
-    assert [type(block) for block in first if not isinstance(block, Row)] == [Figure, Items]
+    assert [type(block) for block in first] == [Items]
     kinds = [type(block) for block in sections["Sensor radar"] if isinstance(block, (Figure, Table))]
     assert kinds == sorted(kinds, key=[Figure, Table].index)
     assert {*kinds} == {Figure, Table}

@@ -11,16 +11,14 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, InvalidStateError
 from contextlib import ExitStack, suppress
 from functools import partial
-from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Lock, Thread
 from typing import Any
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.execution import MOST_WORKERS
-from trackbench.base.execution.task import Task
-from trackbench.base.process import uninterrupted
-from trackbench.base.supervised import begin_worker, how_worker_ended, tell_scratch
+from trackbench.base.execution.task import Task, uninterrupted
+from trackbench.base.exit_status import how_it_ended
 
 try:
     import dask
@@ -70,7 +68,6 @@ class Cluster(Executor):
         local: LocalWorkers | None = None,
     ) -> None:
         self._address, self._client, self._started, self._local = address, client, started, local
-        self._notes = None if local is None else local.notes
         self._pending: set[Future[Any]] = set()
         self._failure: TrackbenchError | None = None
         self._closing = Event()
@@ -89,7 +86,7 @@ class Cluster(Executor):
         outcome: Future[Any] = Future()
         self._pending.add(outcome)
         outcome.add_done_callback(self._pending.discard)
-        future = self._executor.submit(_call, self._notes, sent, *args, **kwargs)
+        future = self._executor.submit(_call, sent, *args, **kwargs)
         future.add_done_callback(partial(_pass_on, outcome))
         if self._failure is not None:
             _fail(outcome, self._failure)
@@ -122,12 +119,12 @@ class LocalWorkers:
 
     Args:
         scheduler: its address.
-        notes: the folder in which they leave which plug-in is at work.
+        scratch: folder in which they keep their files.
         most: number of workers at most.
     """
 
-    def __init__(self, scheduler: str, notes: Path, most: int) -> None:
-        self.notes, self.most, self._scheduler = notes, most, scheduler
+    def __init__(self, scheduler: str, scratch: str, most: int) -> None:
+        self.most, self._scheduler, self._scratch = most, scheduler, scratch
         self._workers: list[subprocess.Popen[bytes]] = []
         self._lock, self._closed = Lock(), False
 
@@ -139,12 +136,12 @@ class LocalWorkers:
         """
         ended = [worker for worker in self._workers if worker.poll() is not None]
         if len(ended) > min(MOST_ENDED, self.most - 1):
-            how = how_worker_ended(self.notes, ended[-1].pid, ended[-1].returncode)
+            how = how_it_ended(ended[-1].returncode)
             return f"no result: {len(ended)} of {self.most} workers have ended: {how}"
         for _ in range(len(self._workers) - len(ended), min(self.most, calls)):
             with self._lock:
                 if not self._closed:
-                    self._workers.append(_start_worker(self._scheduler, str(self.notes)))
+                    self._workers.append(_start_worker(self._scheduler, self._scratch))
         return None
 
     def close(self) -> None:
@@ -177,7 +174,6 @@ def connected(address: str) -> Cluster:
             if not 1 <= int(here[1]) <= MOST_WORKERS:
                 raise InputError(f"write local:1 to local:{MOST_WORKERS}, not {address!r}", key="--cluster")
             scratch = stack.enter_context(TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True))
-            tell_scratch(Path(scratch))
             scheduler = distributed.LocalCluster(
                 n_workers=0,
                 host="127.0.0.1",
@@ -186,7 +182,7 @@ def connected(address: str) -> Cluster:
                 scheduler_kwargs={"local_directory": scratch, "dashboard_address": "127.0.0.1:0", "dashboard": False},
             )
             stack.callback(_close, scheduler)
-            local = LocalWorkers(scheduler.scheduler_address, Path(scratch), int(here[1]))
+            local = LocalWorkers(scheduler.scheduler_address, scratch, int(here[1]))
             stack.callback(local.close)
         try:
             client = distributed.Client(address if here is None else scheduler.scheduler_address, timeout=PATIENCE)
@@ -239,7 +235,5 @@ def _same(task: Callable[..., Any]) -> Callable[..., Any]:
     return task
 
 
-def _call(notes: Path | None, task: Callable[..., Any], *args: Any) -> Any:
-    if notes is not None:
-        begin_worker(notes)
+def _call(task: Callable[..., Any], *args: Any) -> Any:
     return task(*args)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
@@ -10,8 +11,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from loky import ProcessPoolExecutor, process_executor
@@ -19,8 +18,8 @@ from loky.backend import resource_tracker
 from loky.process_executor import BrokenProcessPool, TerminatedWorkerError
 
 from trackbench.base.errors import TrackbenchError, printable, text_of
-from trackbench.base.process import allow_termination, collect_rarely, uninterrupted
-from trackbench.base.supervised import begin_worker, end_in_words, how_worker_ended, loaded_plugins, tell_scratch
+from trackbench.base.execution.task import allow_termination, uninterrupted
+from trackbench.base.exit_status import how_it_ended
 
 #: What is said of the second worker that has ended.
 DIED = "no result: a second worker has ended: "
@@ -41,9 +40,6 @@ class LocalProcesses(Executor):
         self._number = number
         self._deaths = self._open = 0
         self._failure = TrackbenchError(DIED)
-        self._scratch = TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True)
-        self._notes = Path(self._scratch.name)
-        tell_scratch(self._notes)
         self._lock = threading.RLock()
         # Loky would also kill what a worker has started, and with it what ends the children of a tracker.
         process_executor.kill_process_tree = _kill
@@ -62,16 +58,13 @@ class LocalProcesses(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes, whatever they do."""
         self._pool.shutdown(kill_workers=True)
-        self._scratch.cleanup()
 
     def __str__(self) -> str:
         return f"in {self._number} processes of this machine" if self._number > 1 else "in another process"
 
     def _new(self) -> ProcessPoolExecutor:
         # The number decides on the length of the queue too.
-        pool = ProcessPoolExecutor(
-            self._number, initializer=_begin, initargs=(os.getpid(), self._notes), env=ENVIRONMENT
-        )
+        pool = ProcessPoolExecutor(self._number, initializer=_begin, initargs=(os.getpid(),), env=ENVIRONMENT)
         pool._max_workers = 1
         return pool
 
@@ -125,10 +118,9 @@ class LocalProcesses(Executor):
         """How a worker of the broken pool has ended, the others of which still run."""
         for process in list(broken._processes.values()):
             if process.exitcode is not None:
-                return how_worker_ended(self._notes, process.pid, process.exitcode)
+                return how_it_ended(process.exitcode)
         closed = isinstance(error, TerminatedWorkerError)
-        cause = "its process closed its files" if closed else printable(text_of(error))
-        return end_in_words(cause, b"", b"", loaded_plugins())
+        return "its process closed its files" if closed else printable(text_of(error))
 
 
 def _kill(worker: Any) -> None:
@@ -150,11 +142,10 @@ def _start_resource_tracker() -> None:
             os.environ["PYTHONWARNINGS"] = before
 
 
-def _begin(parent: int, notes: Path) -> None:
+def _begin(parent: int) -> None:
     """In a new process, which ends when that which started it has ended, which no longer reads what it writes."""
     allow_termination()
-    collect_rarely()
-    begin_worker(notes)
+    gc.set_threshold(500_000, 50, 100)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import pickle
+import signal
 import socket
 import sys
 from collections import deque
@@ -20,8 +21,8 @@ from typing import Any
 
 from trackbench.base import at_hand
 from trackbench.base.errors import TrackbenchError
+from trackbench.base.exit_status import FAULT
 from trackbench.base.plugins import one_line
-from trackbench.base.process import FAULT
 from trackbench.base.user_code import place_of
 
 #: A worker of a cluster may have several threads; the module path and stdout belong to all of them.
@@ -298,6 +299,32 @@ class _Either(Future[Any]):
                 break
             other.make(other.call)
         return super().result(timeout)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """With Ctrl-C held back, and for good from the processes that start meanwhile: each would print a traceback.
+
+    So is SIGTERM; a process lets it through again by ``allow_termination``.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    # Where this helper of multiprocessing is not there yet, its start would undo what follows.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def allow_termination() -> None:
+    """Let SIGTERM end this process, which was started uninterrupted."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
 
 
 log = logging.getLogger(__name__)

@@ -15,6 +15,7 @@ import click
 from trackbench import results
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import classes_at_hand
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import isolation_options, out_option
 from trackbench.cli.terminal import progress
 from trackbench.results import EXAMINATION
@@ -131,11 +132,11 @@ def doctor_command(
         click.echo(f"{name}: {note}", err=True)
     written = examination.save(folder)
     if as_json:
-        click.echo(results.json_text(examination.json()), nl=False)
+        print_answer(results.json_text(examination.json()), nl=False)
     else:
-        click.echo(examination_text(examination, every_check=all_checks))
+        print_answer(examination_text(examination, every_check=all_checks))
         files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)
-        click.echo(f"\n{files}")
+        print_answer(f"\n{files}")
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)
 
 

@@ -11,6 +11,7 @@ import click
 
 from trackbench import results
 from trackbench.base.execution import executor
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import FAILED_EXPECTATION, WORKERS, Whole, github_option, isolation_options, write_suites
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option
@@ -144,13 +145,13 @@ def verify_command(
     with executor(workers, cluster) as chosen:
         verification = verify(claim, seed=seed, beside=beside, isolation=isolation, chosen=chosen, listener=output)
     if as_json:
-        click.echo(results.json_text(verification.json()), nl=False)
+        print_answer(results.json_text(verification.json()), nl=False)
     else:
         for note in verification.notes:
             click.echo(note, err=True)
         for item in [] if quiet else verification.discrepancies[:MOST_SHOWN]:
-            click.echo(f"DIFFERS  {item}")
-        click.echo(verification.outcome)
+            print_answer(f"DIFFERS  {item}")
+        print_answer(verification.outcome)
     raise click.exceptions.Exit(0 if verification.passed else FAILED_EXPECTATION)
 
 
@@ -183,10 +184,10 @@ def diff_command(before: Path, after: Path, junit: Path | None, github: bool, as
     change = diff(read_envelope(before), read_envelope(after))
     write_suites([change.suite()], junit, github, as_json)
     if as_json:
-        click.echo(results.json_text(change.json()), nl=False)
+        print_answer(results.json_text(change.json()), nl=False)
     else:
         for line in change.lines():
-            click.echo(line)
+            print_answer(line)
     raise click.exceptions.Exit(0 if change.passed else FAILED_EXPECTATION)
 
 
@@ -206,4 +207,4 @@ def badge_command(folder: Path, svg: Path | None) -> None:
     if svg is not None:
         results.write_text(svg, badge_svg(claim))
     for line in badge_lines(claim):
-        click.echo(line)
+        print_answer(line)

@@ -12,9 +12,9 @@ from rich.console import Console
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError, similar_names
 from trackbench.base.execution import executor
-from trackbench.base.process import FAILED_PLUGIN
+from trackbench.base.exit_status import FAILED_PLUGIN
 from trackbench.base.subjects import resolve
-from trackbench.base.supervised import tell_resumable
+from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import (
     WORKERS,
     Whole,
@@ -27,7 +27,7 @@ from trackbench.cli.options import (
     write_suites,
 )
 from trackbench.cli.run_output import RunOutput
-from trackbench.cli.terminal import quiet_option, verbose_option
+from trackbench.cli.terminal import if_interrupted, quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import require_file
@@ -170,18 +170,18 @@ def envelope_command(
         require_file(junit, "--junit")
     store = looks_of(name, out)
     output = RunOutput(as_json, quiet)
-    tell_resumable(f"the runs so far are kept; the same command goes on from {store}")
-    with executor(workers, cluster) as chosen:
+    kept = f"the runs so far are kept; the same command goes on from {store}"
+    with executor(workers, cluster) as chosen, if_interrupted(kept):
         plan = EnvelopePlan(isolation, engine, store, counter_examples, log)
         made = make_envelope(loaded, plan, chosen, output)
     folder = save_envelope(made, out, not no_recording)
     write_suites([suite_of_claim(made.claim, loaded)], junit, github, as_json)
     if as_json:
-        click.echo(claim_text(made.claim), nl=False)
+        print_answer(claim_text(made.claim), nl=False)
     elif quiet:
         for line in headlines(made.claim):
-            click.echo(line)
+            print_answer(line)
     else:
-        print_document(envelope_summary(made), Console())
-        click.echo(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")
+        print_document(envelope_summary(made), Console(file=answer()))
+        print_answer(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")
     raise click.exceptions.Exit(FAILED_PLUGIN if any(made.claim.failures.values()) else 0)

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from trackbench.base.errors import counted
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import NearestChoice, Whole, scenario_paths
 from trackbench.cli.terminal import progress, quiet_option
 
@@ -78,4 +79,4 @@ def export_command(
             manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
             names = [*manifest["files"]]
             shown = ", ".join(names) if len(names) <= 4 else f"{names[0]} to {names[-1]}, {counted(len(names), 'file')}"
-            click.echo(f"{folder}/: {shown}, {MANIFEST}")
+            print_answer(f"{folder}/: {shown}, {MANIFEST}")

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError
+from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import Whole, end_with_limits, github_option, names_in, out_option, write_suites
 
 
@@ -91,9 +92,9 @@ def history_command(
         results.write_bytes(file, content)
     write_suites([suite_of_history(past)], junit, github, as_json)
     if as_json:
-        click.echo(results.json_text(past.json()), nl=False)
+        print_answer(results.json_text(past.json()), nl=False)
     else:
-        print_document(history_document(past), Console())
+        print_document(history_document(past), Console(file=answer()))
         if out is not None:
             click.echo(f"{out}/: history.html, history.md, history.json", err=True)
     end_with_limits(past.outcomes)

@@ -41,7 +41,7 @@ def audit_content(audit: LogAudit) -> dict[str, Any]:
             "findings": [asdict(finding) for finding in audit.findings],
             "changes": audit.changes,
             "sensors": {name: _sensor(item) for name, item in audit.sensors.items()},
-            "clocks": [{key: value for key, value in asdict(clock).items() if key != "time"} for clock in audit.clocks],
+            "clocks": [asdict(clock) for clock in audit.clocks],
             "truth_velocity": [
                 {
                     "object": check.name,

@@ -8,6 +8,7 @@ import click
 from rich.console import Console
 
 from trackbench import results
+from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import out_option, scenario_paths
 from trackbench.cli.terminal import progress
 
@@ -46,8 +47,8 @@ def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
         reportable = audit(loaded, progress=advance)
     written = reportable.save(folder)
     if as_json:
-        click.echo(results.json_text(reportable.json()), nl=False)
+        print_answer(results.json_text(reportable.json()), nl=False)
     else:
-        print_document(log_audit_summary(reportable), Console())
-        click.echo(f"\n{folder}/: {', '.join(written)}")
+        print_document(log_audit_summary(reportable), Console(file=answer()))
+        print_answer(f"\n{folder}/: {', '.join(written)}")
     raise click.exceptions.Exit(FOUND if reportable.findings else 0)

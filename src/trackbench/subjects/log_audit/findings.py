@@ -302,8 +302,7 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
             title=f"{sensor}: {100 * outliers / rows:.1f} % of its measurements are outliers",
             evidence=f"{outliers} of {rows} are further than four sigma from the truth, where normal noise leaves less "
             "than one in a thousand.",
-            fix="They are clutter, reflections or of another object: look at the figure. They are left out here, but "
-            "not in a run.",
+            fix="They are clutter, reflections or of another object. They are left out here, but not in a run.",
         )
     drift = clock_drift(item.log, fit)
     drifts = drift is not None and drift.excludes(0.0, level) and abs(drift.value) > DRIFT_S

@@ -11,7 +11,7 @@ from trackbench.document import Block, Cell, Code, Column, Document, Item, Items
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.report.numbers import NOT_AVAILABLE
 from trackbench.subjects.log_audit.audit import LogAudit, corrected
-from trackbench.subjects.log_audit.figures import band_figures, finding_figure
+from trackbench.subjects.log_audit.figures import band_figures
 from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, quantity_text, spelt
 from trackbench.subjects.log_audit.noise import GATE_M, ResidualNoise
 
@@ -79,11 +79,9 @@ def _verdict(audit: LogAudit) -> Iterator[Block]:
 
 
 def _findings(audit: LogAudit) -> Iterator[Block]:
-    """Each with its figure."""
     for number, finding in enumerate(audit.findings, 1):
-        figure = finding_figure(audit, finding, number)
         items = Items((Item(finding.evidence, "Evidence"), Item(finding.fix, "Fix")))
-        yield Section(f"{number}. {finding.title}", (Row((figure, items)) if figure else items,))
+        yield Section(f"{number}. {finding.title}", (items,))
     if audit.findings:
         yield Section("How it is estimated", (Paragraph(_METHOD),), folded=True)
 

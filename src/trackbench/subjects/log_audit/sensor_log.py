@@ -106,12 +106,6 @@ class VelocityCheck:
     """The velocity of one body of the truth beside its displacement."""
 
     name: str
-    time: Array
-    """``(windows,)`` s, their middles."""
-    stated: Array
-    """``(windows,)`` speed by the stated velocity, m/s."""
-    moved: Array
-    """``(windows,)`` speed by the displacement, m/s."""
     noise: float
     """Standard deviation of the noise of the positions, m."""
     difference: float
@@ -160,8 +154,7 @@ def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck
     apart = np.hypot(*(moved - stated))
     middle = np.median(apart)
     jumps = int((apart > max(JUMP_MPS, middle + JUMP * 1.4826 * np.median(np.abs(apart - middle)))).sum())
-    time = 0.5 * (motion.time[edges][1:] + motion.time[edges][:-1])
-    return VelocityCheck(name, time, np.hypot(*stated), np.hypot(*moved), noise, usual, scale, fits, jumps)
+    return VelocityCheck(name, noise, usual, scale, fits, jumps)
 
 
 #: The errors of time and mounting that every sensor may have, with their units.
@@ -316,8 +309,6 @@ class Clock:
     gaps: int
     longest_gap_s: float
     longest_gap_at_s: float
-    time: Array
-    """All different times, sorted, s."""
 
 
 def clock_of(name: str, time: Array, order: RowOrder, outside: int = 0) -> Clock:
@@ -332,10 +323,10 @@ def clock_of(name: str, time: Array, order: RowOrder, outside: int = 0) -> Clock
     different = np.unique(time)
     intervals = np.diff(different)
     if not len(intervals):
-        return Clock(name, order, outside, None, 0, 0.0, 0.0, different)
+        return Clock(name, order, outside, None, 0, 0.0, 0.0)
     usual, longest = float(np.median(intervals)), int(np.argmax(intervals))
     gaps = int((intervals > GAP * usual).sum())
-    return Clock(name, order, outside, usual, gaps, float(intervals[longest]), float(different[longest]), different)
+    return Clock(name, order, outside, usual, gaps, float(intervals[longest]), float(different[longest]))
 
 
 #: Another unit must make the spread of the residuals smaller by this factor.

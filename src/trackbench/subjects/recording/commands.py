@@ -14,6 +14,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import Finite, OptionValues, RunOptions, Whole
 from trackbench.results import json_text
 
@@ -158,7 +159,7 @@ def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
         if ready.time_s is None:
             raise click.UsageError("a picture needs a time: give --at or --worst")
         results.write_bytes(out, *viewer.pictures(ready.files, [ready.time_s]))
-    click.echo(out)
+    print_answer(str(out))
 
 
 @click.command("inspect", cls=MomentCommand)
@@ -207,9 +208,9 @@ def inspect_command(
         click.echo(f"{recorded.note}: read from its tables", err=True)
     inspection = inspect(recorded, at, worst, tracker, vehicle, function)
     if as_json:
-        click.echo(json_text(inspection.json()), nl=False)
+        print_answer(json_text(inspection.json()), nl=False)
     else:
-        print_inspection(inspection, Console(highlight=False, markup=False, emoji=False))
+        print_inspection(inspection, Console(file=answer(), highlight=False, markup=False, emoji=False))
     if opened:
         first = None if at is not None else 1
         open_viewer((run,), at=at, worst=first, vehicle=vehicle, tracker=tracker, function=function)

@@ -20,7 +20,6 @@ from urllib.parse import quote
 from rerun.experimental import ViewerClient
 
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.base.supervised import tell_kept
 from trackbench.results import EXAMINATION
 from trackbench.subjects.recording.contents import labels, laid_over, same_traffic
 from trackbench.subjects.recording.data import RECORDING, Recorded, read
@@ -135,7 +134,6 @@ def start_viewer(*options: str, host: str = LOOPBACK, port: int | None = None) -
         env={"XDG_RUNTIME_DIR": tempfile.gettempdir(), **os.environ},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True,
     )  # fmt: skip
-    tell_kept(process.pid)
     viewer = Viewer(process, host, port, log)
     viewer.patiently(lambda: listens(LOOPBACK if host in EVERYWHERE else host, port) or None, "start")
     return viewer

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from trackbench import results
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import Finite, artifact_options, end_with_limits, github_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
@@ -89,7 +90,7 @@ def score_command(
     from trackbench.cli.run import status
     from trackbench.cli.run_output import RunOutput
     from trackbench.report.junit import Suite, suite_of_run
-    from trackbench.subjects.score.gate import Gate, GateOutput
+    from trackbench.subjects.score.gate import Gate, judged_gates
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
     limits = [Gate.parse(text) for text in gates]
@@ -104,19 +105,19 @@ def score_command(
     for limit in limits:
         limit.require_files(len(loaded.config.trackers))
     output = RunOutput(as_json, quiet)
-    gates_kept = GateOutput(limits, as_json)
-    output.followers = [gates_kept]
     plan, executor = RunPlan(out, left_out=left_out), InProcess()
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())
     (result,) = run_prepared(prepared, plan, executor, output)
-    judgements = gates_kept.judgements
+    judgements = judged_gates(limits, result)
     cases = [item.case(result.name) for item in judgements]
+    for case in [] if as_json else cases:
+        print_answer(f"{case.outcome.upper()}  {case.name} ({case.message})")
     suite = suite_of_run(result)
     write_suites([Suite(suite.name, [*suite.cases, *cases])], junit, github, as_json)
     kept = all(item.passed for item in judgements)
     if as_json:
         summary = result.json()
         summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
-        click.echo(json.dumps(summary, indent=2, allow_nan=False))
+        print_answer(json.dumps(summary, indent=2, allow_nan=False))
     end_with_limits([case.outcome for case in cases], status([result]))

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
-import click
-
-from trackbench.api.plan import Listener
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.numbers import stated_number
 from trackbench.compare.comparison import GateOutcome
@@ -89,21 +85,6 @@ class JudgedGate(NamedTuple):
         missing = self.value is None or self.limit is None
         outcome: GateOutcome = "passed" if self.passed else "error" if missing else "failed"
         return Case(f"{self.tracker}: {self.text}", f"{scenario}.{self.tracker}", outcome, self.found)
-
-
-class GateOutput(Listener):
-    """Prints what came of limits above what the run prints."""
-
-    def __init__(self, gates: Sequence[Gate], as_json: bool) -> None:
-        self._gates = gates
-        self._as_json = as_json
-        self.judgements: list[JudgedGate] = []
-
-    def end(self, result: Result, folder: Path | None) -> None:
-        """Hold the limits against the result."""
-        self.judgements = judged_gates(self._gates, result)
-        for case in [] if self._as_json else [item.case(result.name) for item in self.judgements]:
-            click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
 
 
 def judged_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:

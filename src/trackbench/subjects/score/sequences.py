@@ -29,8 +29,7 @@ def paired_sequences(
     """Pair files of tracks with files of boxes.
 
     With one file of boxes each file of tracks is a tracker. Otherwise a folder of tracks is a tracker, and so are all
-    files of tracks together. Files belong together by their names without the ending, or by their order where single
-    files have no name in common.
+    files of tracks together. Files belong together by their names without the ending.
 
     Args:
         tracks: files or folders.
@@ -51,15 +50,10 @@ def paired_sequences(
     boxes = _by_name(truth, truth_form)
     if folders and len(folders) < len(tracks):
         raise InputError("a folder of tracks is a tracker: name folders alone, or files alone", file=folders[0])
-    if folders:
-        own = {path: _by_name([path], form) for path in folders}
-    elif len(tracks) == len(boxes):
-        by_name = _by_name(tracks, form)
-        by_order = by_name.keys().isdisjoint(boxes) and not any(_is_folder(path) for path in truth)
-        own = {tracks[0].parent: dict(zip(boxes, tracks, strict=True)) if by_order else by_name}
-    else:
+    if not folders and len(tracks) != len(boxes):
         counts = f"{counted(len(tracks), 'file')} of tracks and {len(boxes)} of boxes"
         raise InputError(f"{counts}: one for each; of several trackers name a folder for each", key="--truth")
+    own = {path: _by_name([path], form) for path in folders} or {tracks[0].parent: _by_name(tracks, form)}
     place = truth[0] if _is_folder(truth[0]) else truth[0].parent
     for folder, files in own.items():
         _require_pairs(files, boxes, folder, place)

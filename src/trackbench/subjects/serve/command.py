@@ -7,24 +7,16 @@ import signal
 from typing import TYPE_CHECKING
 
 import click
-from click.shell_completion import CompletionItem
 
 from trackbench.base.errors import InputError
-from trackbench.base.process import INTERRUPTED
-from trackbench.cli.options import Whole, isolation_options, scenario_paths, trackers_in
+from trackbench.base.exit_status import INTERRUPTED
+from trackbench.cli.answer import print_answer
+from trackbench.cli.options import Whole, isolation_options, scenario_paths
 from trackbench.cli.terminal import log_to_stderr
 from trackbench.scenario import load_scenario
 
 if TYPE_CHECKING:
     from trackbench.driving.isolation import Isolation
-
-
-def served_trackers(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """``SCENARIO#NAME``: a scenario, and after the # its trackers."""
-    path, sign, begun = incomplete.partition("#")
-    if not sign:
-        return scenario_paths(ctx, _parameter, incomplete)
-    return [CompletionItem(f"{path}#{name}") for name in trackers_in(path) if name.startswith(begun)]
 
 
 @click.group("serve")
@@ -42,7 +34,7 @@ def serve_command() -> None:
     "--tracker",
     required=True,
     metavar="SCENARIO#NAME",
-    shell_complete=served_trackers,
+    shell_complete=scenario_paths,
     help="A tracker of a scenario, whose sensors it reads.",
 )
 @click.option("--port", type=Whole(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
@@ -100,7 +92,7 @@ def udacity_command(
 
     def ready(address: str, actual: int) -> None:
         shown = f"[{address}]" if ":" in address else address
-        click.echo(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
+        print_answer(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
 
     if asyncio.run(serve_udacity(tracker_served, host, port, ready, allowed)) == signal.SIGINT:
         raise click.exceptions.Exit(INTERRUPTED)

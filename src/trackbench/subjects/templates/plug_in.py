@@ -16,6 +16,7 @@ import jinja2
 
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import attribute, class_names, import_errors_explained, searched
+from trackbench.cli.answer import print_answer
 from trackbench.cli.options import NearestChoice, out_option
 from trackbench.metrics.registry import unfit_name
 
@@ -277,20 +278,20 @@ def new_command(kind: str, name: str, language: str, around: str | None, out: Pa
     """
     paths = new(kind, name, out, around, language)
     for path in paths:
-        click.echo(f"written: {path}")
+        print_answer(f"written: {path}")
     scenario = next((path for path in paths if path.suffix == ".yaml"), None)
     if language == PYTHON:
-        click.echo(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
+        print_answer(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
     elif build := LANGUAGES[language].build:
         place = "" if out == Path() else f" -C {out}"
-        click.echo(f"\nBuild it:\n  {build.format(name=name)}{place}")
+        print_answer(f"\nBuild it:\n  {build.format(name=name)}{place}")
     if scenario is not None:
-        click.echo(f"Run it:\n  trackbench run {scenario}")
+        print_answer(f"Run it:\n  trackbench run {scenario}")
     if language != PYTHON:
-        click.echo(f"Find its faults:\n  trackbench doctor {scenario}#mine")
+        print_answer(f"Find its faults:\n  trackbench doctor {scenario}#mine")
     use = _named(name, language)
-    click.echo(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")
+    print_answer(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")
     lines = decisions(paths[0])
     if lines:
         word = "1 decision: line" if len(lines) == 1 else f"{len(lines)} decisions: lines"
-        click.echo(f"{paths[0]} leaves you {word} {', '.join(map(str, lines))}")
+        print_answer(f"{paths[0]} leaves you {word} {', '.join(map(str, lines))}")

@@ -11,7 +11,7 @@ from trackbench import results
 from trackbench.api.scenario import load_several
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import executor
-from trackbench.base.supervised import tell_resumable
+from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import (
     WORKERS,
     Whole,
@@ -19,10 +19,9 @@ from trackbench.cli.options import (
     isolation_options,
     names_in,
     scenarios_argument,
-    trackers_of_scenarios,
 )
 from trackbench.cli.run_output import RunOutput
-from trackbench.cli.terminal import quiet_option, verbose_option
+from trackbench.cli.terminal import if_interrupted, quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.scenario.shipped import files_of_scenarios
@@ -30,7 +29,7 @@ from trackbench.scenario.shipped import files_of_scenarios
 
 @click.command("tune")
 @scenarios_argument
-@click.option("--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Tune these.")
+@click.option("--trackers", metavar="A,B", help="Tune these.")
 @click.option(
     "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
 )
@@ -113,17 +112,16 @@ def tune_command(
     for note in notes:
         output.note(note)
     command = command_of_tuning(loaded, names, plan, out)
-    if storage is not None:
-        tell_resumable(f"the trials so far are kept; the same command goes on from {storage}")
-    with executor(workers, None) as chosen:
+    kept = "" if storage is None else f"the trials so far are kept; the same command goes on from {storage}"
+    with executor(workers, None) as chosen, if_interrupted(kept):
         tunings = tune_trackers(loaded, names, plan, chosen, output)
     files = save_tuning(tunings, loaded, out, command)
     if as_json:
-        click.echo(results.json_text(tuning_content(tunings, command)), nl=False)
+        print_answer(results.json_text(tuning_content(tunings, command)), nl=False)
         return
     if quiet:
         for item in tunings:
-            click.echo(f"{item.tracker}: {tuning_headline(item)[0]}")
+            print_answer(f"{item.tracker}: {tuning_headline(item)[0]}")
         return
-    print_document(tuning_summary(tunings), Console())
-    click.echo(f"\n{', '.join(map(str, files))}")
+    print_document(tuning_summary(tunings), Console(file=answer()))
+    print_answer(f"\n{', '.join(map(str, files))}")

@@ -1,0 +1,22 @@
+"""Exit statuses of the command line beside 0 and 1, which the README explains."""
+
+from __future__ import annotations
+
+import signal
+
+BAD_INPUT = 2
+#: A tracker, or another plug-in, failed.
+FAILED_PLUGIN = 3
+CANNOT_WRITE = 4
+#: An internal error, or a command that ended without a status (sysexits.h).
+FAULT = 70
+#: What a shell reports of a program that Ctrl-C ended, and of one whose reader has gone.
+INTERRUPTED, UNREAD = 130, 141
+
+
+def how_it_ended(code: int) -> str:
+    """Say how a process ended, from its exit code: minus the number of the signal that killed it."""
+    if code >= 0:
+        return f"its process ended itself, with status {code}"
+    names = {number.value: f" ({number.name})" for number in signal.Signals}
+    return f"its process was killed by signal {-code}{names.get(-code, '')}"
