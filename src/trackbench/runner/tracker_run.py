@@ -16,6 +16,7 @@ from trackbench.results import Failure
 from trackbench.runner.run_spread import spread_in
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
+from trackbench.trackers.config import FilterConfig
 
 
 class TrackerRun(ABC, Generic[Answer]):
