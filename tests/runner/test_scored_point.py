@@ -14,7 +14,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import Observer, Truth
 from trackbench.scenario.truth import truth_of
-from trackbench.sensing.scored_point import truth_at
+from trackbench.sensing.scored_point import truth_of_point
 
 LENGTH, WIDTH, YAW = 4.0, 1.6, 110.0
 CENTRE = np.array([20.0, 5.0])
@@ -108,14 +108,14 @@ def turning(x: float, heading: float, yaw_rate: float, **sizes: Any) -> Truth:
     [(0.0, (-2.0, 0.0)), (math.pi, (-2.0, 0.0)), (math.pi / 2, (-0.8, 0.0)), (-math.pi / 2, (-0.8, 0.0))],
 )
 def test_the_nearest_face_is_that_towards_the_observer(heading: float, face: tuple[float, float]) -> None:
-    state = truth_at(turning(20.0, heading, 0.0), "nearest_face").state[:2, 0, 0, 0]
+    state = truth_of_point(turning(20.0, heading, 0.0), "nearest_face").state[:2, 0, 0, 0]
     assert state - [20.0, 0.0] == pytest.approx(face, abs=1e-9)
 
 
 def test_the_velocity_is_that_of_the_body_at_the_point() -> None:
     """The rear of a car that turns left moves to the right: by half the length times the yaw rate."""
     truth = turning(20.0, 0.0, 0.5)
-    assert truth_at(truth, "rear").state[:, 0, 0, 0] == pytest.approx([18.0, 0.0, 10.0, -1.0])
+    assert truth_of_point(truth, "rear").state[:, 0, 0, 0] == pytest.approx([18.0, 0.0, 10.0, -1.0])
     # A finite difference of the rear's place, of a car that turns about its moving centre.
     dt, heading = 1e-6, 0.5e-6
     later = np.array([20 + 10 * dt, 0]) - 2 * np.array([math.cos(heading), math.sin(heading)])
@@ -124,9 +124,9 @@ def test_the_velocity_is_that_of_the_body_at_the_point() -> None:
 
 def test_of_a_body_without_a_size_only_the_centre_is_scored() -> None:
     unknown = turning(20.0, 0.0, 0.0, length=np.zeros(1))
-    assert truth_at(unknown, "centre") is unknown
+    assert truth_of_point(unknown, "centre") is unknown
     with pytest.raises(InputError, match="the size of car is not known"):
-        truth_at(unknown, "rear")
+        truth_of_point(unknown, "rear")
 
 
 def test_the_errors_name_line_and_key(tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_a_table_without_sizes_is_refused(tmp_path: Path) -> None:
 
 def test_the_velocity_of_a_turning_car_is_the_rate_of_its_place() -> None:
     truth = truth_of(tb.load("scripted/figure_eight")).truth
-    rear = truth_at(truth, "rear")
+    rear = truth_of_point(truth, "rear")
     error = np.abs(np.gradient(rear.py[:, 0, 0], truth.time) - rear.vy[:, 0, 0])[2:-2]
     steady = np.abs(np.gradient(truth.yaw_rate[:, 0, 0]))[2:-2] < 1e-6
     assert error[steady].max() < 1e-3

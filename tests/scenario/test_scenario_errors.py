@@ -183,7 +183,7 @@ BAD = [
         "score: {settle_s: 2}",
         "score: 2",
         [
-            "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, each, divergence_m, "
+            "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, each, point, divergence_m, "
             "lost_after_s, cutoff_m, switch_costs_s, min_coverage, margin, baseline, reference, metrics)"
         ],
     ),

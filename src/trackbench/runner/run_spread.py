@@ -36,7 +36,8 @@ class RunSpread:
         """
         there = there & np.isfinite(position).all(axis=0)
         apart = np.where(there, position - self._truth[:, instant], 0.0)
-        square = (apart**2).sum(axis=(0, 2))
+        with np.errstate(over="ignore"):
+            square = (apart**2).sum(axis=(0, 2))
         self.sums.append(np.concatenate([there.sum(axis=-1)[None], apart.sum(axis=-1), square[None]]))
 
 

@@ -32,7 +32,7 @@ from trackbench.runner.filed_tracks import why_no_overlap
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import TrackerEntry
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
-from trackbench.sensing.scored_point import ScoredPoint, truth_at
+from trackbench.sensing.scored_point import ScoredPoint, truth_of_point
 from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
@@ -64,7 +64,7 @@ class Scene:
     @cached_property
     def scored(self) -> Truth:
         """The motion that estimates are compared with."""
-        return truth_at(self.truth, self.point)
+        return truth_of_point(self.truth, self.point)
 
     def instants(self) -> Indices:
         """Indices of the truth's steps at which any sensor takes a measurement; as often as trackers are scored."""

@@ -13,7 +13,7 @@ from trackbench.base.types import Truth
 ScoredPoint = Literal["centre", "rear", "nearest_face"]
 
 
-def truth_at(truth: Truth, point: ScoredPoint) -> Truth:
+def truth_of_point(truth: Truth, point: ScoredPoint) -> Truth:
     """Return a truth whose positions and velocities are those of a point of each body.
 
     The velocity is that of a rigid body: the centre's plus the yaw rate times the offset, a quarter turn to the left.
