@@ -50,7 +50,8 @@ each_library = pytest.mark.parametrize("library", PEERS)
 @pytest.fixture(autouse=True)
 def _installed(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """The libraries, and the examples as the modules of the working directory."""
-    for library in [request.getfixturevalue("library")] if "library" in request.fixturenames else PEERS:
+    needed = [request.getfixturevalue("library")] if "library" in request.fixturenames else []
+    for library in PEERS if request.node.get_closest_marker("docs_pages") else needed:
         pytest.importorskip(library, reason=f"needs {library}, a dependency of the tests alone")
     monkeypatch.syspath_prepend(EXAMPLES)
 
