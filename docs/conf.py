@@ -29,7 +29,7 @@ MENU = {
         "own-tracker",
         "own-multi-tracker",
         "any-language",
-        "adaptors",
+        "filterpy-stonesoup",
         "own-log",
         "recorded-traffic",
         "tracks-from-elsewhere",

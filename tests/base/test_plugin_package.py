@@ -183,6 +183,11 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
     assert schema["$defs"]["Sonar"]["properties"]["bearing_sigma_deg"]["maximum"] == 90
     assert "time_constant_s" in schema["$defs"]["FilterConfig"]["properties"]
     assert "amplitude_m" in schema["$defs"]["Weave"]["properties"]
+    tracker = {"$ref": "#/$defs/PluginConfig", "$defs": schema["$defs"]}
+    jsonschema.validate({"use": "nearest_position", "options": {"alpha": 0.5}}, tracker)
+    for bad_option in ({"alpha": 2}, {"alfa": 0.5}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate({"use": "nearest_position", "options": bad_option}, tracker)
     metrics = schema["$defs"]["Score"]["properties"]["metrics"]
     good = ["largest_error", {"use": "largest_error", "options": {"after_s": 1}}, {"use": "own:Metric", "options": {}}]
     jsonschema.validate(good, metrics)

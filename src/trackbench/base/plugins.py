@@ -16,27 +16,18 @@ from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Generic, TypeVar, cast
 
 from trackbench.base.at_hand import HOME, class_at_hand
 from trackbench.base.errors import InputError, did_you_mean, nearest_choices, printable, similar_names, text_of
 
 
-def load_reference(reference: str) -> Any:
-    """What an option's ``"module:attribute"`` names, for a tracker that loads it while it starts.
+def attribute(reference: str) -> Any:
+    """Import a module and return the attribute of it that ``"module:attribute"`` names.
 
     Raises:
-        InputError: it cannot be imported; says why.
+        InputError: the module has no such attribute, a module of the same name is loaded, or it is no module's name.
     """
-    if ":" not in reference:
-        raise InputError(f'{reference!r} is no name in a module: write "module:name"')
-    with import_errors_explained(reference, None):
-        return attribute(reference, _public)
-
-
-def attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
-    """Import a module and take an attribute of it; ``choices`` gives the names that a message may suggest."""
     module, _, path = reference.partition(":")
     if module == HOME:
         problem = "a class of a script or notebook has no module that others can import"
@@ -48,7 +39,7 @@ def attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
     plugin: Any = importlib.import_module(module)
     for name in path.split("."):
         if not hasattr(plugin, name):
-            raise InputError(f"module {module!r} has no {name!r}: {nearest_choices(name, choices(plugin))}")
+            raise InputError(f"module {module!r} has no {name!r}: {nearest_choices(name, class_names(plugin))}")
         plugin = getattr(plugin, name)
     return plugin
 
@@ -106,11 +97,6 @@ def _require_unambiguous(module: str) -> None:
         raise InputError(f"{spec.origin} cannot be loaded beside {loaded}, which has the same name: rename one")
 
 
-def _public(module: Any) -> list[str]:
-    names = [name for name, value in vars(module).items() if not isinstance(value, ModuleType)]
-    return [name for name in names if not name.startswith("_")]
-
-
 T = TypeVar("T")
 
 
@@ -150,7 +136,7 @@ class Registry(Generic[T]):
         with searched(folder), import_errors_explained(reference, folder):
             plugin = class_at_hand(reference)
             if plugin is None:
-                plugin = attribute(reference, class_names) if ":" in reference else self._entry(reference).load()
+                plugin = attribute(reference) if ":" in reference else self._entry(reference).load()
         if own:
             _loaded[repr(reference)] = None
         try:

@@ -81,7 +81,7 @@ def scenario_markdown() -> str:
         if section == "sensors":
             blocks += [*_effects(), _presets()]
         if section == "trackers":
-            blocks += [_motion_models(), _trackers(), *_declared(parts, described)]
+            blocks += [_motion_models(), _trackers()]
         if section == "expect":
             blocks.append(_metrics())
     for section, target in offered("blocks"):
@@ -205,17 +205,6 @@ def _trackers() -> str:
             options = ", ".join(f"`{key}`" for key in declared.model_fields)
         rows.append((f"`{name}`", options))
     return f"### Published trackers\n\n{_markdown(('use', 'options'), rows)}"
-
-
-def _declared(parts: Schema, described: set[str]) -> Iterator[str]:
-    """The options that published trackers declare."""
-    for rule in parts["PluginConfig"]["allOf"]:
-        options = rule["then"]["properties"]["options"]
-        yield f"### `options` of `{rule['if']['properties']['use']['const']}`"
-        yield options.get("description", "")
-        yield _table(options)
-        for key, value in options["properties"].items():
-            yield from _described(value, key, parts, described)
 
 
 def _effects() -> Iterator[str]:

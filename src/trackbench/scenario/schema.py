@@ -166,4 +166,5 @@ def _options(parts: Schema) -> None:
         rule = {"properties": {"use": {"const": name}}, "required": ["use"], "not": {"required": ["sweep"]}}
         then = {"properties": {"options": own}, "required": ["options"] if own.get("required") else []}
         rules.append({"if": rule, "then": then})
-    parts["PluginConfig"]["allOf"] = rules
+    if rules:
+        parts["PluginConfig"]["allOf"] = rules

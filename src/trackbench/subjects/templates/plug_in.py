@@ -15,7 +15,7 @@ import click
 import jinja2
 
 from trackbench.base.errors import InputError
-from trackbench.base.plugins import attribute, class_names, import_errors_explained, searched
+from trackbench.base.plugins import attribute, import_errors_explained, searched
 from trackbench.cli.answer import print_answer
 from trackbench.cli.options import NearestChoice, out_option
 from trackbench.metrics.registry import unfit_name
@@ -204,7 +204,7 @@ def wrapped_class(reference: str) -> Wrapped:
     if ":" not in reference:
         raise InputError(f'{reference!r} is no name in a module: write --around "module:Class"')
     with searched(None), import_errors_explained(reference, None):
-        cls = attribute(reference, class_names)
+        cls = attribute(reference)
     methods = {name: getattr(cls, name, None) for name in ("predict", "update")}
     missing = [name for name, method in methods.items() if not callable(method)]
     if not isinstance(cls, type) or missing:
