@@ -11,6 +11,7 @@ from typing import Any
 
 from benchmarks.table_cells import digits
 
+from trackbench.runner.block import keep_freed_memory
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing.detections import sense_hidden
@@ -25,6 +26,7 @@ IDENTITIES: dict[str, Callable[[Sequence[IdealSensor], int, str, range], Any]] =
 
 def measure() -> list[dict[str, Any]]:
     """By identities, milliseconds per run with ideal sensors and with typical ones, which take turns."""
+    keep_freed_memory()
     truth = truth_of(load_scenario(SCENARIO)).truth
     sensors = {}
     for effects in ("ideal", "typical"):

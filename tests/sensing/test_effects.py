@@ -86,6 +86,25 @@ def test_a_process_of_second_order_has_the_law_of_gelb_at_any_instants():
     assert (1 + CORRELATION_TIME) * np.exp(-CORRELATION_TIME) == pytest.approx(np.exp(-1), rel=1e-12)
 
 
+@pytest.mark.parametrize(("order", "scale"), [(1, 1.0), (2, CORRELATION_TIME)])
+def test_a_process_stays_over_no_step_and_forgets_all_over_an_endless_one(order, scale):
+    """White draws of one give the factor of the covariance: of 36 instants after which all is forgotten, and 4 more."""
+    steps = np.tile([0.0, 0.3, 2.0, 0.01, 15.0], 8)[:39]
+    steps[35] = np.inf
+    path = np.concatenate([[0.0], np.cumsum(np.where(np.isinf(steps), 1e3, steps))])
+    apart = scale * np.abs(path[:, None] - path)
+    expected = np.exp(-apart) * (1.0 if order == 1 else 1 + apart)
+    factor = gauss_markov(path, 1.0, np.eye(40)) if order == 1 else smooth_process(steps[:, None], np.eye(40))
+    np.testing.assert_allclose(factor @ factor.T, expected, rtol=0, atol=1e-13)
+
+
+def test_what_is_to_come_does_not_change_a_process():
+    white, steps = np.random.default_rng(3).standard_normal((40, 2, 3)), np.full((39, 1, 1), 0.4)
+    known = smooth_process(steps, white)
+    steps[20:] = np.nan
+    assert smooth_process(steps, white)[:21].tobytes() == known[:21].tobytes()
+
+
 @pytest.mark.parametrize("effects", [[], "ideal"])
 def test_without_effects_every_bit_is_that_of_a_sensor_that_knows_none(effects):
     with_none, stated = ideal(Radar(**RADAR)), ideal(Radar(effects=effects, **RADAR))

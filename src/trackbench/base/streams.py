@@ -9,8 +9,10 @@ import hashlib
 import math
 from collections.abc import Callable
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.random.bit_generator import ISeedSequence
 
 from trackbench.base.types import Array
 
@@ -21,6 +23,21 @@ def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Genera
     # What it makes of a list of whole numbers as well, in four times the time.
     entropy = np.array(words, dtype=np.uint32)
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
+
+
+class _Digest(ISeedSequence):
+    """State of a generator from a digest, whose bits need no more mixing."""
+
+    def __init__(self, *purpose: int | str) -> None:
+        self._bytes = hashlib.sha256(repr(purpose).encode()).digest()
+
+    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Any:
+        return np.frombuffer(self._bytes, dtype, n_words)
+
+
+def fast_stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Generator:
+    """The generator of one run for one purpose, made in a quarter of the time of ``stream``; it draws faster, too."""
+    return np.random.Generator(np.random.SFC64(_Digest(seed, scenario, run, purpose)))  # type: ignore[arg-type]
 
 
 @lru_cache(maxsize=1024)
@@ -37,14 +54,13 @@ def _words(number: int) -> tuple[int, ...]:
 class RunStreams:
     """The generators of some runs for one purpose; what is drawn has a last axis of runs, which lie one by one."""
 
-    def __init__(self, seed: int, scenario: str, runs: range, purpose: str) -> None:
-        self._of = seed, scenario, runs, purpose
+    def __init__(self, make: Callable[[int], np.random.Generator], runs: range) -> None:
+        self._make, self._runs = make, runs
 
     @cached_property
     def each(self) -> list[np.random.Generator]:
         """One generator for each run, made when something is drawn."""
-        seed, scenario, runs, purpose = self._of
-        return [stream(seed, scenario, run, purpose) for run in runs]
+        return [*map(self._make, self._runs)]
 
     def standard_normal(self, shape: int | tuple[int, ...] = ()) -> Array:
         """``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""

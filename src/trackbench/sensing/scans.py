@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.streams import RunStreams, stream
+from trackbench.base.streams import RunStreams, fast_stream, stream
 from trackbench.base.types import (
     Array,
     Indices,
@@ -244,7 +245,7 @@ def sensor_measurements(
 
 def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> ObjectMeasurements:
     ideal, visible = of_runs(sensor.measurement, runs), of_runs(sensor.visible, runs)
-    random = RunStreams(seed, scenario, runs, sensor.name)
+    random = RunStreams(partial(stream, seed, scenario, purpose=sensor.name), runs)
     draws, chance = random.standard_normal(ideal.shape[:-1]), random.random(visible.shape[:-1])
     sensed = None
     if sensor.bodies is None and sensor.scale is not None:
@@ -255,7 +256,7 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
         sensed = affected(sensor, seed, scenario, runs)
         detected = visible & (chance < sensed.probability)
         ideal = np.asarray(sensed.ideal()) + sensed.error
-        draws *= sensed.scale
+        draws = np.multiply(draws, sensed.scale, order="C")
     if sensor.recorded:
         detected = detected & np.isfinite(ideal).all(axis=0)
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
@@ -292,7 +293,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
 
 def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, runs: range) -> RunStreams:
     """What an effect, the ``place``-th of the sensor, draws from: for each of its methods from the start."""
-    return RunStreams(seed, scenario, runs, f"effect {place} of {sensor.name}")
+    return RunStreams(partial(fast_stream, seed, scenario, purpose=f"effect {place} of {sensor.name}"), runs)
 
 
 def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:

@@ -64,13 +64,12 @@ class Bodies:
     def moved(self, ahead: Array, left: Array) -> Bodies:
         """Points so far ahead of these and to the left on the bodies, m, with the velocity that a turn gives them."""
         c, s = self.axis
-        x, y = c * ahead, s * ahead
-        x -= s * left
-        y += c * left
-        shift = np.stack([x, y, y, x])
-        shift[2] *= -self.yaw_rate
-        shift[3] *= self.yaw_rate
-        return replace(self, target=self.target + shift)
+        target = np.zeros((4, *np.broadcast_shapes(self.target.shape[1:], ahead.shape))).view(type(self.target))
+        x, y = np.subtract(c * ahead, s * left, out=target[0]), np.add(s * ahead, c * left, out=target[1])
+        np.multiply(y, -self.yaw_rate, out=target[2])
+        np.multiply(x, self.yaw_rate, out=target[3])
+        target += self.target
+        return replace(self, target=target)
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,7 @@ class CorrelatedErrors(Effect):
         slow = np.moveaxis(gauss_markov(sensed.time, self.time_s, white, self.order), 1, 0)
         names = sensed.sensor.components if self.share_of else ("all",)
         shares = np.array([self.share_of.get(name, self.share) for name in names])[:, None, None, None]
-        slow *= np.sqrt(shares) * sensed.sigmas()
-        slow *= sensed.slow_scale
+        slow *= np.sqrt(shares) * sensed.sigmas() * sensed.slow_scale
         slow += sensed.error
         rest = np.sqrt(1.0 - shares)
         return sensed.replaced(error=slow, scale=rest * sensed.scale, slow_scale=rest * sensed.slow_scale)
@@ -99,8 +98,10 @@ class Quantised(Effect):
         step = by_component(self.steps, sensor)
         result = measurement.copy()
         for i in np.flatnonzero(step):
-            whole = step[i] * np.rint(measurement[i] / step[i])
-            result[i] = wrap_angle(whole) if i in sensor.angular else whole
+            whole = np.rint(measurement[i] / step[i], out=result[i])
+            whole *= step[i]
+            if i in sensor.angular:
+                whole[...] = wrap_angle(whole)
         return result
 
     def problems_on(self, sensor: Sensor) -> Iterator[Problem]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -11,6 +13,10 @@ from trackbench.base.types import Array
 
 #: Solution b of (1 + b) exp(-b) = 1/e: the correlation time of a second-order process, in its time constants.
 CORRELATION_TIME = 2.1461932206205825
+#: Instants of a spell, over which innovations are added up.
+SPELL = 16
+#: Longest step, in time constants: a process keeps 2e-16 of itself, and over a spell ``exp`` stays finite.
+LONGEST_STEP = 40.0
 
 
 def gauss_markov(time: Array, time_s: float, white: Array, order: Literal[1, 2] = 1) -> Array:
@@ -31,11 +37,7 @@ def gauss_markov(time: Array, time_s: float, white: Array, order: Literal[1, 2] 
         ``(instants, ...)``.
     """
     steps = (np.diff(time) / time_s).reshape(-1, *(1,) * (white.ndim - 1))
-    if order == 2:
-        return smooth_process(steps, white)
-    decay, driven = np.exp(-steps), np.array(white, order="C")
-    driven[1:] *= np.sqrt(1.0 - decay * decay)
-    return autoregression(decay, driven)
+    return smooth_process(steps, white) if order == 2 else _process(steps, white, order)
 
 
 def smooth_process(steps: Array, white: Array) -> Array:
@@ -48,29 +50,43 @@ def smooth_process(steps: Array, white: Array) -> Array:
     Returns:
         ``(instants, ...)``.
     """
-    steps = CORRELATION_TIME * steps
-    of_value, of_slope = _innovations(steps)
-    decay = np.exp(-steps)
-    driven = np.array(white, order="C")
-    slope = autoregression(decay, driven * of_slope)[:-1]
-    slope *= steps * decay
-    driven *= of_value
-    driven[1:] += slope
-    return autoregression(decay, driven)
+    return _process(CORRELATION_TIME * steps, white, 2)
 
 
-def autoregression(decay: Array, driven: Array) -> Array:
-    """Compute ``x_k = decay_k-1 x_k-1 + driven_k`` in place of ``driven``, and return it.
+def _process(steps: Array, white: Array, order: int) -> Array:
+    of_draws, of_sums = _weights(steps.tobytes(), steps.shape, order)
+    process, state = np.empty(white.shape), np.zeros((order, *white.shape[1:]))
+    for first in range(0, len(white), SPELL):
+        spell = slice(first, first + SPELL)
+        sums = of_draws[spell] * np.array(white[spell, None], order="C")
+        sums[0] += state
+        for earlier, later in pairwise(sums):
+            later += earlier
+        state = of_sums[spell][-1, 0] * sums[-1]
+        sums *= of_sums[spell]
+        state[0] = np.sum(sums, axis=1, out=process[spell])[-1]
+    return process
 
-    Args:
-        decay: ``(instants - 1, ...)`` of as many axes as ``driven``.
-        driven: ``(instants, ...)`` innovations, overwritten by the process.
+
+@lru_cache(maxsize=8)
+def _weights(steps: bytes, shape: tuple[int, ...], order: int) -> tuple[Array, Array]:
+    """Return the weights of draws in sums over a spell, and those of the sums in the process: the same in all runs.
+
+    Beside its innovations a process of first order follows ``x <- e^-h x``, one of second order
+    ``x <- e^-h (x + h z)`` and ``z <- e^-h z``. A length t after the instant before the spell, ``e^t (x - t z)`` and
+    ``e^t z`` are sums of what the innovations have added to them.
     """
-    kept = np.empty(driven.shape[1:])
-    for k, factor in enumerate(decay):
-        np.multiply(driven[k], factor, out=kept)
-        driven[k + 1] += kept
-    return driven
+    lengths = np.minimum(np.frombuffer(steps).reshape(shape), LONGEST_STEP)
+    reached = np.concatenate([np.zeros((1, *shape[1:])), lengths])
+    for k in range(1, SPELL):
+        reached[k::SPELL] += reached[k - 1 :: SPELL][: len(reached[k::SPELL])]
+    decay = np.exp(-reached)[:, None]
+    if order == 1:
+        innovations = np.sqrt(-np.expm1(-2.0 * lengths))[:, None]
+        return np.concatenate([np.ones((1, 1, *shape[1:])), innovations]) / decay, decay
+    of_draws = _innovations(lengths) / decay
+    of_draws[:, 0] -= reached * of_draws[:, 1]
+    return of_draws, np.concatenate([decay, reached[:, None] * decay], axis=1)
 
 
 def _innovations(steps: Array) -> Array:
@@ -83,13 +99,13 @@ def _innovations(steps: Array) -> Array:
     square = np.exp(-2.0 * steps)
     # Noise covariance: the incomplete gamma functions keep the digits that a difference of small numbers would lose.
     of_x, of_both, of_z = np.maximum(gammainc(3.0, 2.0 * steps), 1e-300), gammainc(2.0, 2.0 * steps), 2.0 - 2.0 * square
-    weights = np.ones((2, len(steps) + 1, *steps.shape[1:]))
+    weights = np.ones((len(steps) + 1, 2, *steps.shape[1:]))
     variance = np.ones(steps.shape[1:])
     for k in range(len(steps)):
         kept = square[k] * variance
         moved = steps[k] * kept
         deviation = np.sqrt(of_x[k] + steps[k] * moved)
         gain = (of_both[k] + moved) / deviation
-        weights[:, k + 1] = deviation, gain
+        weights[k + 1] = deviation, gain
         variance = np.maximum(of_z[k] + kept - gain * gain, 0.0)
     return weights

@@ -18,8 +18,6 @@ from trackbench.models.sensors.effects.processes import smooth_process
 
 #: Received power, relative to the noise, above which a vehicle is detected.
 THRESHOLD = -np.log(FALSE_ALARM_PROBABILITY)
-#: Change of the aspect of a vehicle that comes into view, over that which decorrelates: nothing is left of its signal.
-FORGOTTEN = 50.0
 #: Speed of light, m/s.
 LIGHT_MPS = 299_792_458.0
 
@@ -105,7 +103,8 @@ class SignalToNoise(SignalRange, Effect):
         turned = np.abs(wrap_angle(np.diff(np.arctan2(left, ahead), axis=0))) * (rate[1:] + rate[:-1]) / 2.0
         instants, objects = sensed.shape
         white = random.standard_normal((instants, 2, objects))
-        power = mean * fluctuation(np.where(sensed.visible[:-1], turned, FORGOTTEN), white)
+        # Of the signal of a vehicle that comes into view nothing is left.
+        power = mean * fluctuation(np.where(sensed.visible[:-1], turned, np.inf), white)
         detected = power > THRESHOLD
         factor = np.sqrt(self.variance_factor(np.where(detected, power, np.inf)))
         return sensed.replaced(
