@@ -118,15 +118,29 @@ def test_vehicles_may_come_and_episodes_may_go_on_side_by_side() -> None:
     loaded = scenario("intersection", **{"truth.duration_s": 8})
     alone, last = drive(loaded)
     one, other = tb.live(loaded), tb.live(scenario("roundabout", **{"truth.observer": "ego"}))
-    at_first, scans = len(one.latest.truth.ids), [*one.latest.scans]
+    at_first, scans, counts = len(one.latest.truth.ids), [*one.latest.scans], set()
     while not (one.latest.terminated or one.latest.truncated):
         scans += one.step(IDLE).scans
+        counts.add(len(one.latest.truth.ids))
         if not (other.latest.terminated or other.latest.truncated):
             other.step(IDLE)
     assert [scan.measurement.tobytes() for scan in scans] == [scan.measurement.tobytes() for scan in alone]
     ids = last.truth.ids
     assert len(set(ids)) == len(ids) > at_first
-    assert last.truth.alive.any(axis=0).sum() > at_first
+    assert last.truth.alive.any(axis=0).sum() > at_first + 1
+    # There is room for those to come, since each change of it changes the noise.
+    assert len(counts) <= 2
+    same_drive = tb.truth(loaded)
+    for place, name in enumerate(same_drive.ids):
+        there = same_drive.alive[:, place]
+        assert np.array_equal(same_drive.px[there, place], last.truth.px[there, ids.index(name)])
+
+
+def test_vans_and_trucks_are_those_of_the_scenario() -> None:
+    loaded = scenario("traffic/dense_highway", **{"truth.duration_s": 1})
+    truth, live = tb.truth(loaded), tb.live(loaded).latest.truth
+    assert np.array_equal(live.length, truth.length)
+    assert len(set(live.length)) == 3
 
 
 def test_a_continuous_action_may_be_a_list_or_an_array() -> None:
