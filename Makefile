@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md docs/glossary.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration calibrated-worlds radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration calibrated-worlds radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -122,10 +122,6 @@ worlds: $(VENV)/.installed-dev
 	$(BIN)/trackbench run highway --worlds ideal,human,typical,recorded --scenes 20 --runs 20 --no-recording \
 	  --out results/worlds
 	$(BIN)/python -m benchmarks.worlds
-
-# What perception costs a driver by rules: results/gym; a quarter of an hour on one core.
-gym: $(VENV)/.installed-dev
-	$(BIN)/python -m benchmarks.gym
 
 # The envelopes that come with trackbench: some ten minutes.
 envelopes: $(VENV)/.installed-dev

@@ -45,7 +45,7 @@ MENU = {
         "ci",
         "execution",
         "python",
-        "gym",
+        "live",
         "plug-ins",
         "own-metric",
     ],

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from trackbench.api.compare import ReportableComparison as Comparison
     from trackbench.api.compare import compare
+    from trackbench.api.live import live
     from trackbench.api.result import ReportableResult as Result
     from trackbench.api.run import run
     from trackbench.api.scenario import load, sense, truth, worlds
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
         "doctor",
         "export",
         "history",
+        "live",
         "load",
         "run",
         "score",
@@ -77,6 +79,7 @@ _CORE = {
     "Truth": "base.types:Truth",
     "check_tracker": "testing:check_tracker",
     "compare": "api.compare:compare",
+    "live": "api.live:live",
     "load": "api.scenario:load",
     "run": "api.run:run",
     "sense": "api.scenario:sense",

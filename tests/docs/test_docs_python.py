@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -36,9 +37,6 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.docs_pages
-def test_the_page_on_gymnasium_runs_from_top_to_bottom(fenced: Callable[[Path], list[Any]], tmp_path: Path) -> None:
-    blocks = [block for block in fenced(DOCS / "gym.md") if block.language == "python"]
-    assert [block.note for block in blocks].count("not run") == 1
-    printed = python("\n".join(block.text for block in blocks if block.note != "not run"), tmp_path)
-    assert printed.startswith("(5, 10)")
-    assert "'min_time_gap_s'" in printed
+def test_the_page_on_live_scenarios_runs_as_printed(run_page: Callable[[Path, Path], int], tmp_path: Path) -> None:
+    shutil.copy(DOCS / "examples" / "agent_sees_tracks.py", tmp_path)
+    assert run_page(DOCS / "live.md", tmp_path) == 3

@@ -314,20 +314,18 @@ class Recorder:
         seen = np.flatnonzero(np.isfinite(raw[0]).any(axis=0))
         return self._frames(raw[:, :, seen], seen, dt, self._times(raw.shape[1]))
 
-    def since(self, first: int, dt: float, places: int) -> Frames:
-        """The frames from number ``first`` on, and that of now; the ego is body 0.
+    def until_now(self, dt: float, places: int) -> Frames:
+        """Return the frames of all steps, and that of now; the ego is body 0.
 
         How the vehicles steer in the step that begins now is not known yet: as in the one before.
 
         Args:
-            first: number of the first frame.
             dt: between two, s.
             places: number of bodies; places that no vehicle has had yet are absent.
         """
         now = {self._number(v): (*_state(v), float(v.action["steering"])) for v in self._env.road.vehicles}
-        frames = [*self.frames[first:], now]
-        raw = _stacked(frames, max(places, len(self._bodies)))
-        return self._frames(raw, range(raw.shape[2]), dt, np.full(len(frames), math.nan))
+        raw = _stacked([*self.frames, now], max(places, len(self._bodies)))
+        return self._frames(raw, range(raw.shape[2]), dt, np.full(raw.shape[1], math.nan))
 
     def _frames(self, raw: Array, numbers: Iterable[int], dt: float, clock: Array) -> Frames:
         px, down, clockwise, speed, vx, vy_down, crashed, steering = raw

@@ -100,7 +100,7 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     Raises:
         InputError: see `validate`; a target that never appears; an audit that is told to refuse.
     """
-    steps = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
+    steps = step_count(config)
     with isolated():
         env = prepare_env(config)
         recorder = Recorder(env, control_of(env, config))
@@ -128,6 +128,11 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     if len(frames.px) < steps:
         early = EndedEarly(time_s=(len(frames.px) - 1) * frames.dt, reason=ended or "")
     return _truth(config, frames, env.road.network.lanes_list(), early)
+
+
+def step_count(config: HighwayOptions) -> int:
+    """Return the number of steps of the truth, that of time 0 and that of the end included."""
+    return math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
 
 
 def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: EndedEarly | None) -> Truth:
@@ -168,14 +173,14 @@ def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
     return None if rate is None else steered(math.radians(rate))
 
 
-def prepare_env(config: HighwayOptions, render_mode: str | None = None) -> AbstractEnv:
+def prepare_env(config: HighwayOptions) -> AbstractEnv:
     """The environment, reset and with the ego's driver in place."""
     ids = list_envs()
     if config.env not in ids:
         raise InputError(f"unknown highway-env id {config.env!r}; {nearest_choices(config.env, ids)}", key="truth.env")
-    # Some environments of highway-env take no render mode, and some no configuration.
-    options: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
+    options: dict[str, Any] = {}
     constructor = load_env_creator(str(gymnasium.spec(config.env).entry_point))
+    # Some environments of highway-env take no configuration.
     if "config" in inspect.signature(constructor).parameters:
         options["config"] = {"observation": NO_OBSERVATION}
     env: AbstractEnv = gymnasium.make(config.env, disable_env_checker=True, **options).unwrapped
