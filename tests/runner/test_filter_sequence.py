@@ -87,6 +87,31 @@ def test_a_sequence_gives_the_scores_of_its_steps(monkeypatch: pytest.MonkeyPatc
         same(outcome, by_steps[tracker], f"{name} {tracker}")
 
 
+COMING: dict[str, Any] = {
+    "name": "coming",
+    "truth": {
+        "source": "scripted", "duration_s": 8, "rate_hz": 10,
+        "objects": {"car": {"start": {"x": 60, "speed_mps": 6, "course_deg": 180}}},
+    },
+    "sensors": {
+        "lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.2},
+        "radar": {
+            "type": "radar", "rate_hz": 10, "max_range_m": 40,
+            "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1,
+        },
+    },
+    "trackers": {"kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2}},
+    "monte_carlo": {"runs": RUNS, "seed": 1},
+}  # fmt: skip
+
+
+def test_a_kalman_filter_whose_car_comes_into_the_radar_s_view_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_sequences = outcomes(monkeypatch, tb.load(COMING), by_steps=False)
+    by_steps = outcomes(monkeypatch, tb.load(COMING), by_steps=True)
+    same(by_sequences["kf"], by_steps["kf"], "coming")
+    assert tb.run(tb.load(COMING), engine="fused")["kf"].metrics["nis.radar"].dof == 2
+
+
 NOISE = {"acceleration_sigma_mps2": 3}
 JERK = {"jerk_sigma_mps3": 3}
 MODES = {"imm": [{"model": "cv", **NOISE}, {"model": "ca", **JERK}], "stay_s": [5, 1]}

@@ -86,18 +86,23 @@ class Innovations:
             self._per_run[NIS["missing"]] += due.reshape(self._shape).sum(axis=0)
             self._measurement += 1
             return
-        rows, its_used, its_due = self.rows(1, self._dof if white is None else len(white))
+        if not self._dof and white is not None:
+            self._dof = len(white)
+            self._white = np.zeros((len(self._used), self._dof, self._used.shape[1]))
+        rows, its_used, its_due = self.rows(1)
         rows[0] = 0.0 if white is None else white
         its_used[0] = False if white is None else used
         its_due[0] = due
         if self._next - self._first >= (ROWS if self._kernels else CHUNK):
             self.flush()
 
-    def rows(self, count: int, dof: int) -> tuple[Array, Mask, Mask]:
+    @property
+    def known(self) -> bool:
+        """Whether an innovation was taken in, so that their size is known."""
+        return self._dof > 0
+
+    def rows(self, count: int) -> tuple[Array, Mask, Mask]:
         """Rows for the next measurements: of whitened innovations ``(count, dof, batch)``, which are used, and due."""
-        if not self._dof:
-            self._dof = dof
-            self._white = np.zeros((len(self._used), dof, self._used.shape[1]))
         if self._next + count > len(self._white):
             self.flush()
             latest = slice(self._next - LAGS, self._next)

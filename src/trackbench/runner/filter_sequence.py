@@ -352,9 +352,11 @@ def through(
     for number, step in enumerate(steps):
         if step.reads:
             rows.setdefault(step.scan.sensor, []).append(number)
+    if not all(scorer.innovations(sensor).known for sensor in rows):
+        return None
     whitened: dict[int, Array] = {}
     for sensor, numbers in rows.items():
-        white, used, due = scorer.innovations(sensor).rows(len(numbers), len(steps[numbers[0]].scan.measurement))
+        white, used, due = scorer.innovations(sensor).rows(len(numbers))
         for row, number in enumerate(numbers):
             whitened[number] = white[row]
             due[row] = used[row] = steps[number].scan.valid & scorer.due[first + steps[number].instant]
