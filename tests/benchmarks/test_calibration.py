@@ -7,13 +7,22 @@ import pytest
 from benchmarks.calibration import subjects
 from benchmarks.calibration.claim import FAILS, HOLDS, STATED, UNDECIDED, power, rate
 
-#: What does not hold, and is said in docs/metrics.md or docs/envelope-statistics.md.
+#: What does not hold, and is said in docs/metrics.md or docs/envelope-statistics.md; the last two are beyond what is
+#: wanted by less than their own error.
 FAILING = {
     "scenes of intersection, 120, imm_three, mean squared velocity error",
     "highway, 10 scenes, position RMSE: the same of the tracker covered least",
     "highway, 5 scenes, velocity RMSE: interval covers, mean over 6 trackers",
     "matched filter, 10 runs of scenes with correlated errors: consistent",
     "matched filter, 20 runs of scenes with correlated errors: consistent",
+    *(
+        f"typical, {scenes} scenes, {metric} RMSE: either of two equal trackers called better at the default margin, "
+        "most often of 21 pairs"
+        for scenes in (5, 10, 20, 40)
+        for metric in ("position", "velocity")
+    ),
+    "1 runs, autocorrelation 1, NEES 4.4: called wrong from few runs",
+    "scripted/own_model, one run of 21 s: of two equal versions one is called better",
 }
 
 
