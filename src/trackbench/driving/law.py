@@ -116,6 +116,5 @@ def difference_in_law(batch: Array, alone: Array) -> str:
     factor = math.exp(float(np.mean(alone.mean(axis=1) - batch)))
     if p_value >= LEVEL or 1 / LEAST_FACTOR < factor < LEAST_FACTOR:
         return ""
-    size = f"{max(factor, 1 / factor):.3g} times {'as large' if factor > 1 else 'smaller'}"
-    compared = f"of {len(batch)} members driven again, each alone, the squared errors are {size}"
+    compared = f"of {len(batch)} members driven again, each alone, the squared errors are {factor:.3g} times as large"
     return f"{compared} (p < {LEVEL:g}): they depend on the other members; likely an operation over the batch"

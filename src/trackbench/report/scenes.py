@@ -76,8 +76,8 @@ def undrawn_scenes(number: int) -> list[str]:
         return []
     share, factor = f"{100 * undrawn_share(number):.2g} %", f"{turning_factor(number):.2g}"
     return [
-        f"{number} scenes may leave out a kind of scene that makes up {share} of all; it turns an order if the mean "
-        f"difference there is {factor} times that of these scenes, the other way"
+        f"{number} scenes may leave out a kind of scene that makes up {share} of all: an order would turn if two "
+        f"trackers differed there by {factor} times as much as in these scenes, in the other direction"
     ]
 
 
