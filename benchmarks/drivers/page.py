@@ -130,7 +130,7 @@ def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
             pair["metric"],
             pair["b"],
             f"{pair['value']:+.4f} ({pair['ci95'][0]:+.4f} to {pair['ci95'][1]:+.4f})",
-            pair.get("verdict") or "not judged",
+            pair["verdict"],
         ]
         for world, of in worlds.items()
         for pair in of["differences"]

@@ -100,7 +100,7 @@ def _mean_log(errors: Sequence[Array]) -> Array:
 
 
 def difference_in_law(batch: Array, alone: Array) -> str:
-    """What members' errors in a batch have to do with the other members; empty where nothing shows it.
+    """Say that members err otherwise in a batch than alone, and by how much; empty where nothing shows it.
 
     A rank among distinct drives alone, scaled to -1 to 1, has the variance ``(k + 2) / 3k``, and no larger moment
     generating function than a normal variable of this variance. So Chernoff's bound holds for the sum of the ranks.

@@ -45,7 +45,7 @@ class Contrast(NamedTuple):
     """None with fewer than two runs or ``FEWEST_SCENES`` scenes, and where each of the two values is the same in every
     run."""
     p_value: float
-    """Of the hypothesis that the difference is within the margin: twice that of the nearer end, so it is below 5 %
+    """Probability under the hypothesis of a difference within the margin: twice that of the nearer end, below 5 %
     exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis that treatments
     have negligible effects"). Without a margin that of the two-sided t test; where the difference is the same in every
     run that of the sign test; 1 with fewer than two runs or ``FEWEST_SCENES`` scenes."""
@@ -71,7 +71,7 @@ def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
 def all_paired(
     intervals: Sequence[Interval], pairs: Sequence[tuple[int, int]], margin: Callable[[Interval, Interval], float]
 ) -> list[Contrast]:
-    """The same of many pairs; those of one first interval are computed together where they follow each other.
+    """Test many pairs as ``paired`` does; pairs of one first interval that follow each other are computed together.
 
     Over the stretches of a run, of which there are few, the ratio of two errors is tested: it varies less than their
     difference where one of them is large. Fewer than ``FEWEST_STRETCHES`` judge nothing.
@@ -127,7 +127,7 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
 
 
 def _unseen(a: Interval, b: Interval) -> float:
-    """By how much further the interval of a difference of two errors reaches, whatever was seen of their scenes.
+    """Return how much the interval of a difference of two errors is widened for scenes that were not drawn.
 
     Two trackers that differ much in few scenes alone are alike in all others, and the smaller their differences there
     are, the shorter is the interval of the mean. The differences themselves do not show what is missing, so that this

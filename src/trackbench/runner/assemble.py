@@ -182,9 +182,7 @@ def _description(loaded: Scenario) -> str:
 def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary:
     affected = any(sensor.config.effects for sensor in work.scenes[0].sensors) or work.scenes[0].point != "centre"
     return ReferenceSummary(
-        kind="bound"
-        if work.acceleration_as_drawn and not affected and work.scenes[0].point == "centre"
-        else "reference",
+        kind="bound" if work.acceleration_as_drawn and not affected else "reference",
         motion="cv",
         acceleration_sigma_mps2=work.acceleration,
         acceleration_from="truth" if stated_acceleration is None else "scenario",

@@ -68,7 +68,7 @@ class Block:
     first_velocities: Mapping[str, Array] = field(default_factory=dict)
     """As ``first_velocity`` has them, in the first block of each scene."""
     spreads: dict[str, list[Array]] = field(default_factory=dict)
-    """By plug-in, the sums of ``RunSpread``."""
+    """Sums of ``RunSpread`` for each plug-in."""
     unshown: Counter[str] = field(default_factory=Counter)
     """Lines that plug-ins printed and that were not shown."""
 

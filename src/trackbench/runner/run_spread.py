@@ -24,7 +24,7 @@ class RunSpread:
     def __init__(self, truth: Array) -> None:
         self._truth = truth[..., None]
         self.sums: list[Array] = []
-        """Of each instant ``(4, objects)``: number of positions, sums of x and y, m, and of their squares, m^2."""
+        """For each instant ``(4, objects)``: number of positions, sums of x and y, m, sum of squares of both, m^2."""
 
     def take(self, instant: int, position: Array, there: Mask) -> None:
         """Take in the positions of an instant.
@@ -55,9 +55,9 @@ def spread_in(work: Work, number: int) -> RunSpread | None:
 
 
 def run_spreads(work: Work, blocks: Sequence[Block]) -> dict[str, float]:
-    """By plug-in, the standard deviation of its positions over runs as a share of that of the finest measurement.
+    """Return the standard deviation of each plug-in's positions over runs, over that of the finest measurement.
 
-    None is told of a tracker that reads recorded measurements alone.
+    A tracker that reads recorded measurements alone is left out.
     """
     spreads = {}
     for name in dict.fromkeys(name for block in blocks for name in block.spreads):

@@ -100,7 +100,7 @@ class SecondDrives:
         self._others = cache(self._other_scans)
 
     def start(self, config: FilterConfig | PluginConfig, traits: Traits) -> SecondDrive | DriveAlone | None:
-        """That of a tracker, or None of one that is built in.
+        """Start the second drive of a plug-in; return None for a built-in tracker.
 
         A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
         permuted. Any other gets two runs in reverse order, after one of another scene. Of one that draws random numbers

@@ -12,7 +12,6 @@ from pydantic import Field
 from trackbench.base import linalg
 from trackbench.base.config import Config, NonNegative, Positive, Problem, problem_error
 from trackbench.base.config.key_units import in_si, split_key
-from trackbench.base.errors import nearest_choices
 from trackbench.base.types import Array, Scan
 from trackbench.filters import ErrorState
 from trackbench.models.sensors import SENSOR_MODELS
@@ -83,8 +82,7 @@ class AssumedEffects(Config):
                 yield Problem((key,), f"kf converts the measurements of a {kind}, which changes their errors; use ekf")
         if self.correlated_errors is not None:
             for i, name in enumerate(self.correlated_errors.components):
-                if name not in sensor.components:
-                    wrong = f"a {kind} measures no {name!r}; {nearest_choices(name, sensor.components)}"
+                if wrong := sensor.why_unmeasured(name):
                     yield Problem(("correlated_errors", "components", i), wrong)
                 elif name in self.correlated_errors.components[:i]:
                     yield Problem(("correlated_errors", "components", i), f"{name} is named twice; remove one")

@@ -187,11 +187,17 @@ class Sensor(Config, ABC):
             for problem in effect.problems_on(self):
                 yield Problem(("effects", i, *problem.at), problem.message)
         for name in self.by_angle.sigma if self.by_angle is not None else ():
-            if name not in self.components:
-                wrong = f"a {self.kind()} measures no {name!r}; {nearest_choices(name, self.components)}"
+            if wrong := self.why_unmeasured(name):
                 yield Problem(("by_angle", "sigma", name), wrong)
         if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
             yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
+
+    @classmethod
+    def why_unmeasured(cls, component: str) -> str:
+        """Say that the sensor does not measure a component, and which it measures; empty where it measures it."""
+        if component in cls.components:
+            return ""
+        return f"a {cls.kind()} measures no {component!r}; {nearest_choices(component, cls.components)}"
 
     @classmethod
     def kind(cls) -> str:

@@ -239,8 +239,9 @@ class EnvelopeMap:
     def _present(self, points: Sequence[Point]) -> list[Point]:
         """The points that are cells; notes which are none."""
         absent = {point: self.task.absent_at(point) for point in points}
-        self.absent += [item for item in absent.values() if item is not None and item not in self.absent]
-        self.absent = [item for number, item in enumerate(self.absent) if item not in self.absent[:number]]
+        for item in absent.values():
+            if item is not None and item not in self.absent:
+                self.absent.append(item)
         return [point for point in points if absent[point] is None]
 
     def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Angle, NonNegative, Positive, Probability, Problem
-from trackbench.base.errors import nearest_choices
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
@@ -49,8 +48,7 @@ class CorrelatedErrors(Effect):
 
     def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
         for name in self.share_of:
-            if name not in sensor.components:
-                wrong = f"a {sensor.kind()} measures no {name!r}; {nearest_choices(name, sensor.components)}"
+            if wrong := sensor.why_unmeasured(name):
                 yield Problem(("share_of", name), wrong)
 
 
