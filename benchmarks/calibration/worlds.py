@@ -30,8 +30,8 @@ UNITS = {"position": "m", "velocity": "m/s"}
 TRACKERS = ("raw", "kf_cv", "ekf_cv", "ekf_ca", "ukf_ctrv", "imm_cv_ca", "imm_three")
 #: By world the numbers of scenes that are drawn.
 SIZES = dict.fromkeys(("ideal", "human", "typical"), (5, 10, 20, 40)) | {"recorded": (5, 10)}
-#: Scenes of each simulated world, those of one result, and runs of each scene.
-SCENES, TOGETHER, RUNS = 100, 20, 2
+#: Seed of the first scene of each simulated world, scenes of each, those of one result, and runs of each scene.
+FIRST, SCENES, TOGETHER, RUNS = 1001, 100, 20, 2
 #: Every so many cars of the recording one observes a scene.
 CARS = 2
 TRIALS = 2000
@@ -141,7 +141,7 @@ def main() -> None:
 
 def starts(world: str) -> range:
     """Return the seed of the first scene of each result; of a recorded world the number of each observing car."""
-    return range(1, SCENES + 1, TOGETHER) if world != "recorded" else range(1, 200, CARS)
+    return range(FIRST, FIRST + SCENES, TOGETHER) if world != "recorded" else range(FIRST % CARS, 200, CARS)
 
 
 def rows_of(world: str, first: int) -> list[list[str]]:

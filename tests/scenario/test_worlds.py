@@ -8,6 +8,7 @@ import pytest
 
 import trackbench as tb
 from trackbench.base.errors import InputError
+from trackbench.scenario.check import check
 from trackbench.scenario.load import in_worlds
 from trackbench.scenario.worlds import WORLDS
 
@@ -53,8 +54,16 @@ def test_the_recorded_world_has_the_motion_of_the_package_and_the_scenarios_targ
     assert all(effects(scenario).values())
     assert all(sensor.occlusion for sensor in scenario.config.sensors.values())
     assert {sensor.rate_hz for sensor in scenario.config.sensors.values()} == {10}
+    assert any(note.startswith("truth: 3 scenes of NGSIM I-80") for note in check(scenario))
     with pytest.raises(InputError, match="none, for no recording of its kind of road"):
         tb.load("roundabout", set={"world": "recorded"})
+
+
+def test_the_recorded_world_slows_a_sensor_to_the_rate_of_its_traffic_and_quickens_none() -> None:
+    rates = {"front_radar": 20, "roof_lidar": 5}
+    stated = {f"sensors.{name}.rate_hz": rate for name, rate in rates.items()}
+    sensors = tb.load("highway", set={"world": "recorded", **stated}).config.sensors
+    assert [sensors[name].rate_hz for name in rates] == [10, 5]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects import EFFECTS, gauss_markov
 from trackbench.models.sensors.effects.processes import CORRELATION_TIME, smooth_process
-from trackbench.models.sensors.effects.signal import SignalRange, fluctuation
+from trackbench.models.sensors.effects.signal import SignalRange, received_power
 from trackbench.report.result import result_document
 from trackbench.results.scenario_summary import SensorSummary
 from trackbench.scenario import load_scenario
@@ -183,13 +183,28 @@ SIGNAL = {"type": "signal_to_noise", "half_range_m": 100.0, "stated_at_m": 60.0}
 
 @pytest.mark.parametrize("distance", [60.0, 100.0, 150.0])
 def test_detections_follow_the_curve_of_swerling(distance):
-    # Two instants at the same aspect have one signal: the runs are the independent draws.
     sensor = ideal(Radar(effects=[SIGNAL], **RADAR), position=(distance, 0.0), steps=2)
     detected = detections(sensor, 20_000)
-    np.testing.assert_array_equal(detected[0], detected[1])
     expected = FALSE_ALARM_PROBABILITY ** (1 / (1 + float(signal_ratio(np.array(distance), 100.0))))
     low, high = stats.binom.ppf([1e-4, 1 - 1e-4], detected.shape[1], expected)
     assert low <= detected[0].sum() <= high
+
+
+@pytest.mark.parametrize("ratio", [5.0, 18.93, 100.0])
+def test_the_noise_of_a_scan_is_drawn_anew_while_the_reflection_of_a_frozen_target_stays(ratio):
+    """By Marcum's Q: of the power of a known reflection in noise, whose mean over reflections is the joint one."""
+    level = -np.log(FALSE_ALARM_PROBABILITY)
+    white = np.random.default_rng(2).standard_normal((2, 4, 1, 200_000))
+    detected = received_power(np.full((2, 1, 1), ratio), np.zeros((1, 1, 1)), white)[:, 0] > level
+    # Twice the power has a noncentral chi-squared distribution with two degrees of freedom.
+    reflections = stats.expon.ppf((np.arange(2000) + 0.5) / 2000)
+    given = stats.ncx2.sf(2 * level, 2, 2 * ratio * reflections)
+    missed = 1 - given.mean()
+    hit_after_miss = np.mean(given * (1 - given)) / missed
+    count = (~detected[0]).sum()
+    low, high = stats.binom.ppf([1e-4, 1 - 1e-4], count, hit_after_miss)
+    assert low <= (~detected[0] & detected[1]).sum() <= high
+    assert 0.03 < hit_after_miss < 0.3
 
 
 def wagging(rate_hz, amplitude_rad):
@@ -203,31 +218,34 @@ def wagging(rate_hz, amplitude_rad):
     return ideal_sensors(of, {"sensor": Radar(**RADAR | {"rate_hz": rate_hz, "effects": [SIGNAL]})})[0]
 
 
-def burst_s(sensor, rate_hz):
-    """Mean duration of a burst of misses, s, and the share detected, over 1,000 runs."""
+def missed_again(sensor, lag):
+    """Of misses at an instant the share that is missed ``lag`` scans later too, and the share detected, of 1,000
+    runs."""
     missed = ~detections(sensor, 1000)
-    begun = missed[1:] & ~missed[:-1]
-    return missed.sum() / rate_hz / begun.sum(), 1 - missed.mean()
+    return (missed[lag:] & missed[:-lag]).sum() / missed[:-lag].sum(), 1 - missed.mean()
 
 
 def test_the_power_is_exponential_and_its_correlation_is_that_of_the_aspect():
     turned = np.abs(np.random.default_rng(0).normal(0, 0.4, (39, 1, 1)))
-    white = np.random.default_rng(1).standard_normal((40, 2, 1, 40_000))
-    power = fluctuation(turned, white)[:, 0]
+    white = np.random.default_rng(1).standard_normal((40, 4, 1, 40_000))
+    power = received_power(np.full((40, 1, 1), 4.0), turned, white)[:, 0]
     for instant in (0, 19, 39):
-        assert stats.kstest(power[instant], "expon").pvalue > 1e-3
+        assert stats.kstest(power[instant] / 5.0, "expon").pvalue > 1e-3
     path = np.concatenate([[0.0], np.cumsum(turned)])
     apart = CORRELATION_TIME * np.abs(path[:, None] - path)
+    # Of the amplitude 4/5 of the power is the vehicle's, the rest noise.
+    amplitude = 0.8 * (1 + apart) * np.exp(-apart) + 0.2 * np.eye(40)
     # The correlation of 40,000 pairs of exponential variables has a standard error of at most 0.01.
-    assert np.abs(np.corrcoef(power) - ((1 + apart) * np.exp(-apart)) ** 2).max() < 0.05
+    assert np.abs(np.corrcoef(power) - amplitude**2).max() < 0.05
 
 
 @pytest.mark.parametrize("probability", [0.5, 0.9])
 def test_misses_begin_as_often_as_a_smooth_envelope_fades(probability):
     """By the rate at which an envelope crosses a level, Rice (1944): per change of the aspect that decorrelates."""
     level, step, count = -np.log(probability), 0.02, 4001
-    white = np.random.default_rng(4).standard_normal((count, 2, 1, 1000))
-    missed = fluctuation(np.full((count - 1, 1, 1), step), white)[:, 0] < level
+    white = np.random.default_rng(4).standard_normal((count, 4, 1, 1000))
+    # Of a signal far above the noise.
+    missed = received_power(np.full((count, 1, 1), 1e9), np.full((count - 1, 1, 1), step), white)[:, 0] < 1e9 * level
     by_step, by_two_steps = ((at[1:] & ~at[:-1]).sum(axis=0) / (step * (count - 1)) for at in (missed, missed[::2]))
     # What is lost between two instants goes with the step.
     begun = 2 * by_step - by_two_steps
@@ -250,6 +268,7 @@ def test_the_amplitude_has_the_autocorrelation_of_the_aspect_change_at_any_scan_
 def test_a_signal_decorrelates_over_the_aspect_of_its_carrier_and_of_the_width():
     """By the noise, which follows the power: over the aspect of 1.8 m at 77 GHz, and of one half of that at 154 GHz."""
     for carrier_ghz in (77.0, 154.0):
+        # At 100 m the signal is 190,000 times the noise.
         signal = SIGNAL | {"half_range_m": 1000.0, "carrier_ghz": carrier_ghz}
         still, aspect = np.zeros((2, 1, 1)), 299_792_458.0 / (2 * 1.8 * carrier_ghz * 1e9)
         assert aspect == pytest.approx(1.1e-3 * 77 / carrier_ghz, rel=0.02)
@@ -263,19 +282,25 @@ def test_a_signal_decorrelates_over_the_aspect_of_its_carrier_and_of_the_width()
 
 
 @pytest.mark.parametrize("amplitude_rad", [4e-4, 1e-3])
-def test_bursts_of_misses_last_as_long_at_any_rate(amplitude_rad):
-    (at_10_hz, share_10), (at_50_hz, share_50) = (burst_s(wagging(hz, amplitude_rad), hz) for hz in (10, 50))
+def test_misses_come_in_bursts_alike_at_any_rate(amplitude_rad):
+    """Of the reflection, which follows the aspect; the noise is drawn anew, so that scans in a burst differ."""
+    (at_10_hz, share_10), (at_50_hz, share_50) = (
+        missed_again(wagging(hz, amplitude_rad), round(0.1 * hz)) for hz in (10, 50)
+    )
     assert share_10 == pytest.approx(0.5, abs=0.03)
     assert share_50 == pytest.approx(share_10, abs=0.02)
-    # Drawn anew at each scan they would last for two scans, 0.2 s and 0.04 s.
-    assert at_10_hz > 1.0
-    assert at_50_hz == pytest.approx(at_10_hz, rel=0.15)
+    # Drawn anew at each scan it would be one half.
+    assert at_10_hz > 0.75
+    assert at_50_hz == pytest.approx(at_10_hz, abs=0.02)
 
 
 def test_the_power_is_that_of_the_body_and_not_of_the_point_that_wanders():
     still = {"type": "reflection", "across_m": 0.5, "time_s": 0.2}
-    sensor = ideal(Radar(effects=[still, SIGNAL], **RADAR), position=(100.0, 0.0), steps=50)
-    assert (np.ptp(affected(sensor, 1, "effects", range(20)).scale, axis=1) == 0).all()
+    # At 100 m the signal is 2e9 times the noise.
+    strong = SIGNAL | {"half_range_m": 10_000.0}
+    sensor = ideal(Radar(effects=[still, strong], **RADAR), position=(100.0, 0.0), steps=50)
+    scale = affected(sensor, 1, "effects", range(20)).scale
+    assert (np.ptp(scale, axis=1) < 1e-3 * scale.max(axis=1)).all()
 
 
 def test_the_noise_grows_as_the_signal_falls_and_a_broad_side_is_stronger():

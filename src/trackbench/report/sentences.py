@@ -24,6 +24,7 @@ from trackbench.results import (
     TrackerResult,
 )
 from trackbench.results.metric_value import by_value
+from trackbench.results.tracker_result import LEAST_OVER_BOUND
 
 #: The parts of T-GOSPA, in words.
 PARTS = {
@@ -189,8 +190,8 @@ def reused_identities(result: Result) -> str:
 def drawing_random(result: Result) -> str:
     """Which trackers draw random numbers, and what follows; empty where none does."""
     names = [tracker.name for tracker in result.scored if tracker.random]
-    how = f"random = True, so with {FEWEST} members or more its errors are compared with those of each member alone"
-    return f"{joined_names(names)}: {how}" if names else ""
+    how = "random = True, so its errors are compared with those of each member alone"
+    return f"{joined_names(names)}: {how} (of fewer than {FEWEST} objects times runs nothing is)" if names else ""
 
 
 def others_ignored(result: Result) -> list[str]:
@@ -294,8 +295,9 @@ def missing_estimates(result: Result) -> list[str]:
 
 
 def below_the_bound(result: Result) -> list[str]:
-    """Which contenders are shown to be below a reference that is no true bound."""
-    label, names = result.summary.held_against.label, [t.name for t in result.contenders if t.below_reference]
+    """Which contenders are shown to be below the reference."""
+    names = [tracker.name for tracker in result.contenders if tracker.most_over_reference < LEAST_OVER_BOUND]
+    label = result.summary.held_against.label
     why = "it expects this motion, or knows more than its measurements say"
     return [f"{name} is below the {label}: {why}" for name in names]
 

@@ -275,8 +275,8 @@ class ReferenceSummary(ResultModel):
     """Standard deviation per axis before the first measurement, for trackers that do not start from the truth."""
 
     @property
-    def is_true_bound(self) -> bool:
-        """Whether the motion is drawn anew in each run, so that no tracker can know it by heart."""
+    def motion_is_drawn(self) -> bool:
+        """Whether each run has a motion of its own, of which the bound is."""
         return self.kind == "bound" and self.acceleration_sigma_mps2 > 0
 
     @property

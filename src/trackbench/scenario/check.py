@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
 
-from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.errors import InputError, InputErrors, counted
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.truth import own_source, require_rates
-from trackbench.scenario.worlds import RECORDED_HZ
+from trackbench.scenario.worlds import I80, RECORDED_HZ
 from trackbench.trackers.config import PluginConfig
 from trackbench.truth.config.traffic import TracksConfig, read_tracks
 
@@ -53,7 +53,21 @@ def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str
 
 
 def _notes(loaded: Scenario, isolation: Isolation) -> list[str]:
-    return [*slowed_notes(loaded), *_columns(loaded), *_idle_effects(loaded), *_not_apart(loaded, isolation)]
+    return [
+        *_replaced_truth(loaded),
+        *slowed_notes(loaded),
+        *_columns(loaded),
+        *_idle_effects(loaded),
+        *_not_apart(loaded, isolation),
+    ]
+
+
+def _replaced_truth(loaded: Scenario) -> list[str]:
+    truth = loaded.document.value["truth"]
+    if loaded.config.world != "recorded" or not I80.items() <= truth.items():
+        return []
+    scenes = counted(len(truth["observer"]["vehicle"]), "scene")
+    return [f"truth: {scenes} of NGSIM I-80, by the world recorded, instead of the file's drivers, duration and seeds"]
 
 
 def slowed_notes(loaded: Scenario) -> list[str]:

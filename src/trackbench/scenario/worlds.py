@@ -74,8 +74,8 @@ def _sensors(sensors: Mapping[str, Any], world: World, recorded: bool) -> Iterat
         if effects == "typical":
             _refuse_another(stated.get("occlusion"), True, world, f"sensors.{name}.occlusion")
             yield f"sensors.{name}.occlusion=true"
-        rate = stated.get("rate_hz")
-        if world == "recorded" and not recorded and not (isinstance(rate, int | float) and rate <= RECORDED_HZ):
+        rate = _rate(stated)
+        if world == "recorded" and not recorded and (rate is None or rate > RECORDED_HZ):
             yield f"sensors.{name}.rate_hz={RECORDED_HZ}"
 
 

@@ -65,10 +65,13 @@ class SignalRange(Config):
 class SignalToNoise(SignalRange, Effect):
     """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates.
 
-    The received power P is exponential (Swerling 1), and follows the aspect: the direction of the line of sight in the
-    vehicle's frame. It is the square of a complex Gauss-Markov process of second order, whose correlation is 1/e after
-    the aspect has turned by ``c / (2 L f)``. L is the extent of the vehicle across the line of sight. A vehicle is
-    detected where P exceeds the threshold of a false alarm probability of 1e-6.
+    The received power is ``P = |sqrt(S) s + n|^2``, relative to the noise: S is the mean signal-to-noise ratio, s the
+    vehicle's reflection and n the receiver's noise, both complex Gaussian with power 1, so that P is exponential
+    (Swerling 1). The noise is drawn anew at each scan. The reflection follows the aspect, which is the direction of the
+    line of sight in the vehicle's frame: a Gauss-Markov process of second order, whose correlation is 1/e after the
+    aspect has turned by ``c / (2 L f)``. L is the extent of the vehicle across the line of sight. (Scatterers spread
+    evenly over L have a correlation of zero there, and 1/e at 0.7 of it.) A vehicle is detected where P exceeds the
+    threshold of a false alarm probability of 1e-6.
 
     The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with the
     mean power P0 at ``stated_at_m``. Slow errors have the mean of that factor over detections.
@@ -95,34 +98,35 @@ class SignalToNoise(SignalRange, Effect):
         ahead, left = sensed.bodies.seen_from(sensed.pose)
         distance = np.hypot(ahead, left)
         side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0)
-        mean = 1.0 + self.ratio(distance) * 10.0 ** (self.side_db * side**2 / 10.0)
-        # Of a vehicle that is not there yet nothing is known.
-        mean = np.where(np.isnan(mean), 1.0, mean)
+        # Of a vehicle that is not there yet the distance is NaN.
+        ratio = self.ratio(distance) * 10.0 ** (self.side_db * side**2 / 10.0)
+        ratio = np.where(np.isnan(ratio), 0.0, ratio)
         across = sensed.bodies.length * np.abs(side) + sensed.bodies.width * np.sqrt(1.0 - side**2)
         rate = across * (2e9 * self.carrier_ghz / LIGHT_MPS)
         turned = np.abs(wrap_angle(np.diff(np.arctan2(left, ahead), axis=0))) * (rate[1:] + rate[:-1]) / 2.0
         instants, objects = sensed.shape
-        white = random.standard_normal((instants, 2, objects))
-        # Of the signal of a vehicle that comes into view nothing is left.
-        power = mean * fluctuation(np.where(sensed.visible[:-1], turned, np.inf), white)
+        white = random.standard_normal((instants, 4, objects))
+        # Of the reflection of a vehicle that comes into view nothing is left.
+        power = received_power(ratio, np.where(sensed.visible[:-1], turned, np.inf), white)
         detected = power > THRESHOLD
         factor = np.sqrt(self.variance_factor(np.where(detected, power, np.inf)))
         return sensed.replaced(
             probability=sensed.probability * detected,
             scale=sensed.scale * factor,
-            slow_scale=sensed.slow_scale * np.sqrt(self.factor_at_mean(mean)),
+            slow_scale=sensed.slow_scale * np.sqrt(self.factor_at_mean(1.0 + ratio)),
         )
 
 
-def fluctuation(turned: Array, white: Array) -> Array:
-    """Draw relative powers of vehicles whose aspects change: exponential with mean 1.
+def received_power(ratio: Array, turned: Array, white: Array) -> Array:
+    """Draw the received powers, relative to the noise, of vehicles whose aspects change.
 
     Args:
+        ratio: ``(instants, objects, runs or 1)`` mean signal-to-noise ratio.
         turned: ``(instants - 1, objects, runs or 1)`` change of the aspect over that which decorrelates, at least 0.
-        white: ``(instants, 2, objects, runs)`` draws of a standard normal.
+        white: ``(instants, 4, objects, runs)`` draws of a standard normal: two of the reflection, two of the noise.
 
     Returns:
-        ``(instants, objects, runs)``.
+        ``(instants, objects, runs)``, exponential with mean ``1 + ratio``.
     """
-    real, imaginary = np.moveaxis(smooth_process(turned[:, None], white), 1, 0)
-    return np.asarray(0.5 * (real * real + imaginary * imaginary))
+    parts = np.sqrt(ratio)[:, None] * smooth_process(turned[:, None], white[:, :2]) + white[:, 2:]
+    return np.asarray(0.5 * (parts**2).sum(axis=1))
