@@ -116,6 +116,7 @@ def verdicts(world: str, metric: str, draws: Array, *, equal: bool) -> tuple[dic
     covered = []
     for scenes in draws:
         intervals = [rmse(squares[name], table["count"], scenes) for name in TRACKERS]
+        intervals = [interval._replace(few_decide=world == "typical") for interval in intervals]
         for name, margin in MARGINS.items():
             contrasts = all_paired(
                 intervals,

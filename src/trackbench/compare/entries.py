@@ -167,7 +167,9 @@ class Entry:
         scene = self._column(rows, "scene")
         if not np.array_equal(scene, np.round(np.clip(np.nan_to_num(scene), 0, expected))):
             raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
-        return clustered(interval, scene.astype(np.intp), in_time=self.result.summary.truth.log_stretches > 0)
+        truth = self.result.summary.truth
+        clusters = clustered(interval, scene.astype(np.intp), in_time=truth.log_stretches > 0)
+        return clusters._replace(few_decide=truth.few_scenes_decide)
 
     def _column(self, rows: pa.Table, name: str) -> Array:
         if name not in rows.column_names:

@@ -58,6 +58,7 @@ def evaluate(
     noise: RecordedNoise = EXACT,
     *,
     in_time: bool = False,
+    few_scenes_decide: bool = False,
 ) -> Evaluation:
     """The metrics of estimates or of tracks from the sums of all runs.
 
@@ -67,6 +68,7 @@ def evaluate(
         metrics: those to compute.
         noise: of the truth, where it is recorded.
         in_time: whether the scenes are stretches of time that follow each other.
+        few_scenes_decide: whether one scene of a hundred may decide between two trackers.
     """
     evaluation = Evaluation(dict(sums))
     sensors: list[str] = []
@@ -96,7 +98,7 @@ def evaluate(
                 if noise != EXACT and (axes := metric.reference_axes(path, own_sums)):
                     sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps
                     value = carrying(value, axes * sigma**2)
-                evaluation.intervals[path] = interval
+                evaluation.intervals[path] = interval._replace(few_decide=few_scenes_decide)
             if charged is not None:
                 value = value.model_copy(update={"charged_share": charged[0], "without_charged": charged[1]})
             evaluation.values[path] = value

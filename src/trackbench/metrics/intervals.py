@@ -95,6 +95,8 @@ class Interval(NamedTuple):
     """Runs from which on the interval is calibrated."""
     in_time: bool = False
     """Whether the parts are stretches of time that follow each other, so that neighbours may be alike."""
+    few_decide: bool = False
+    """Whether one scene of a hundred may decide the value."""
     of_stretches: bool = False
     """Whether the parts are stretches of single runs, as which two values are compared."""
     counted: Counted | None = None

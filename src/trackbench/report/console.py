@@ -301,7 +301,7 @@ def _notes(result: Result) -> list[str]:
         f"/ref: times the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_note_on_groups(result),
         *(values_of_few_scenes(result) or [f"{sign}: 95 %, {basis_of_intervals(result)}"]),
-        *(undrawn_scenes(len(summary.truth.scenes)) if result.differences else []),
+        *(undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide) if result.differences else []),
         *_coverage(trackers),
         *missing_estimates(result),
         *below_the_bound(result),

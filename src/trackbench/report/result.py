@@ -243,7 +243,8 @@ def _differences(result: Result, styles: Mapping[str, TrackerStyle]) -> Section:
     title = "All pairs"
     if summary.identities == "known":
         text += _NOT_BETTER if any(item.turned for item in result.differences) else ""
-        text += "".join(f" {sentence}." for sentence in undrawn_scenes(len(summary.truth.scenes)))
+        undrawn = undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
+        text += "".join(f" {sentence}." for sentence in undrawn)
         title += "" if len(drawn) == len(result.scored) else f" of the best {len(drawn)}"
     blocks: list[Block] = [Paragraph(text), beside]
     if summary.score.against is None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
-from trackbench.metrics.contrasts import turning_factor, undrawn_share
+from trackbench.metrics.contrasts import FEW_DECIDE_UNTIL, turning_factor, undrawn_share
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
 from trackbench.results import Result
@@ -67,13 +67,22 @@ def values_of_few_scenes(result: Result) -> list[str]:
     return lines
 
 
-def undrawn_scenes(number: int) -> list[str]:
+def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
     """Say how frequent a kind of scene of which none was drawn may be, and from which difference there an order turns.
 
     Empty where there are too few scenes for a verdict.
+
+    Args:
+        number: of scenes.
+        few_decide: whether one scene of a hundred may decide between two trackers.
     """
     if number < FEWEST_SCENES:
         return []
+    if few_decide and number < FEW_DECIDE_UNTIL:
+        return [
+            "vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
+            f"{FEW_DECIDE_UNTIL} scenes an error is shown to be larger only where it is more than twice the other"
+        ]
     share, factor = f"{100 * undrawn_share(number):.2g} %", f"{turning_factor(number):.2g}"
     return [
         f"{number} scenes may leave out a kind of scene that makes up {share} of all: an order would turn if two "

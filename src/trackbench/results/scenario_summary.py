@@ -146,6 +146,8 @@ class TruthSummary(ResultModel):
     audit: Audit
     cached: bool
     scenes: list[SceneSummary] = Field(default_factory=list)
+    few_scenes_decide: bool = False
+    """Whether one scene of a hundred may decide between two trackers: simulated vehicles hide others."""
     """All of them, where there are several."""
     motion: list[str] = Field(default_factory=list)
     """Fingerprint of what moved in each scene, also of a single one: one that begins another is of the same scene."""

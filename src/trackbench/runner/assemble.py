@@ -300,6 +300,7 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
         "audit": truth.audit,
         "cached": all(item.cached for item in truths),
         "scenes": scenes,
+        "few_scenes_decide": work.few_scenes_decide,
         **({"stretches": work.stretches} if work.stretches else {}),
         "motion": [scene_fingerprint(item.truth, item.measurements) for item in truths],
     }

@@ -51,8 +51,9 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
         return _evaluated_tracks(work, failures, outcomes)
     sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
     scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
+    options = work.scene_of_run, work.metrics, work.recorded_noise
     evaluations = {
-        name: evaluate(item, work.scene_of_run, work.metrics, work.recorded_noise) for name, item in sums.items()
+        name: evaluate(item, *options, few_scenes_decide=work.few_scenes_decide) for name, item in sums.items()
     }
     enough = [name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage]
     errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}

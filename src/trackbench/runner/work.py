@@ -144,6 +144,8 @@ class Work:
     """Into how many stretches of time the scores of each scene, a log of one run, are cut; 0: into none."""
     counted_stretches: Sequence[tuple[int, int]] = ()
     """The scene and the number of each stretch that counts."""
+    few_scenes_decide: bool = False
+    """As of the scenario."""
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
         """The entry of a tracker that takes scans."""
@@ -345,15 +347,13 @@ def work_of(
         velocity_sigma=entry_velocity(every) if velocity is None else velocity,
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
-        metrics=(
-            *built_in_metrics(hidden, all(truth.known for truth in every)),
-            *scenario.own_metrics,
-        ),
+        metrics=(*built_in_metrics(hidden, all(truth.known for truth in every)), *scenario.own_metrics),
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if hidden else None,
         switch_costs=scenario.score.switch_costs_s,
         stretches=(scenario.truth.stretches or 0) if isinstance(scenario.truth, ReferenceTruth) else 0,
         counted_stretches=scenario.truth.counted_stretches,
+        few_scenes_decide=scenario.few_scenes_decide,
     )
     for scene in work.scenes:
         # Where a size is not known, it is said before anything is driven.

@@ -289,6 +289,16 @@ class ScenarioKeys(Config):
         return {name: sensor.type for name, sensor in self.sensors.items()}
 
     @property
+    def hides_targets(self) -> bool:
+        """Whether objects that are no targets may hide those that are."""
+        return self.sensing.identities == "known" and any(sensor.occlusion for sensor in self.sensors.values())
+
+    @property
+    def few_scenes_decide(self) -> bool:
+        """Whether one scene of a hundred may decide between two trackers: simulated vehicles hide others."""
+        return self.hides_targets and self.truth.source == "highway-env"
+
+    @property
     def own_metrics(self) -> list[Metric]:
         """Those beside the built-in ones: of its functions, and those that it names."""
         hidden = self.sensing.identities == "hidden"

@@ -47,7 +47,7 @@ def truths_of(
 def truth_source(loaded: Scenario) -> TruthSource:
     """The source of the truth: with hidden identities or occlusion, of every object that a sensor may reach."""
     config = loaded.config
-    if config.sensing.identities == "known" and not _hides(loaded):
+    if config.sensing.identities == "known" and not config.hides_targets:
         return config.truth
     return own_source(loaded).with_all_objects(min(sensor_reach(config.sensors.values()), LARGEST["length"]))
 
@@ -70,12 +70,6 @@ def require_rates(loaded: Scenario) -> None:
             more = f"{sensor.rate_hz:g} Hz is more than the truth has, which is recorded at {most:g} Hz"
             units = "" if most >= 1 else "check the unit of its times, such as units: {time: ms}; or "
             raise InputError(f"{more}; {units}use {most:g}", key=f"sensors.{name}.rate_hz")
-
-
-def _hides(loaded: Scenario) -> bool:
-    """Whether objects that are no targets may hide those that are."""
-    config = loaded.config
-    return config.sensing.identities == "known" and any(sensor.occlusion for sensor in config.sensors.values())
 
 
 class PendingTruths:
@@ -104,7 +98,7 @@ class PendingTruths:
     def _begun(self, source: TruthSource, executor: Executor) -> LoadedTruth | Future[LoadedTruth]:
         stored = source.stored()
         if stored is not None:
-            return _as_sensed(stored, _hides(self._loaded))
+            return _as_sensed(stored, self._loaded.config.hides_targets)
         load = Task(_Load.made, _Load.of(self._loaded, source), own_folder(self._loaded))
         return (self._here if source.quick else executor).submit(load, Here(self._advance))
 
@@ -141,7 +135,7 @@ class _Load:
     def of(cls, loaded: Scenario, source: TruthSource) -> _Load:
         config = loaded.config
         draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
-        return cls(source, draw, loaded.folder, config.sensor_kinds, _hides(loaded))
+        return cls(source, draw, loaded.folder, config.sensor_kinds, config.hides_targets)
 
     def made(self, progress: Progress) -> LoadedTruth:
         """The truth of the scene."""
