@@ -14,5 +14,11 @@ def test_how_frequent_and_how_different_a_kind_of_scene_may_be_is_said() -> None
     assert "2.9 times" in of_10
 
 
+def test_where_few_scenes_decide_it_is_said_how_many_are_needed() -> None:
+    (of_40,) = undrawn_scenes(40, few_decide=True)
+    assert "fewer than 500 scenes" in of_40
+    assert undrawn_scenes(500, few_decide=True) == undrawn_scenes(500)
+
+
 def test_nothing_is_said_where_there_is_no_verdict() -> None:
     assert undrawn_scenes(0) == undrawn_scenes(4) == []

@@ -19,8 +19,8 @@ UNDRAWN_LEVEL = 0.05
 #: allows for scenes of a kind that was not drawn. Chosen on 100 scenes of each world, and checked on 100 others
 #: (``benchmarks/calibration/worlds.py``).
 UNSEEN = 0.1
-#: Where one scene of a hundred may decide, that share is all of the smaller error, up to this number of scenes.
-FEW_DECIDE_UNTIL = 400
+#: Where one scene of a hundred may decide: the share itself, with fewer than so many scenes.
+UNSEEN_OF_FEW, FEW_DECIDE_UNTIL = 0.5, 500
 
 
 def undrawn_share(scenes: int) -> float:
@@ -133,13 +133,13 @@ def _unseen(a: Interval, b: Interval) -> float:
     Two trackers may differ in one scene of a hundred alone. Where it is not drawn, their differences are small and the
     interval of the mean is short: the differences themselves do not show what is missing. So this is a share of the
     errors, and falls as a standard error does. Where simulated vehicles hide others, one scene of a hundred made up to
-    47 % of a mean square error: there an error must be more than twice the other to be shown larger.
+    47 % of a mean square error, which makes the root without it 1.37 times smaller.
     """
     parts = min(len(a.influence), len(b.influence))
     if not all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in (a, b)):
         return 0.0
     few_decide = (a.few_decide or b.few_decide) and parts < FEW_DECIDE_UNTIL
-    return (1.0 if few_decide else UNSEEN / parts**0.5) * min(a.value, b.value)
+    return (UNSEEN_OF_FEW if few_decide else UNSEEN / parts**0.5) * min(a.value, b.value)
 
 
 def _tested(

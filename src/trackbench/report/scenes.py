@@ -81,7 +81,7 @@ def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
     if few_decide and number < FEW_DECIDE_UNTIL:
         return [
             "vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
-            f"{FEW_DECIDE_UNTIL} scenes an error is shown to be larger only where it is more than twice the other"
+            f"{FEW_DECIDE_UNTIL} scenes an error is shown to be larger only where it is more than 1.5 times the other"
         ]
     share, factor = f"{100 * undrawn_share(number):.2g} %", f"{turning_factor(number):.2g}"
     return [
