@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import sys
@@ -83,7 +84,10 @@ def test_the_page_on_plug_ins_runs_as_printed(tmp_path: Path, run_page: Callable
 
 def test_the_page_shows_the_files(fenced: Fenced) -> None:
     shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
-    assert shown == {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES.glob("alpha_beta*.py")}
+    assert shown == {
+        path.name: path.read_text(encoding="utf-8")
+        for path in [*EXAMPLES.glob("alpha_beta*.py"), EXAMPLES / "around.py"]
+    }
     for block in fenced(PAGE):
         if block.note.startswith("part of: "):
             assert block.text in (EXAMPLES / block.note.removeprefix("part of: ")).read_text(encoding="utf-8")
@@ -105,6 +109,17 @@ def test_the_example_is_honest_and_worth_it() -> None:
     assert mine["metrics"]["coverage"]["value"] > 0.99
     assert mine["health"]["diverged_runs"] == 0
     assert result.json()["passed"] is True
+
+
+def test_a_filter_called_from_step_is_the_built_in_one() -> None:
+    trackers = {
+        "mine": {"use": "around:Around"},
+        "kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 3, "initial": {"velocity": "zero"}},
+    }
+    changes = ["monte_carlo.runs=2", "expect=[]", f"trackers={json.dumps(trackers)}"]
+    loaded = load_scenario(EXAMPLES / "alpha_beta.yaml", changes)
+    result = run_scenario(loaded, truths_of(loaded))
+    assert result["mine"].position_rmse.value == pytest.approx(result["kf"].position_rmse.value, rel=1e-9)
 
 
 def test_every_field_of_a_scan_is_explained() -> None:

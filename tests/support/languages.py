@@ -15,29 +15,22 @@ from tests.support.places import ROOT
 #: What has been compiled, by what it was compiled from, so that each source is compiled once.
 BUILT = ROOT / ".pytest_cache" / "d" / "compiled"
 LANGUAGES = Path(str(files("trackbench.subjects.templates").joinpath("languages")))
-EIGEN = next(
-    (place for place in map(Path, ("/usr/include/eigen3", "/usr/local/include/eigen3")) if place.is_dir()), None
-)
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
 def compiled(folder: Path, source: str, *flags: str, library: bool = False) -> Path:
     """A source file of a folder that has the headers, as a program or a library beside it.
 
-    Skips where there is no compiler, or no Eigen for a source that needs it.
+    Skips where there is no compiler.
     """
     compiler = shutil.which("g++" if source.endswith(".cpp") else "gcc")
     if compiler is None:
         pytest.skip("there is no compiler")
-    eigen = "Eigen" in (folder / source).read_text()
-    if eigen and EIGEN is None:
-        pytest.skip("Eigen is not installed")
     output = folder / (Path(source).stem + (".so" if library else ""))
     how = ["-shared", "-fPIC"] if library else ["-DTRACKBENCH_PROGRAM"]
     standard = ["-std=c++17"] if source.endswith(".cpp") else ["-std=gnu99"]
     warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-    paths = [f"-isystem{EIGEN}"] if eigen else []
-    command = [compiler, "-O2", *standard, *warnings, *how, *flags, *paths, source, "-o", output.name, "-lm"]
+    command = [compiler, "-O2", *standard, *warnings, *how, *flags, source, "-o", output.name, "-lm"]
     content = [file.read_bytes() for file in (folder / source, *sorted(LANGUAGES.glob("*.h*")), Path(compiler))]
     built = BUILT / hashlib.sha256(b"".join([*content, repr(command).encode()])).hexdigest()
     if not built.exists():

@@ -72,9 +72,9 @@ def small_envelope(small_map: EnvelopeMap) -> Envelope:
 
 
 @pytest.fixture(scope="session")
-def searched() -> FinishedEnvelope:
-    """Four cells of the small map from a program, without counter-examples and with the worst run of a search."""
-    return tb.envelope(tb.load(small(cells=4).document.value, {"envelope.search.runs": 20}), counter_examples=0)
+def without_examples() -> FinishedEnvelope:
+    """Four cells of the small map from a program, without counter-examples."""
+    return tb.envelope(tb.load(small(cells=4).document.value), counter_examples=0)
 
 
 class Commanded(NamedTuple):
@@ -89,10 +89,10 @@ class Commanded(NamedTuple):
 
 @pytest.fixture(scope="session")
 def commanded(tmp_path_factory: pytest.TempPathFactory) -> Commanded:
-    """The command on the small scenario, with a search and one counter-example."""
+    """The command on the small scenario, with one counter-example."""
     folder, written = tmp_path_factory.mktemp("commanded"), list[Envelope]()
     (folder / "small.yaml").write_text(yaml.safe_dump(SMALL))
-    words = "envelope small.yaml --search 20 --counter-examples 1 --no-recording --junit cells.xml --github"
+    words = "envelope small.yaml --counter-examples 1 --no-recording --junit cells.xml --github"
 
     def save(made: Envelope, *arguments: Any) -> Path:
         written.append(made)

@@ -1,4 +1,4 @@
-"""Points of the map: values, shares, distances, costs, changes, and where the map is refined."""
+"""Points of the map: values, shares, distances, changes, and where the map is refined."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def axis(unit: float | None = None, **config: Any) -> MapAxis:
 
 LINEAR = axis(key="sensors.lidar.position_sigma_m", **{"from": 0.0, "to": 2.0}, levels=3)
 LOG = axis(key="sensors.lidar.position_sigma_m", **{"from": 0.01, "to": 1.0}, levels=3, scale="log")
-RATES = axis(key="sensors.lidar.rate_hz", values=[20, 5, 10], cost={"5": 50, "20": 110})
+RATES = axis(key="sensors.lidar.rate_hz", values=[20, 5, 10])
 WORLDS = axis(key="world", choices=["ideal", "human"])
-SUITES = axis(choices={"radar": {"a": 1}, "both": {"a": 2, "b": 3}}, cost={"radar": 50, "both": 400})
+SUITES = axis(choices={"radar": {"a": 1}, "both": {"a": 2, "b": 3}})
 
 
 def test_values_and_shares() -> None:
@@ -40,12 +40,6 @@ def test_values_and_shares() -> None:
         assert [each.share(value) for value in (each.values[0], each.values[-1])] == [0.0, 1.0]
     assert LOG.share(0.1) == pytest.approx(0.5)
     assert LINEAR.unit == "m"
-
-
-def test_costs_are_interpolated() -> None:
-    assert [RATES.cost(value) for value in (5.0, 10.0, 20.0)] == [50, 70, 110]
-    assert SUITES.cost("both") == 400
-    assert LINEAR.cost(1.0) == 0
 
 
 def test_linked_keys_follow_the_value() -> None:

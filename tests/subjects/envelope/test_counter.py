@@ -214,10 +214,10 @@ def test_the_page_begins_with_the_map_beside_the_nearest_one_and_its_command(cou
     assert nearest.blocks[-1] == Code(f"trackbench view counter_examples/{example.folder}", "sh")
 
 
-def test_none_are_made_where_none_are_wanted(searched: FinishedEnvelope) -> None:
-    assert searched.claim.counter_examples is not None
-    assert searched.claim.counter_examples.examples == []
-    assert searched.envelope.shown == {}
+def test_none_are_made_where_none_are_wanted(without_examples: FinishedEnvelope) -> None:
+    assert without_examples.claim.counter_examples is not None
+    assert without_examples.claim.counter_examples.examples == []
+    assert without_examples.envelope.shown == {}
 
 
 CAR: dict[str, Any] = {"start": {"x": 30, "y": 5, "speed_mps": 10}}

@@ -149,7 +149,6 @@ def test_the_command(worse: EnvelopeDiff, before: Envelope, after: Envelope, tmp
         (["small.yaml", "--verify", "a"], "unexpected extra argument"),
         (["--verify=a"], "there is no such file"),
         (["diff", "a", "b"], "there is no such file"),
-        (["badge", "a"], "there is no such file"),
         ([], "Missing argument 'SCENARIO'"),
     ],
 )
@@ -160,7 +159,7 @@ def test_mistaken_use(words: list[str], message: str, cli: Cli) -> None:
     assert message in done.err
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--verify", "--help"], ["diff", "-h"], ["badge", "-h"]])
+@pytest.mark.parametrize("words", [["--help"], ["--verify", "--help"], ["diff", "-h"]])
 def test_help(words: list[str], cli: Cli) -> None:
     done = cli("envelope", *words)
 

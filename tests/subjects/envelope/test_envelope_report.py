@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -217,33 +215,12 @@ def test_a_saved_envelope_is_written_again_by_report(cli, tmp_path: Path):
     assert (tmp_path / "again.html").read_text() == (folder / "envelope.html").read_text()
 
 
-def test_a_real_map_has_margins_and_sensitivities(small_envelope):
+def test_a_real_map_has_margins(small_envelope):
     finished = FinishedEnvelope(small_envelope)
     (margin,) = finished.margins
     (crossing,) = margin.crossings
     assert 0.1 <= crossing.low <= crossing.point <= crossing.high <= 1.0
     assert crossing.holds_below
-    (found,) = finished.sensitivities
-    ((_, swing),) = found.swings
-    assert swing.low < 0.25 < swing.high
-    assert 0 < swing.reach < swing.change
-
-
-SVG = "{http://www.w3.org/2000/svg}"
-
-
-def test_badge(small_envelope: Envelope, tmp_path: Path, cli: Callable[..., Any]) -> None:
-    claim = small_envelope.claim
-    save_envelope(small_envelope, tmp_path)
-    counts, version, total = claim.counts("kf"), claim.versions["trackbench"], len(claim.cells)
-    share = f"in {counts['holds']} of {total} cells ({100 * counts['undecided'] / total:.0f} % undecided)"
-
-    done = cli("envelope", "badge", "small-envelope", "--svg", "badge.svg")
-
-    assert done.status == 0
-    assert done.out == f"`kf`: position_rmse < 0.25 m {share}, 95 % confidence, these scenes, trackbench {version}\n"
-    picture = ET.fromstring((tmp_path / "badge.svg").read_text())
-    assert [text.text for text in picture.iter(f"{SVG}text")] == ["kf", share]
 
 
 def test_the_cells_as_test_cases(small_envelope: Envelope, commanded: Commanded) -> None:

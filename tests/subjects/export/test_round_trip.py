@@ -128,12 +128,3 @@ def test_another_seed_is_another_scan(elsewhere: pd.DataFrame, tmp_path: Path) -
     scenario = tb.load(SCENARIO, {"trackers.theirs": {"use": "tracks", "path": str(file)}}, runs=3, seed=8)
     with pytest.raises(InputError, match="they were made of other scans"):
         tb.run(scenario)
-
-
-def test_osi_without_covariance_has_no_nees(tmp_path: Path) -> None:
-    """The truth itself as tracks: no error, and nothing to hold an error against."""
-    tb.export(tb.load(SCENARIO, runs=1), tmp_path / "scans", tmp_path / "truth", format="osi")
-    theirs = result_of(tmp_path / "truth" / "scene0_gt_.osi", 1)["theirs"]
-    assert theirs.siap_position.value == pytest.approx(0, abs=1e-9)
-    assert theirs.nees.value is None
-    assert theirs.nees.reason

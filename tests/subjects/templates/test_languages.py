@@ -90,13 +90,12 @@ def require_alike(inside: Sequence[Any], outside: Sequence[Any]) -> None:
 INSIDE = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.5, "initial": {"velocity": "zero"}}
 
 
-@pytest.mark.parametrize("source", ["tracker.cpp", "tracker_eigen.cpp"])
-def test_the_filter_in_c_plus_plus_is_that_inside(folder: Path, scans: list[Scan], source: str) -> None:
-    compiled(folder, source)
+def test_the_filter_in_c_plus_plus_is_that_inside(folder: Path, scans: list[Scan]) -> None:
+    compiled(folder, "tracker.cpp")
     inside = estimates(folder, INSIDE, scans)
-    program = {"use": {"command": [f"./{Path(source).stem}"]}}
+    program = {"use": {"command": ["./tracker"]}}
     require_alike(inside, estimates(folder, program | OPTIONS, scans))
-    arguments = {"use": {"command": [f"./{Path(source).stem}", "--acceleration_sigma", "2.5"]}}
+    arguments = {"use": {"command": ["./tracker", "--acceleration_sigma", "2.5"]}}
     require_alike(inside, estimates(folder, arguments, scans))
 
 

@@ -28,7 +28,6 @@ from trackbench.runner.assemble import PACKAGES
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
-from trackbench.subjects.envelope.audited_log import audited_log
 from trackbench.subjects.envelope.axes import overrides
 from trackbench.subjects.envelope.cells import CellDecision, Store
 from trackbench.subjects.envelope.claim import (
@@ -43,14 +42,10 @@ from trackbench.subjects.envelope.claim import (
     parts_of,
 )
 from trackbench.subjects.envelope.counter import CounterMaker
-from trackbench.subjects.envelope.counter_models import WorstRun
 from trackbench.subjects.envelope.files import hashes_of
 from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
 from trackbench.subjects.envelope.margins import AxisMargin, margins
-from trackbench.subjects.envelope.sensitivity import Sensitivity, sensitivities
-from trackbench.subjects.envelope.suites import CheapestSuite, cheapest_suites
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
-from trackbench.subjects.envelope.worst import require_cma, worst_runs
 
 
 @dataclass(frozen=True)
@@ -63,8 +58,6 @@ class EnvelopePlan:
     """A folder that keeps the runs until the map is written."""
     counter_examples: int | None = None
     """Most of a tracker; None: twice the number of axes."""
-    log: Path | None = None
-    """An audit of a log, whose sensors are shown on the map."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)
@@ -77,27 +70,20 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
         InputError: something is wrong in the scenario, or a cell of the map is none.
         TrackbenchError: the processes that do the work died.
     """
-    # Before anything is written, for what is wrong with it.
-    log = None if plan.log is None else audited_log(plan.log, loaded, task_of(loaded).axes)
     made = map_of(loaded, plan, executor, listener)
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
     mapped = envelope_of(made, command_of_envelope(loaded, plan))
     for name in idle_axes(mapped.claim):
         listener.note(f"{name}: no value changes along this axis")
-    mapped = replace(mapped, claim=mapped.claim.model_copy(update={"log": log}))
     return _with_counter_examples(made, mapped, plan.counter_examples, listener)
 
 
 def _with_counter_examples(made: EnvelopeMap, envelope: Envelope, most: int | None, listener: Listener) -> Envelope:
-    """What is claimed of a map, with its nearest counter-examples and the worst runs that a search finds."""
+    """What is claimed of a map, with its nearest counter-examples."""
     maker = CounterMaker(made, envelope.claim)
     examples = maker.make(most, listener)
-    worst: tuple[WorstRun, ...] = ()
-    if (search := made.task.config.search) is not None:
-        with listener.progress(f"search for the worst run of {envelope.claim.scenario}", "runs") as advance:
-            worst = tuple(worst_runs(made, search, advance))
-    claim = envelope.claim.model_copy(update={"counter_examples": examples, "worst": worst})
+    claim = envelope.claim.model_copy(update={"counter_examples": examples})
     return replace(envelope, claim=claim, shown=maker.shown)
 
 
@@ -108,8 +94,6 @@ def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: L
         InputError: something is wrong in the scenario.
     """
     task = task_of(loaded)
-    if task.config.search is not None:
-        require_cma()
     for note in check_plugins(task.loaded, plan.isolation):
         listener.note(note)
     retune = _retuner(executor) if task.config.retune else None
@@ -222,8 +206,6 @@ def command_of_envelope(loaded: Scenario, plan: EnvelopePlan) -> str:
         parts += ["--set", override]
     if plan.engine != "auto":
         parts += ["--engine", plan.engine]
-    if plan.log is not None:
-        parts += ["--log", str(plan.log)]
     return shlex.join(parts)
 
 
@@ -233,7 +215,6 @@ def envelope(
     workers: int | None = 1,
     engine: EngineName = "auto",
     counter_examples: int | None = None,
-    log: Path | str | None = None,
     progress: Progress = no_progress,
 ) -> FinishedEnvelope:
     """Map where trackers meet what the scenario expects of them.
@@ -243,7 +224,6 @@ def envelope(
         workers: number of processes; None: one for each core where it pays. The claim is the same.
         engine: ``auto``, ``numpy`` or ``fused``.
         counter_examples: most of a tracker; twice the number of axes unless given.
-        log: the folder of an audit of a log, whose sensors are shown on the map.
         progress: called with the number of cells that are decided and of those that there are.
 
     Raises:
@@ -252,7 +232,7 @@ def envelope(
     """
     loaded = loaded_scenario(scenario)
     with executor(workers) as chosen:
-        plan = EnvelopePlan(engine=engine, counter_examples=counter_examples, log=None if log is None else Path(log))
+        plan = EnvelopePlan(engine=engine, counter_examples=counter_examples)
         return FinishedEnvelope(make_envelope(loaded, plan, chosen, Counter(progress, "cells")))
 
 
@@ -268,19 +248,9 @@ class FinishedEnvelope:
         return self.envelope.claim
 
     @property
-    def suites(self) -> list[CheapestSuite]:
-        """Of each tracker, and of several together, the cheapest suite with which it holds, by the axes' ``cost``."""
-        return cheapest_suites(self.claim)
-
-    @property
     def margins(self) -> list[AxisMargin]:
         """Of each tracker and axis, where the requirement stops to hold along the line through the scenario."""
         return [margin for tracker in self.claim.trackers for margin in margins(self.claim, tracker)]
-
-    @property
-    def sensitivities(self) -> list[Sensitivity]:
-        """Of each requirement, how much each axis changes its value."""
-        return sensitivities(self.envelope)
 
     def json(self) -> dict[str, Any]:
         """The claim, as ``trackbench envelope --json`` prints it."""

@@ -111,16 +111,6 @@ class MapAxis:
             return float(a != b)
         return abs(self.share(a) - self.share(b)) if self.distance_scale is None else abs(a - b) / self.distance_scale
 
-    def cost(self, value: Value) -> float:
-        """What a value costs; 0 where nothing is stated."""
-        stated = self.config.cost
-        if isinstance(value, str):
-            return stated.get(value, 0.0)
-        if not stated:
-            return 0.0
-        at = sorted((float(key), cost) for key, cost in stated.items())
-        return float(np.interp(value, [x for x, _ in at], [cost for _, cost in at]))
-
     def changes(self, value: Value) -> dict[str, Any]:
         """By key of the scenario, what it is set to."""
         config = self.config

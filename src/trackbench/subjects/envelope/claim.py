@@ -17,10 +17,9 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array
 from trackbench.results.metric_value import ROUNDING, ResultModel, read_model
 from trackbench.subjects.envelope.absent import AbsentCells
-from trackbench.subjects.envelope.audited_log import AuditedLog
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
-from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample, WorstRun
+from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample
 
 CLAIM, PARTS, SCHEMA_VERSION = "claim.json", "parts.parquet", 1
 
@@ -138,12 +137,8 @@ class Claim(ResultModel):
     """By tracker, its place in the scenario file, from which it has its colour."""
     parts_hash: str
     """sha256 of the values in ``parts.parquet``."""
-    log: AuditedLog | None = None
-    """Whose sensors are shown on the map."""
     counter_examples: CounterExamples | None = None
     """None where none were looked for."""
-    worst: tuple[WorstRun, ...] = ()
-    """Of each requirement the worst run that a search found; empty where none was asked for."""
 
     @model_validator(mode="after")
     def _whole(self) -> Claim:

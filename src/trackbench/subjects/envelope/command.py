@@ -37,7 +37,6 @@ _PACKAGE = "trackbench.subjects.envelope"
 WORDS = {
     "--verify": f"{_PACKAGE}.claim_commands:verify_command",
     "diff": f"{_PACKAGE}.claim_commands:diff_command",
-    "badge": f"{_PACKAGE}.claim_commands:badge_command",
 }
 
 
@@ -92,7 +91,7 @@ def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str)
     "envelope",
     cls=EnvelopeGroup,
     invoke_without_command=True,
-    subcommand_metavar="| --verify CLAIM | diff A B | badge FOLDER",
+    subcommand_metavar="| --verify CLAIM | diff A B",
 )
 @click.argument(
     "scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True, shell_complete=first_words
@@ -105,13 +104,9 @@ def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str)
 @engine_option
 @isolation_options
 @click.option("--counter-examples", type=Whole(0), metavar="N", help="At most N of a tracker.")
-@click.option("--search", type=Whole(20), metavar="N", help="Look for the worst run in N runs.")
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
 @github_option
-@click.option(
-    "--log", type=click.Path(path_type=Path), metavar="AUDIT", help="Mark a log's sensors, by its `trackbench audit`."
-)
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
 @quiet_option("The headline alone.")
 @verbose_option
@@ -125,9 +120,7 @@ def envelope_command(
     engine: EngineName,
     isolation: Isolation,
     counter_examples: int | None,
-    search: int | None,
     no_recording: bool,
-    log: Path | None,
     junit: Path | None,
     github: bool,
     as_json: bool,
@@ -159,8 +152,6 @@ def envelope_command(
     )
     from trackbench.subjects.envelope.report import envelope_summary, headlines
 
-    if search is not None:
-        settings = (*settings, f"envelope.search.runs={search}")
     loaded = load(scenario, settings, trackers=None if trackers is None else names_in(trackers))
     name = loaded.config.name
     require_envelope_folder(name, out)
@@ -172,7 +163,7 @@ def envelope_command(
     output = RunOutput(as_json, quiet)
     kept = f"the runs so far are kept; the same command goes on from {store}"
     with executor(workers, cluster) as chosen, if_interrupted(kept):
-        plan = EnvelopePlan(isolation, engine, store, counter_examples, log)
+        plan = EnvelopePlan(isolation, engine, store, counter_examples)
         made = make_envelope(loaded, plan, chosen, output)
     folder = save_envelope(made, out, not no_recording)
     write_suites([suite_of_claim(made.claim, loaded)], junit, github, as_json)

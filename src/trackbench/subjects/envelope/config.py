@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from trackbench.base.config import Config, Name, NonNegative, Positive, Problem
+from trackbench.base.config import Config, Name, Positive, Problem
 from trackbench.base.config.key_units import convert, find_unit, split_key
 from trackbench.metrics.bounds import FEWEST_RUNS
 
@@ -46,10 +46,6 @@ class Axis(Config):
         description="Categories: values of `key`, or names, each with the keys that it sets.",
     )
     unit: str = Field("", description="Of the value, as it is shown; that of the key unless given.")
-    cost: dict[str, NonNegative] = Field(
-        default_factory=dict,
-        description="What a value costs, such as `{0.1: 400, 1: 50}`; between two values along a straight line.",
-    )
 
     @property
     def continuous(self) -> bool:
@@ -82,12 +78,6 @@ class Axis(Config):
             yield Problem((self.form,), "at least two are needed to vary anything")
         if self.form != "from" and {"levels", "scale"} & self.model_fields_set:
             yield Problem(("levels",), "only used with from and to")
-        names = {str(choice) for choice in self.choices}
-        for name in self.cost:
-            if self.form == "choices" and name not in names:
-                yield Problem(("cost", name), f"is none of the choices {', '.join(sorted(names))}")
-            if self.form != "choices" and _number(name) is None:
-                yield Problem(("cost", name), "a value of the axis is needed")
 
     def _keyed(self) -> Iterator[Problem]:
         named = isinstance(self.choices, dict) and bool(self.choices)
@@ -141,22 +131,6 @@ class Population(Config):
             yield Problem(("first",), f"must be at most the budget of a cell, which is {self.most}")
 
 
-class Search(Config):
-    """A search for the worst run, over seeds and points; it says nothing of how often."""
-
-    runs: int = Field(400, ge=20, le=1_000_000, description="Runs that it may take for each requirement.")
-    axes: dict[Name, Axis] = Field(
-        default_factory=dict,
-        description="What is searched over, such as how the ego drives; the numeric axes of the map unless given.",
-    )
-    seed: int = Field(0, ge=0, le=2**31, description="Of what it tries.")
-
-    def problems(self) -> Iterator[Problem]:
-        for name, axis in self.axes.items():
-            if axis.form == "choices":
-                yield Problem(("axes", name), "a search goes over numbers: write from and to, or values")
-
-
 class EnvelopeConfig(Config):
     """What `trackbench envelope` varies, and how surely a cell of its map is decided."""
 
@@ -165,7 +139,7 @@ envelope:
   claim: these scenes
   axes:
     range_sigma: {key: sensors.front_radar.range_sigma_m, from: 0.1, to: 2, scale: log}
-    rate: {key: sensors.front_radar.rate_hz, values: [5, 10, 20], cost: {5: 50, 10: 80, 20: 120}}
+    rate: {key: sensors.front_radar.rate_hz, values: [5, 10, 20]}
 """
 
     axes: dict[Name, Axis] = Field(min_length=1, description="What is varied, by name.")
@@ -188,9 +162,6 @@ envelope:
     )
     retune: bool = Field(
         False, description="Whether the process noise of each tracker is tuned anew in each cell before it is judged."
-    )
-    search: Search | None = Field(
-        None, description="Looks for the worst run, after the map is made; needs `trackbench[search]`."
     )
     scale: dict[Name, Positive] = Field(
         default_factory=dict,
@@ -220,10 +191,3 @@ def axis_keys(axis: Axis) -> list[str]:
     """The keys of the scenario that an axis changes, each once."""
     named = [key for keys in axis.choices.values() for key in keys] if isinstance(axis.choices, dict) else []
     return list(dict.fromkeys([*([axis.key] if axis.key else []), *axis.keys, *named]))
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None

@@ -104,22 +104,6 @@ class CounterExamples(ResultModel):
     """How many of these there are."""
 
 
-class WorstRun(ResultModel):
-    """What a search for the worst run found."""
-
-    limit: int
-    """The number of the requirement."""
-    runs: int
-    """That it made."""
-    axes: list[str]
-    """Over which it went, beside seeds."""
-    point: list[float | str]
-    changes: list[str]
-    """``key.path=value`` of what repeats and records the run."""
-    value: float | None
-    """None where no run has one."""
-
-
 class ShownExample(NamedTuple):
     """What the folder of a counter-example holds."""
 

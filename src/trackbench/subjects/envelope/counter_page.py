@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 
@@ -170,22 +169,6 @@ def nearest_section(claim: Claim) -> Section:
     )
     command = Code(f"trackbench view {COUNTER_EXAMPLES}/{item.folder}", "sh")
     return Section("Nearest counter-example", (facts, Paragraph(_NEXT), command))
-
-
-def worst_section(claim: Claim) -> Iterator[Section]:
-    """The worst runs that a search found."""
-    if not claim.worst:
-        return
-    items, commands = [], []
-    for run in claim.worst:
-        limit = claim.limits[run.limit]
-        at = ", ".join(f"{name} {value:.4g}" for name, value in zip(run.axes, run.point, strict=True))
-        value = "no run has a value" if run.value is None else f"{limit.metric} {run.value:.4g} at {at or 'a seed'}"
-        items.append(Item(f"{value}, found by search in {counted(run.runs, 'run')} ({limit.text})", limit.tracker))
-        changes = (word for change in run.changes for word in ("--set", change))
-        commands.append(shlex.join(["trackbench", "run", claim.file, *changes, "--trackers", limit.tracker]))
-    about = Paragraph("Found by search: it says nothing of how often such a run happens. These commands repeat them:")
-    yield Section("Worst runs", (Items(tuple(items)), about, Code("\n".join(commands), "sh")))
 
 
 def at_point(claim: Claim, cell: int) -> str:

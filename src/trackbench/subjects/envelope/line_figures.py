@@ -15,7 +15,7 @@ from trackbench.document.drawing import DASHED, INK, MARKERS, WIDTH, fit_value_a
 from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
-from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label, marked_points
+from trackbench.subjects.envelope.map_figures import MOST_PANELS, OWN, axis_label
 from trackbench.subjects.envelope.margins import AxisMargin, margins, place_of_line
 
 #: Of one panel, points.
@@ -66,15 +66,8 @@ def _figure(
     claim: Claim, axis: MapAxis, metric: str, lines: Sequence[AxisMargin], styles: Sequence[TrackerStyle]
 ) -> Figure:
     places = list(dict.fromkeys(place_of_line(margin) for margin in lines))[:MOST_PANELS]
-
-    audited = claim.log is not None and axis.name in claim.log.values
-    marks = [
-        (label, mark, value if axis.ordered else axis.values.index(value))
-        for label, mark, values in marked_points(claim)
-        if (value := values[axis.name]) is not None
-        and (axis.reaches(value) if axis.ordered else value in axis.values)
-        and (mark != "ring" or audited)
-    ]
+    own = claim.own_values[axis.name]
+    reached = own is not None and (axis.reaches(own) if axis.ordered else own in axis.values)
 
     def paint(canvas: Canvas) -> None:
         panels = canvas.subplots(len(places), 1, squeeze=False, sharex=True)[:, 0]
@@ -87,11 +80,11 @@ def _figure(
             if len(places) > 1:
                 panel_title(panel, place, WIDTH)
             panel.set_ylabel(shortened_to_width(metric, _HEIGHT - 40))
-            for _, mark, value in marks:
-                face = "none" if mark == "ring" else INK
+            if own is not None and reached:
+                place_of_own = own if axis.ordered else axis.values.index(own)
                 panel.plot(
-                    [value], [0], marker=MARKERS[mark][0], markersize=9, color=INK, markerfacecolor=face,
-                    clip_on=False, zorder=5, transform=panel.get_xaxis_transform(),
+                    [place_of_own], [0], marker=MARKERS[OWN.mark][0], markersize=9, color=INK, clip_on=False, zorder=5,
+                    transform=panel.get_xaxis_transform(),
                 )  # fmt: skip
         for panel in panels:
             if _signed(claim, metric):
@@ -111,7 +104,7 @@ def _figure(
 
     at = f" Along {places[0]}." if len(places) == 1 and places[0] else ""
     others = [LegendEntry("limit", INK, "dash"), LegendEntry("holds", INK, "dot"), LegendEntry("fails", INK, "cross")]
-    others += [LegendEntry(label, INK, mark) for label, mark, _ in marks]
+    others += [OWN] if reached else []
     return tracker_figure(
         f"line-{axis.name}-{metric.partition(',')[0]}".replace("_", "-").replace(".", "-").replace(" ", "-"),
         f"{metric.partition(',')[0]} over {axis.name}",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,8 +17,7 @@ from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import shortened_to_width
 from trackbench.document.drawing import HATCHES, INK, MARKERS, MUTED, WIDTH, logarithmic, panel_title
-from trackbench.subjects.envelope.audited_log import log_values
-from trackbench.subjects.envelope.axes import MapAxis, Value
+from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, State
 from trackbench.subjects.envelope.margins import Border, Slice, border_of, distance_from, slices
 
@@ -26,6 +25,8 @@ from trackbench.subjects.envelope.margins import Border, Slice, border_of, dista
 STATE_COLOURS: dict[State, str] = {"holds": "#009E73", "fails": "#D55E00", "undecided": MUTED}
 #: Marker of a cell, its size in points and its fill.
 _MARKS = {"holds": ("o", 3.0, INK), "fails": ("x", 4.0, INK), "undecided": ("o", 3.5, "none")}
+#: Where the scenario itself is, as a legend names it.
+OWN = LegendEntry("the scenario", INK, "triangle")
 #: Panels of one figure, at most, and beside each other.
 MOST_PANELS, _BESIDE = 9, 2
 #: Of a single panel, and of one of several; points.
@@ -39,7 +40,7 @@ def pairs_of(claim: Claim) -> list[tuple[int, int]]:
 
 def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figure:
     """The cells of one tracker over two axes, with its border."""
-    parts, marks, left_out = _shown(claim, pair)
+    parts, mark, left_out = _shown(claim, pair)
 
     def paint(canvas: Canvas) -> None:
         for panel, part in zip(_panels(canvas, parts), parts, strict=False):
@@ -47,7 +48,7 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
             _paint_areas(panel, part, border)
             _paint_line(panel, part, border, INK)
             _paint_cells(panel, part, style.name)
-            _finish(panel, part, marks)
+            _finish(panel, part, mark)
         _label(canvas, parts)
 
     legend = [
@@ -55,7 +56,7 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
         LegendEntry("between cells that fail", STATE_COLOURS["fails"], "hatched"),
         LegendEntry("between others", STATE_COLOURS["undecided"], "lined"),
         LegendEntry("border, interpolated", INK),
-        *_mark_legend(marks),
+        *([OWN] if mark else []),
     ]
     counts = claim.counts(style.name)
     required = " and ".join(limit.text for limit in claim.limits_of(style.name))
@@ -79,7 +80,7 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
 
 def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[TrackerStyle]) -> Figure:
     """The borders of several trackers over two axes."""
-    parts, marks, left_out = _shown(claim, pair)
+    parts, mark, left_out = _shown(claim, pair)
 
     def paint(canvas: Canvas) -> None:
         for panel, part in zip(_panels(canvas, parts), parts, strict=False):
@@ -92,7 +93,7 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
                     unseen.append(f"{shortened_to_width(style.name, WIDTH / _BESIDE - 140, 8)}: {said}")
             # Bottom left, and in ink: it is read on every band.
             panel.text(0.04, 0.06, "\n".join(unseen), transform=panel.transAxes, fontsize=8, color=INK, zorder=5)
-            _finish(panel, part, marks)
+            _finish(panel, part, mark)
         _label(canvas, parts)
 
     lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
@@ -104,7 +105,7 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
         f"The borders of {counted(len(styles), 'tracker')} over {parts[0].across.name} and {parts[0].up.name}",
         paint,
         _height(parts),
-        legend=(*lines, *_mark_legend(marks)),
+        legend=(*lines, *([OWN] if mark else [])),
         tooltips={style.key: style.name for style in styles},
     )
 
@@ -118,10 +119,8 @@ def _all_alike(states: Sequence[State]) -> str:
 
 
 class _Mark(NamedTuple):
-    """A point that is shown on the map."""
+    """Where the scenario itself is shown."""
 
-    label: str
-    mark: Literal["triangle", "ring"]
     part: Slice
     """In which it lies, or to which it is nearest."""
     at: tuple[float, float]
@@ -131,49 +130,41 @@ class _Shown(NamedTuple):
     """What a figure shows."""
 
     parts: list[Slice]
-    marks: list[_Mark]
+    mark: _Mark | None
+    """None where the map does not reach to it."""
     left_out: str
     """A sentence on what is not shown."""
 
 
 def _shown(claim: Claim, pair: tuple[int, int]) -> _Shown:
-    """The slices of the points that are marked, and those of which most cells fail for some tracker."""
+    """The slice of the scenario itself, and those of which most cells fail for some tracker."""
     every = slices(claim, *pair)
-    marks = [*_marks(claim, every)]
-    marked = [id(mark.part) for mark in marks]
+    mark = _own_mark(claim, every)
 
     def rank(part: Slice) -> tuple[bool, float]:
         failing = [part.states(name).count("fails") for name in claim.trackers]
-        return id(part) not in marked, -max(failing) / len(part.cells)
+        return mark is None or part is not mark.part, -max(failing) / len(part.cells)
 
     kept = sorted(every, key=rank)[:MOST_PANELS]
     left, text = len(every) - len(kept), ""
     if left:
         text += f" Of {len(every)} slices those {len(kept)} are shown of which most cells fail"
-        text += ", with those of the marks." if marks else "."
+        text += ", with that of the scenario." if mark else "."
     missing = len(claim.cells) - sum(len(part.cells) for part in every)
     if missing:
         text += f" {counted(missing, 'cell')} between the slices are in the table alone."
     if not every[0].exact:
         text += " Each panel has all cells of a third of the other axis: its border is rough."
-    return _Shown([part for part in every if any(part is other for other in kept)], marks, text)
+    return _Shown([part for part in every if any(part is other for other in kept)], mark, text)
 
 
-def marked_points(claim: Claim) -> Iterator[tuple[str, Literal["triangle", "ring"], Mapping[str, Value | None]]]:
-    """Label, mark and values of the axes: of the scenario itself, and of the sensors of a log."""
-    yield "the scenario", "triangle", claim.own_values
-    if claim.log is not None:
-        yield f"sensors of {claim.log.name}", "ring", log_values(claim.log, claim.own_values)
-
-
-def _marks(claim: Claim, parts: Sequence[Slice]) -> Iterator[_Mark]:
-    """Of the points to which the map reaches."""
-    across, up = parts[0].across, parts[0].up
-    for label, mark, values in marked_points(claim):
-        x, y = values[across.name], values[up.name]
-        if across.reaches(x) and up.reaches(y):
-            part = min(parts, key=lambda part: distance_from(values, part.at))
-            yield _Mark(label, mark, part, (float(x), float(y)))  # type: ignore[arg-type]
+def _own_mark(claim: Claim, parts: Sequence[Slice]) -> _Mark | None:
+    across, up, values = parts[0].across, parts[0].up, claim.own_values
+    x, y = values[across.name], values[up.name]
+    if not (across.reaches(x) and up.reaches(y)):
+        return None
+    part = min(parts, key=lambda part: distance_from(values, part.at))
+    return _Mark(part, (float(x), float(y)))  # type: ignore[arg-type]
 
 
 def _paint_areas(panel: Axes, part: Slice, border: Border) -> None:
@@ -216,19 +207,13 @@ def _paint_cells(panel: Axes, part: Slice, tracker: str) -> None:
             )  # fmt: skip
 
 
-def _finish(panel: Axes, part: Slice, marks: Sequence[_Mark]) -> None:
-    """The marked points, why there are no cells elsewhere, and the axes."""
+def _finish(panel: Axes, part: Slice, mark: _Mark | None) -> None:
+    """The mark of the scenario, why there are no cells elsewhere, and the axes."""
     for height, text in part.absent:
         edge = "top" if height > 0.5 else "bottom"
         panel.text(0.5, height, text, transform=panel.transAxes, fontsize=8, color=INK, ha="center", va=edge)
-    for mark in marks:
-        if mark.part is part:
-            x, y = mark.at
-            look: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 2.0} if mark.mark == "ring" else {}
-            panel.plot(
-                [x], [y], linestyle="none", marker=MARKERS[mark.mark][0], markersize=9, color=INK, clip_on=False,
-                zorder=4, **look,
-            )  # fmt: skip
+    if mark is not None and mark.part is part:
+        panel.plot(*mark.at, marker=MARKERS[OWN.mark][0], markersize=9, color=INK, clip_on=False, zorder=4)
     panel.set_xlim(*part.across.ends)
     panel.set_ylim(*part.up.ends)
     if part.across.config.scale == "log":
@@ -236,10 +221,6 @@ def _finish(panel: Axes, part: Slice, marks: Sequence[_Mark]) -> None:
     if part.up.config.scale == "log":
         logarithmic(panel, "y")
     panel.grid(visible=False)
-
-
-def _mark_legend(marks: Sequence[_Mark]) -> Iterator[LegendEntry]:
-    return (LegendEntry(mark.label, INK, mark.mark) for mark in marks)
 
 
 def _panels(canvas: Canvas, parts: Sequence[Slice]) -> list[Axes]:

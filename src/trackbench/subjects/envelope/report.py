@@ -29,13 +29,9 @@ from trackbench.document import (
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.report.numbers import joined_names
-from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, outside, surrounding
-from trackbench.subjects.envelope.axes import MapAxis
-from trackbench.subjects.envelope.claim import STATES, Claim, ClaimCell, Envelope, State, read_envelope
-from trackbench.subjects.envelope.counter_page import counter_sections, nearest_section, worst_section
+from trackbench.subjects.envelope.claim import Claim, ClaimCell, Envelope, State, read_envelope
+from trackbench.subjects.envelope.counter_page import counter_sections, nearest_section
 from trackbench.subjects.envelope.margins import AxisMargin, excess, holding, margins, place_of_line, undecided
-from trackbench.subjects.envelope.sensitivity import Sensitivity, Swing, sensitivities
-from trackbench.subjects.envelope.suites import suite_sentences
 
 #: Cells of the table; the others are in the claim.
 MOST_CELLS = 100
@@ -81,52 +77,6 @@ def _at(margin: AxisMargin) -> tuple[str, ...]:
 def _assumed(cells: Sequence[ClaimCell]) -> str:
     """The effects of sensors on whose assumed figures some cells rest; empty where on none."""
     return joined_names(list(dict.fromkeys(name for cell in cells for name in cell.assumed)))
-
-
-def sensitivity_tables(made: Envelope) -> list[Table]:
-    """For each requirement, how much each axis changes its value."""
-    each = sensitivities(made)
-    names = [f"sensitivity-{number}" if len(each) > 1 else "sensitivity" for number in range(1, len(each) + 1)]
-    return [_sensitivity_table(item, name) for item, name in zip(each, names, strict=True)]
-
-
-def _sensitivity_table(item: Sensitivity, name: str) -> Table:
-    unit = "" if item.limit.unit == "1" else f", {item.limit.unit}"
-    columns = [
-        (Column("axis", left=True), [Cell(axis.name) for axis, _ in item.swings]),
-        (
-            Column(
-                f"change{unit}",
-                "From the start of the axis to its end, with the 95 % interval; of choices, least to largest.",
-                details="from, to",
-            ),
-            [_swing(axis, swing) for axis, swing in item.swings],
-        ),
-    ]
-    caption = item.limit.text
-    if item.first:
-        columns += [
-            (Column("alone, %"), [Cell(f"{100 * share:.0f}") for share in item.first]),
-            (Column("with others, %"), [Cell(f"{100 * share:.0f}") for share in item.total]),
-        ]
-        caption += (
-            ". Shares of the variance over the whole map: Sobol indices of an interpolation that is off by "
-            f"{100 * (item.error or 0.0):.0f} % of the spread at a cell left out"
-        )
-    elif item.error is not None:
-        caption += (
-            f". No shares of the variance: an interpolation is off by {100 * item.error:.0f} % of the spread at a cell "
-            "left out"
-        )
-    return Table.of_columns(name, columns, caption)
-
-
-def _swing(axis: MapAxis, swing: Swing | None) -> Cell:
-    if swing is None:
-        return Cell("n/a", reason="no line of cells with values runs along the axis")
-    reach = "" if swing.reach is None else f" ± {swing.reach:.2g}"
-    ends = f"{swing.low:.3g} at {axis.shown(swing.start)}, {swing.high:.3g} at {axis.shown(swing.stop)}"
-    return Cell(f"{swing.change:+.3g}{reach}", details=(ends,))
 
 
 def cells_table(claim: Claim) -> Table:
@@ -240,8 +190,7 @@ def envelope_document(made: Envelope) -> Document:
     blocks += [Row(first[1:])] if first[1:] else []
     margins = (*_margins(claim), *([Row(lines)] if maps and lines else []))
     blocks += [Section("Margins", margins)] if margins else []
-    blocks += [Section("Sensitivity", tuple(sensitivity_tables(made)))]
-    blocks += [*counter_sections(claim), *worst_section(claim), *_suites(claim)]
+    blocks += counter_sections(claim)
     blocks += [Section("Further pairs of axes", tuple(map(Row, maps[shown:])))] if maps[shown:] else []
     blocks += [
         Section("Cells", (cells_table(claim),), folded=True),
@@ -254,8 +203,7 @@ def envelope_document(made: Envelope) -> Document:
 def envelope_summary(made: Envelope) -> Document:
     """What the terminal shows."""
     claim = made.claim
-    sections = (*counter_sections(claim, listed=False), *worst_section(claim))
-    blocks = (*_headline(claim), *_margins(claim), *sections, *_suites(claim))
+    blocks = (*_headline(claim), *_margins(claim), *counter_sections(claim, listed=False))
     return Document("envelope", _title(claim), blocks)
 
 
@@ -276,33 +224,6 @@ def _headline(claim: Claim) -> Iterator[Block]:
     heads = (text.split(": ", 1) for text in headlines(claim))
     yield Items(tuple(Item(text, label, tracker=label) for label, text in heads))
     yield Paragraph(claim_sentence(claim))
-    if claim.log is not None:
-        yield Items(tuple(Item(text, "log") for text in log_sentences(claim, claim.log)))
-
-
-def log_sentences(claim: Claim, log: AuditedLog) -> Iterator[str]:
-    """Whether the sensors of a log are inside the envelope of each tracker."""
-    axes = claim.axes
-    values = ", ".join(f"{axis.name} {axis.shown(log.values[axis.name])}" for axis in axes if axis.name in log.values)
-    if beyond := outside(log, axes):
-        yield f"the sensors of {log.name} ({values}) lie outside the map: {beyond}"
-        return
-    cells = claim.by_point()
-    around = [cells[point] for point in surrounding(log_values(log, claim.own_values), axes, [*cells])]
-    near = counted(len(around), "cell") + " around"
-    for tracker in claim.trackers:
-        states = {cell.trackers[tracker].state for cell in around}
-        if states == {"holds"}:
-            text = f"are inside the envelope of {tracker}: it holds in the {near}"
-        elif states == {"fails"}:
-            text = f"are outside the envelope of {tracker}: it fails in the {near}"
-        else:
-            counts = ", ".join(
-                f"{sum(cell.trackers[tracker].state == state for cell in around)} {state}" for state in STATES
-            )
-            text = f"are not decided for {tracker}: " + (f"of the {near} {counts}" if around else "no cells lie around")
-        yield f"the sensors of {log.name} ({values}) {text}"
-    yield "only the axes were compared: whatever else the log and its sensors have otherwise is not in this"
 
 
 def _maps(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[tuple[Figure, ...]]:
@@ -326,11 +247,6 @@ def _margins(claim: Claim) -> Iterator[Block]:
         yield table
     elif any(axis.ordered for axis in claim.axes):
         yield Paragraph("No line of cells runs along an axis: `design: grid` makes such lines.")
-
-
-def _suites(claim: Claim) -> Iterator[Block]:
-    if sentences := [*suite_sentences(claim)]:
-        yield Section("Cheapest suites", (Items(tuple(map(Item, sentences))),))
 
 
 def _decided(claim: Claim) -> Iterator[Item]:

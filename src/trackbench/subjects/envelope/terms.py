@@ -56,15 +56,6 @@ _PAGES = {
             "within it is where the interpolated value meets the limit. `2.1 ± 0.1`: it is the middle of its band.",
         ),
     ),
-    "sensitivity": (
-        ("change", "Of the value from one end of an axis to the other, all else as in the scenario or near it."),
-        (
-            "share",
-            "Of the variance of the value over the whole map: what an axis explains alone, and with its interactions "
-            "with others (Sobol indices). They are those of an interpolation between the cells, and are left out where "
-            "it is off by more than a quarter of the spread at cells that it does not know.",
-        ),
-    ),
 }
 
 

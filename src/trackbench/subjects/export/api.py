@@ -17,7 +17,6 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.export.manifest import MANIFEST, manifest_writer, scan_manifest, truth_manifest
 from trackbench.subjects.export.mcap import mcap_scan_files, mcap_truth_files
-from trackbench.subjects.export.osi import osi_scan_files, osi_truth_files
 from trackbench.subjects.export.scans import ScanSource, scan_table, truth_table
 
 #: By the name of a file in the folder, what writes it.
@@ -77,7 +76,6 @@ FORMATS = {
     "csv": _tables_in("csv", _write_csv),
     "parquet": _tables_in("parquet", _write_parquet),
     "mcap": ExportFormat(mcap_scan_files, mcap_truth_files),
-    "osi": ExportFormat(osi_scan_files, osi_truth_files),
 }
 
 
@@ -98,7 +96,7 @@ def export(
         scenario: what :func:`load` gave or takes.
         scans: the folder of the scans.
         truth: the folder of the truth; it is not written unless given.
-        format: ``csv``, ``parquet``, ``mcap`` or ``osi``.
+        format: ``csv``, ``parquet`` or ``mcap``.
         progress: called with the number of steps simulated and of all.
 
     Raises:

@@ -12,7 +12,7 @@ from trackbench.cli.answer import print_answer
 from trackbench.cli.options import NearestChoice, Whole, scenario_paths
 from trackbench.cli.terminal import progress, quiet_option
 
-FORMAT_NAMES = ("csv", "parquet", "mcap", "osi")
+FORMAT_NAMES = ("csv", "parquet", "mcap")
 
 
 @click.command("export")
