@@ -64,10 +64,7 @@ def test_distances_are_in_the_units_of_scale() -> None:
 
 
 def test_each_other_choice_is_a_face() -> None:
-    axes = {
-        "kind": {"key": "sensors.radar.type", "choices": ["radar", "lidar", "radar(range, azimuth)"]},
-        "q": SQUARE["q"],
-    }
+    axes = {"kind": {"key": "sensors.radar.type", "choices": ["radar", "lidar", "sonar"]}, "q": SQUARE["q"]}
     found = faces(axes, lambda kind, q: 2.0 if kind > 0.75 and q > 0.45 else 0.5, base=["radar", 5])
     assert found == {"kind sonar": ("sonar", 5)}
 
