@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 import trackbench as tb
 from trackbench.base.types import Array
-from trackbench.metrics.bounds import Sample, Side, mean_bound, positive_bound, rate_bound, share_bound
+from trackbench.subjects.envelope.bounds import Sample, Side, mean_bound, positive_bound, rate_bound, share_bound
 
 from .claim import STATED, Claim
 from .scenes import HELD_BACK, METRICS, SCENES, pool

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
 from trackbench.base.types import Array
-from trackbench.metrics.bounds import Sample, Side, mean_bound, positive_bound
+from trackbench.subjects.envelope.bounds import Sample, Side, mean_bound, positive_bound
 from trackbench.subjects.envelope.cells import Spending
 
 from .bounds import Draw, gamma, lognormal, sample_of

@@ -15,7 +15,8 @@ from trackbench.filters import Belief, Measured, PredictedMeasurement, SingleMod
 from trackbench.models.motion import InitialSigmas
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
-from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar, SpeedRadar
+from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar
+from trackbench.models.sensors.radar import along_sight
 
 from .jacobian_faults import RadarRow
 
@@ -47,8 +48,23 @@ class RadarRateNegated(Radar):
         return linalg.vector([r, azimuth, -rate])
 
 
-class RadarOfSpeed(SpeedRadar):
+class RadarOfSpeed(Radar):
     """Speed where the range rate belongs, consistently."""
+
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
+        r, azimuth, _ = super().measure(target, pose, velocity)
+        return linalg.vector([r, azimuth, np.hypot(target[2], target[3])])
+
+    @classmethod
+    def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
+        h = super().jacobian(target, pose, velocity)
+        inverse = 1.0 / np.maximum(np.hypot(target[2], target[3]), 1e-6)
+        return linalg.matrix([[*h[0]], [*h[1]], [0, 0, target[2] * inverse, target[3] * inverse]])
+
+    @classmethod
+    def radial_velocity(cls, scan: Scan) -> Array:
+        return along_sight(scan)
 
 
 class RadarPolarStart(Radar):

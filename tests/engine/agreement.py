@@ -17,7 +17,7 @@ from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.filtered import FilterTracker
 
-KINDS = ("radar", "lidar", "speed_radar")
+KINDS = ("radar", "lidar")
 NEAR_TRUTH = {"from": "truth", "position_sigma_m": 0.5, "velocity_sigma_mps": 0.5}
 #: Process noise that fits the circles: of innovations that are 30 times as large as stated, rounding is so too.
 DIAGONALS = {"cv": [0.01, 0.01, 0.25, 0.25], "ca": [0.01] * 6, "ctrv": [0.01] * 5, "ctra": [0.01] * 6}

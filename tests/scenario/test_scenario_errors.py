@@ -196,7 +196,7 @@ BAD = [
     # Words that are not known.
     ("observer: ego", "observer: egg", ["8: truth.observer: 'egg' is not known; did you mean 'ego'?"]),
     ("type: lidar", "type: lidr", ["19: sensors.roof.type: 'lidr' is not known; did you mean 'lidar'?"]),
-    ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: lidar, radar, speed_radar"]),
+    ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: lidar, radar"]),
     ("filter: ekf", "filter: EKF", ["21: trackers.ekf.filter: 'EKF' is not known; did you mean 'ekf'?"]),
     ("filter: ekf", "filter: kalman", ["21: trackers.ekf.filter: 'kalman' is not known; did you mean 'kf'?"]),
     ("filter: ekf", "filter: efk", ["21: trackers.ekf.filter: 'efk' is not known; did you mean 'ekf'?"]),

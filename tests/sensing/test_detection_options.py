@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.places import SCENARIOS
 
 from trackbench.scenario.docs import OTHER_EXAMPLES
 
@@ -19,7 +20,7 @@ sensing: {identities: hidden}
 sensors:
   front: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
   roof: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, max_range_m: 80}
-  odd: {type: speed_radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, speed_sigma_mps: 0.1}
+  odd: {type: "speed_radar:SpeedRadar", rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, speed_sigma_mps: 0.1}
 """
     + TRACKERS
 )
@@ -29,8 +30,8 @@ BAD = [
      " that ends"),
     ("front", "states: {clutter_per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of"
      " view that ends"),
-    ("odd", "max_range_m: 90, clutter: {per_scan: 5}", "7: sensors.odd.clutter.per_scan: a speed_radar has no uniform"
-     " clutter; remove it"),
+    ("odd", "max_range_m: 90, clutter: {per_scan: 5}", "7: sensors.odd.clutter.per_scan: a "
+     "speed_radar:SpeedRadar has no uniform clutter; remove it"),
     ("roof", "clutter: {range_rate_mps: [5, -5]}", "6: sensors.roof.clutter.range_rate_mps: must be [low, high] with 5"
      " below -5"),
     ("roof", "clutter: {places: [{line: [], per_scan: 1}]}", "6: sensors.roof.clutter.places.0.line: must not be"
@@ -56,7 +57,9 @@ ONLY_HIDDEN = [
 
 
 @pytest.fixture
-def check(tmp_path: Path, cli: Callable[..., Any]) -> Callable[[str], str]:
+def check(tmp_path: Path, cli: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
+    monkeypatch.syspath_prepend(str(SCENARIOS / "published"))
+
     def call(text: str) -> str:
         (tmp_path / "any_tracker.py").write_text("class Any:\n    def step(self, state, scan): ...\n")
         file = tmp_path / "options.yaml"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from tests.support.places import SCENARIOS
 from tests.support.scenes import NOISE, RADAR_NOISE, scan, tracker
 
 from trackbench.base import linalg
@@ -13,6 +14,7 @@ from trackbench.trackers.config import FilterConfig
 
 Q = [20.0, 20.0, 4.0, 4.0]
 P0 = [100.0, 100.0, 250.0, 250.0]
+SPEED_RADAR = "speed_radar:SpeedRadar"
 SIZES = {"cv": 4, "ca": 6, "ctrv": 5, "ctra": 6, "singer": 6, "ct": 5, "bicycle": 5}
 MEASUREMENT = np.array([[500.0], [0.4], [7.0]])
 
@@ -78,8 +80,9 @@ def test_published_filter_step_by_step():
     )
     state = x = p = None
     f = np.eye(4) + np.eye(4, k=2)
+    SENSOR_MODELS.get(SPEED_RADAR, SCENARIOS / "published")
     for k, z in enumerate(measurements):
-        state, estimate = made.step(state, scan("speed_radar", float(k), z, noise=r))
+        state, estimate = made.step(state, scan(SPEED_RADAR, float(k), z, noise=r))
         z = z[:, 0]
         if x is None:
             start = SENSOR_MODELS["radar"].position(scan("radar", 0.0, z, noise=r)).mean

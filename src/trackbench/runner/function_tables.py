@@ -41,7 +41,7 @@ def function_records(work: Work, evaluated: Evaluated, decided: Mapping[str, Dec
     if not functions:
         return {}
     scene = work.scenes[work.recorded_scene]
-    time = scene.truth.time[scene.instants() if work.cutoff is None else scene.due.steps]
+    time = scene.truth.time[work.scored_steps(scene)]
     sums = {
         (tracker, label): item.sums[FunctionSums(label, function).name]
         for tracker, item in evaluated.evaluations.items()

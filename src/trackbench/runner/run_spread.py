@@ -45,7 +45,7 @@ def spread_in(work: Work, number: int) -> RunSpread | None:
     scene, hidden = work.scenes[number], work.cutoff is not None
     if not scene.truth.known:
         return None
-    steps = scene.due.steps if hidden else scene.instants()
+    steps = work.scored_steps(scene)
     truth = np.nan_to_num(np.stack([scene.truth.px[steps, :, 0], scene.truth.py[steps, :, 0]]))
     return RunSpread(truth.sum(axis=2, keepdims=True) / max(truth.shape[2], 1) if hidden else truth)
 

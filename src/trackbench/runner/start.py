@@ -137,7 +137,7 @@ class SecondDrives:
     def _alone(self, config: FilterConfig | PluginConfig) -> DriveAlone | None:
         work, scene, runs = self._work, self._work.scenes[self._piece.scene], self._piece.runs
         several = work.cutoff is not None
-        steps = scene.due.steps if several else scene.instants()
+        steps = work.scored_steps(scene)
         truth = np.where(scene.truth.alive[steps, :, None], of_runs(scene.truth.state[:2, steps], runs), np.nan)
         truth = np.broadcast_to(truth, (*truth.shape[:3], len(runs)))
         if not several:

@@ -275,6 +275,10 @@ class Work:
         first = self.scenes[min(scenes)]
         return replace(self, scenes=[each if number in scenes else first for number, each in enumerate(self.scenes)])
 
+    def scored_steps(self, scene: Scene) -> Indices:
+        """Return the indices of the truth's steps at which the estimates of trackers are scored."""
+        return scene.instants() if self.cutoff is None else scene.due.steps
+
     def recorded_in(self, piece: BlockRuns) -> int | None:
         """The number of the recorded run in a block, if it is there."""
         return self.recorded_run - piece.runs.start if self.has_recorded_run(piece) else None

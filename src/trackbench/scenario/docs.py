@@ -44,7 +44,6 @@ HEADINGS = {
     "ReferenceOptions": "`reference` of recorded boxes and motion",
     "BoxRegion": "`region` as a rectangle",
     "Radar": "Radar",
-    "SpeedRadar": "Speed radar",
     "Lidar": "Lidar",
     "FilterConfig": "A built-in filter",
     "ImmConfig": "`motion` with several models",

@@ -150,7 +150,7 @@ def drive(
     """Measurements of a target that drives past a sensor which is neither at the origin nor looks along x.
 
     Args:
-        kinds: "radar", "speed_radar" or "lidar" of each scan.
+        kinds: "radar" or "lidar" of each scan.
         times: when each is taken, s.
         missed: numbers of the scans that do not detect the target.
         target: another number is another target and other noise.

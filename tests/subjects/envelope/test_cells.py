@@ -13,9 +13,9 @@ from scipy import stats
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.metrics.bounds import bound, interval_difference
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.subjects.envelope.api import envelope_of
+from trackbench.subjects.envelope.bounds import bound, interval_difference
 from trackbench.subjects.envelope.cells import Extent, Spending, _by_repetition, changed, decide, joint_state
 from trackbench.subjects.envelope.mapping import EnvelopeMap
 from trackbench.subjects.envelope.task import task_of

@@ -64,9 +64,9 @@ def test_distances_are_in_the_units_of_scale() -> None:
 
 
 def test_each_other_choice_is_a_face() -> None:
-    axes = {"kind": {"key": "sensors.radar.type", "choices": ["radar", "lidar", "speed_radar"]}, "q": SQUARE["q"]}
+    axes = {"kind": {"key": "sensors.radar.type", "choices": ["radar", "lidar", "sonar"]}, "q": SQUARE["q"]}
     found = faces(axes, lambda kind, q: 2.0 if kind > 0.75 and q > 0.45 else 0.5, base=["radar", 5])
-    assert found == {"kind speed_radar": ("speed_radar", 5)}
+    assert found == {"kind sonar": ("sonar", 5)}
 
 
 def test_a_scenario_that_fails_counts_from_the_nearest_cell_that_holds() -> None:

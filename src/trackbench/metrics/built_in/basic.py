@@ -143,15 +143,15 @@ class Nees(EstimateMetric):
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["given"]], sums.per_step[ERROR["nees"]], 4)
         value = _chi_square(total, count, 4, inside, sums.scenes, sums.per_run.shape[1])
-        mean = float(total.sum() / count.sum())
         scores = breakdown(sums.classes)
         conditions, parts = condition_verdicts(scores), judged_parts(scores.all)
         whole = value.verdict if sums.given >= LEAST_COVERAGE * sums.due else "undecided"
         if whole is None or (whole == "consistent" and not parts):
             # Too few to tell anything of the tails.
             whole = "undecided"
-        word = overall_verdict(mean, whole, conditions, parts)
-        also = heavy_beside(word, mean, conditions, parts)
+        assert value.value is not None
+        word = overall_verdict(value.value, whole, conditions, parts)
+        also = heavy_beside(word, value.value, conditions, parts)
         judgement = {"verdict": word, "also": also, "conditions": tuple(conditions), "parts": tuple(parts)}
         return value.model_copy(update=judgement)
 

@@ -4,6 +4,5 @@ from trackbench.models.sensors.base import SENSOR_MODELS, Dropout, Sensor, senso
 from trackbench.models.sensors.lidar import Lidar
 from trackbench.models.sensors.model import Mount
 from trackbench.models.sensors.radar import Radar
-from trackbench.models.sensors.speed_radar import SpeedRadar
 
-__all__ = ["SENSOR_MODELS", "Dropout", "Lidar", "Mount", "Radar", "Sensor", "SpeedRadar", "sensor_type"]
+__all__ = ["SENSOR_MODELS", "Dropout", "Lidar", "Mount", "Radar", "Sensor", "sensor_type"]

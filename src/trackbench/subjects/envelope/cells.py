@@ -21,7 +21,6 @@ from trackbench.compare.comparison import TIMES
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric, evaluate, merge_sums
-from trackbench.metrics.bounds import bound, unbounded
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.intervals import Interval, clustered, ratio
@@ -35,6 +34,7 @@ from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.keys import Expectation
 from trackbench.subjects.envelope.axes import Point
+from trackbench.subjects.envelope.bounds import bound, unbounded
 from trackbench.truth import LoadedTruth
 
 State = Literal["holds", "fails", "undecided"]
@@ -107,7 +107,7 @@ def changed(before: State, after: State, difference: Interval, direction: Direct
     Args:
         before: the state in one map.
         after: that in the other.
-        difference: the value after minus the value before, see :func:`trackbench.metrics.bounds.interval_difference`.
+        difference: the value after minus the value before, see :func:`.bounds.interval_difference`.
         direction: where the value has to be.
         level: what one cell may spend.
     """

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from trackbench.base.config import Config, Name, Positive, Problem
 from trackbench.base.config.key_units import convert, find_unit, split_key
-from trackbench.metrics.bounds import FEWEST_RUNS
+from trackbench.subjects.envelope.bounds import FEWEST_RUNS
 
 #: What an axis may be given by; exactly one of these.
 FORMS = ("from", "values", "choices")

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from trackbench.base.errors import InputError, counted
-from trackbench.metrics.bounds import interval_difference
 from trackbench.metrics.intervals import Interval
 from trackbench.report.junit import Case, Suite
 from trackbench.subjects.envelope.axes import Point
+from trackbench.subjects.envelope.bounds import interval_difference
 from trackbench.subjects.envelope.cells import changed
 from trackbench.subjects.envelope.claim import (
     Claim,

@@ -18,7 +18,6 @@ from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric
-from trackbench.metrics.bounds import interval_difference
 from trackbench.results import Failure
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
 from trackbench.scenario import Scenario
@@ -26,6 +25,7 @@ from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axis_shares, between, start_points
+from trackbench.subjects.envelope.bounds import interval_difference
 from trackbench.subjects.envelope.cells import (
     CellDecision,
     Extent,

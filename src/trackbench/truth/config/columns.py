@@ -150,8 +150,8 @@ class MeasurementColumns(Config):
     """Names of the columns that hold a sensor's measurements; where they are empty, it did not detect the object.
 
     Beside the keys below there is one for each component of the sensor's measurement: range, azimuth and range_rate of
-    a radar, range, azimuth and speed of a speed_radar, x and y of a lidar (`trackbench list sensors` shows them). A
-    radar whose file has positions has x (forward) and y (left), in its own frame, in place of range and azimuth.
+    a radar, x and y of a lidar (`trackbench list sensors` shows them). A radar whose file has positions has x (forward)
+    and y (left), in its own frame, in place of range and azimuth.
     """
 
     model_config = ConfigDict(extra="allow")

@@ -1,15 +1,16 @@
-"""The radar that reads a speed, alone and as what a tracker takes a Doppler radar for."""
+"""The plug-in beside the scenarios at 3 km, a radar that reads a speed; a tracker that takes a Doppler radar for it."""
 
 import numpy as np
 import pytest
-from tests.support.scenes import NOISE, block_of, scan, tracker, truth, work
+from tests.support.places import SCENARIOS
+from tests.support.scenes import NOISE, RADAR_NOISE, block_of, scan, tracker, truth, work
 
-from trackbench.models.sensors import SENSOR_MODELS, SpeedRadar
-from trackbench.testing import drive
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import FilterConfig
 
 SENSOR = {"rate_hz": 1, "range_sigma_m": 30, "azimuth_sigma_deg": 0.5, "speed_sigma_mps": 2}
-SPEED, DOPPLER = SENSOR_MODELS["speed_radar"], SENSOR_MODELS["radar"]
+KIND = "speed_radar:SpeedRadar"
+SPEED, DOPPLER = SENSOR_MODELS.get(KIND, SCENARIOS / "published"), SENSOR_MODELS["radar"]
 
 
 def test_reads_the_speed_over_ground_whatever_the_sensor_does():
@@ -30,17 +31,19 @@ def test_a_target_at_rest_gives_a_finite_jacobian():
 
 
 def test_noise_and_biases_in_si_units():
-    config = SpeedRadar(**SENSOR, range_bias_m=1, azimuth_bias_deg=180, speed_bias_mps=-3)
+    config = SPEED(**SENSOR, range_bias_m=1, azimuth_bias_deg=180, speed_bias_mps=-3)
     np.testing.assert_allclose(config.sigmas(), [30, np.deg2rad(0.5), 2])
     np.testing.assert_allclose(config.biases(), [1, np.pi, -3])
 
 
 @pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf"])
 def test_every_filter_follows_a_target_by_it(name):
-    scans = [
-        item._replace(measurement=item.measurement[:, None], valid=item.valid[None])
-        for item in drive(["speed_radar"] * 120, [0.05 * i for i in range(120)])
-    ]
+    random = np.random.default_rng(1)
+    scans = []
+    for time in 0.05 * np.arange(120):
+        ideal = SPEED.measure(np.array([20 + 12 * time, 15 + 3 * time, 12, 3]), np.zeros(3), np.zeros(2))
+        measured = ideal + np.sqrt(np.diag(RADAR_NOISE)) * random.standard_normal(3)
+        scans.append(scan(KIND, time, measured[:, None], noise=RADAR_NOISE))
     made, state = tracker(filter=name, motion="cv", **NOISE["cv"]), None
     for item in scans:
         state, estimate = made.step(state, item)
@@ -59,18 +62,18 @@ def test_radial_velocity_of_each_kind():
 
 def test_taking_a_range_rate_for_the_speed_is_another_model_and_not_other_measurements():
     keys = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "initial": "first_measurement"}
-    confused, speed = tracker(**keys, sensor_models={"radar": "speed_radar"}), tracker(**keys)
+    confused, speed = tracker(**keys, sensor_models={"radar": KIND}), tracker(**keys)
     state, other = None, None
     for k in range(5):
         doppler = scan("radar", float(k), np.array([[50.0 + k], [0.2], [1.0]]))
         state, found = confused.step(state, doppler)
-        other, expected = speed.step(other, doppler._replace(kind="speed_radar"))
+        other, expected = speed.step(other, doppler._replace(kind=KIND))
         np.testing.assert_array_equal(found.mean, expected.mean)
 
 
 def test_the_confusion_leaves_other_sensors_alone():
     keys = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "initial": "first_measurement"}
-    confused, plain = tracker(**keys, sensor_models={"elsewhere": "speed_radar"}), tracker(**keys)
+    confused, plain = tracker(**keys, sensor_models={"elsewhere": KIND}), tracker(**keys)
     seen = [scan("radar", float(k), np.array([[50.0 + k], [0.2], [1.0]])) for k in range(3)]
     a = b = None
     for item in seen:
@@ -83,7 +86,7 @@ def test_synthetic_measurements_scatter_as_stated():
     time = np.arange(400.0)
     of = truth(time, *(np.full((400, 1, 1), value) for value in (3000.0, 0.0, 0.0, 12.0)))
     config = FilterConfig(filter="ekf", motion="cv", acceleration_sigma_mps2=1)
-    block = block_of(work(of, {"radar": SpeedRadar(**SENSOR)}, {"ekf": config}, 1), range(1))
+    block = block_of(work(of, {"radar": SPEED(**SENSOR)}, {"ekf": config}, 1), range(1))
     third = np.array([item.measurement[2, 0] for item in block.recorded_scans.scans])
     assert third.mean() == pytest.approx(12, abs=4 * 2 / 20)
     assert third.std() == pytest.approx(2, rel=0.15)

@@ -1,4 +1,4 @@
-"""A radar that is taken to read the target's speed instead of its range rate."""
+"""The radar of the published program at 3 km, which is taken to read the target's speed instead of its range rate."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MIN_SPEED = 1e-6
 class SpeedRadar(Polar):
     """Measures range, azimuth and, in place of the range rate, the target's speed over ground.
 
-    No radar does; it is for trackers that were written for such measurements.
+    No radar does; the published program was written for such measurements.
     """
 
     speed_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the speed, m/s.")

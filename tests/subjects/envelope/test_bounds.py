@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from trackbench.metrics.bounds import (
+from trackbench.metrics.intervals import Interval, ratio, root, scaled_interval
+from trackbench.subjects.envelope.bounds import (
     Sample,
     bound,
     interval_difference,
@@ -15,7 +16,6 @@ from trackbench.metrics.bounds import (
     share_bound,
     unbounded,
 )
-from trackbench.metrics.intervals import Interval, ratio, root, scaled_interval
 
 LEVELS = (0.05, 0.001, 1e-5)
 
