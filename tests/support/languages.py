@@ -21,8 +21,8 @@ EIGEN = next(
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
-def compiled(folder: Path, source: str, *flags: str, library: bool = False) -> Path:
-    """A source file of a folder that has the headers, as a program or a library beside it.
+def compiled(folder: Path, source: str, *flags: str) -> Path:
+    """A source file of a folder that has the headers, as a program beside it.
 
     Skips where there is no compiler, or no Eigen for a source that needs it.
     """
@@ -32,12 +32,11 @@ def compiled(folder: Path, source: str, *flags: str, library: bool = False) -> P
     eigen = "Eigen" in (folder / source).read_text()
     if eigen and EIGEN is None:
         pytest.skip("Eigen is not installed")
-    output = folder / (Path(source).stem + (".so" if library else ""))
-    how = ["-shared", "-fPIC"] if library else ["-DTRACKBENCH_PROGRAM"]
+    output = folder / Path(source).stem
     standard = ["-std=c++17"] if source.endswith(".cpp") else ["-std=gnu99"]
-    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    flags = ("-DTRACKBENCH_PROGRAM", "-Wall", "-Wextra", "-Wpedantic", "-Werror", *flags)
     paths = [f"-isystem{EIGEN}"] if eigen else []
-    command = [compiler, "-O2", *standard, *warnings, *how, *flags, *paths, source, "-o", output.name, "-lm"]
+    command = [compiler, "-O2", *standard, *flags, *paths, source, "-o", output.name, "-lm"]
     content = [file.read_bytes() for file in (folder / source, *sorted(LANGUAGES.glob("*.h*")), Path(compiler))]
     built = BUILT / hashlib.sha256(b"".join([*content, repr(command).encode()])).hexdigest()
     if not built.exists():
