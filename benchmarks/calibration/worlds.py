@@ -1,8 +1,9 @@
 """Equal trackers in each world: how often one is called better"""
 
 # worlds.csv holds scenes of ``highway`` in each world, two runs of each. It is made by
-# ``python -m benchmarks.calibration.worlds``. Nothing was fitted to them. Scenes are drawn with replacement, so that
-# what is measured is said of new scenes of which the pool is the population.
+# ``python -m benchmarks.calibration.worlds``. Nothing was fitted to them, but that three such pools
+# of ``typical``, this among them, said how much larger an error must be there. Scenes are drawn with replacement, so
+# that what is measured is said of new scenes of which the pool is the population.
 
 from __future__ import annotations
 

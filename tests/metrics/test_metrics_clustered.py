@@ -89,10 +89,13 @@ def test_a_difference_of_errors_over_scenes_reaches_further_by_what_they_do_not_
     # The p-value is below 5 % where the interval lies beside the margin.
     assert compare(*over_scenes, margin=0.99 * (-value - reach)).p_value < 0.05
     assert compare(*over_scenes, margin=1.01 * (-value - reach)).p_value > 0.05
-    # Where one scene of a hundred may decide, the larger must be more than 1.5 times the smaller.
+    # Where one scene of a hundred may decide, the larger must be more than 1.5 times the smaller; the interval stays.
     few = [item._replace(few_decide=True) for item in over_scenes]
-    low, high = compare(*few).ci95
-    assert high - low == pytest.approx(2 * (reach + (0.5 - 0.1 / 3) * a.value))
+    assert compare(*few).ci95 == compare(*over_scenes).ci95
+    assert compare(*few).p_value < 0.05
+    near = [few[0], scaled_interval(few[1], 0.7)]
+    assert compare(*near).p_value > 0.05
+    assert compare(*(item._replace(few_decide=False) for item in near)).p_value < 0.05
     # What is no error has no such term.
     shares = [item._replace(at_most=9.0) for item in over_scenes]
     assert compare(*shares).ci95[1] == pytest.approx(value + (1 + 1.5 / 3) * (of_runs[1] - value))

@@ -106,6 +106,8 @@ class PairDifference(ResultModel):
     for missing ones. Neither is called better where this has the other sign."""
     scenes: int
     """Number of scenes that the runs are of; with several, the scenes are what is independent."""
+    few_scenes_decide: bool = False
+    """Whether one scene of a hundred may decide."""
     scenes_in_words: str = ""
     """Number and kind of the scenes, such as "6 sequences"; empty where there is one scene."""
     repeatable: bool = False

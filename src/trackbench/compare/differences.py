@@ -174,6 +174,7 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
             paired_runs=None if shared is None else len(shared[0]),
             stretches=len(own.influence) if over_stretches else None,
             scenes=max(1, len(match.against.result.summary.truth.scenes)),
+            few_scenes_decide=match.against.result.summary.truth.few_scenes_decide,
             scenes_in_words=match.against.result.summary.truth.scenes_in_words,
             repeatable=limit is not None and shared is not None and match.entry.repeatable,
             verdict=UNDECIDED,

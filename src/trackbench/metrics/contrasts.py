@@ -19,8 +19,9 @@ UNDRAWN_LEVEL = 0.05
 #: allows for scenes of a kind that was not drawn. Chosen on 100 scenes of each world, and checked on 100 others
 #: (``benchmarks/calibration/worlds.py``).
 UNSEEN = 0.1
-#: Where one scene of a hundred may decide: the share itself, with fewer than so many scenes.
-UNSEEN_OF_FEW, FEW_DECIDE_UNTIL = 0.5, 500
+#: Where one scene of a hundred may decide, and with fewer than so many scenes: by which share of the smaller error a
+#: difference must exceed the margin to be shown.
+SHARE_OF_ONE, FEW_DECIDE_UNTIL = 0.5, 500
 
 
 def undrawn_share(scenes: int) -> float:
@@ -51,8 +52,9 @@ class Contrast(NamedTuple):
     p_value: float
     """Probability under the hypothesis of a difference within the margin: twice that of the nearer end, below 5 %
     exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis that treatments
-    have negligible effects"). Without a margin that of the two-sided t test; where the difference is the same in every
-    run that of the sign test; 1 with fewer than two runs or ``FEWEST_SCENES`` scenes."""
+    have negligible effects"). Where one scene may decide, what it may is added to the margin. Without a margin that of
+    the two-sided t test; where the difference is the same in every run that of the sign test; 1 with fewer than two
+    runs or ``FEWEST_SCENES`` scenes."""
     margin: float
     """Up to this a difference does not matter; at least what rounding makes."""
 
@@ -105,8 +107,11 @@ def all_paired(
                 apart, intervals[first].in_time or intervals[first].of_stretches
             )
         varies = ~(constant[first] & constant[others])
-        unseen = np.array([_unseen(intervals[first], intervals[other]) for other in others])
-        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen)
+        unseen, by_one = (
+            np.array([share(intervals[first], intervals[other]) for other in others])
+            for share in (_unseen, _by_one_scene)
+        )
+        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen, by_one)
     return contrasts
 
 
@@ -123,8 +128,11 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
         parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
         freedom = total**2 / sum(parts) if total > 0 else min(len(a.influence), len(b.influence)) - 1.0
         errors = np.array([np.sqrt(total)])
-    varies, margins, unseen = (np.array([item]) for item in (not (a.constant and b.constant), margin, _unseen(a, b)))
-    return _tested(a.value, np.array([b.value]), errors, freedom, margins, varies, unseen)[0]
+    varies, *others = (
+        np.array([item]) for item in (not (a.constant and b.constant), margin, _unseen(a, b), _by_one_scene(a, b))
+    )
+    margins, unseen, by_one = others
+    return _tested(a.value, np.array([b.value]), errors, freedom, margins, varies, unseen, by_one)[0]
 
 
 def _unseen(a: Interval, b: Interval) -> float:
@@ -132,28 +140,45 @@ def _unseen(a: Interval, b: Interval) -> float:
 
     Two trackers may differ in one scene of a hundred alone. Where it is not drawn, their differences are small and the
     interval of the mean is short: the differences themselves do not show what is missing. So this is a share of the
-    errors, and falls as a standard error does. Where simulated vehicles hide others, one scene of a hundred made up to
-    47 % of a mean square error, which makes the root without it 1.37 times smaller.
+    errors, and falls as a standard error does.
     """
-    parts = min(len(a.influence), len(b.influence))
-    if not all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in (a, b)):
-        return 0.0
-    few_decide = (a.few_decide or b.few_decide) and parts < FEW_DECIDE_UNTIL
-    return (UNSEEN_OF_FEW if few_decide else UNSEEN / parts**0.5) * min(a.value, b.value)
+    return UNSEEN * min(a.value, b.value) / len(a.influence) ** 0.5 if _errors_of_scenes(a, b) else 0.0
+
+
+def _by_one_scene(a: Interval, b: Interval) -> float:
+    """Return up to which difference one scene that was not drawn may have decided; the interval leaves it out.
+
+    Where simulated vehicles hide others, one scene of a hundred made up to 47 % of a mean square error, which makes the
+    root without it 1.37 times smaller.
+    """
+    few_decide = (a.few_decide or b.few_decide) and len(a.influence) < FEW_DECIDE_UNTIL
+    return SHARE_OF_ONE * min(a.value, b.value) if few_decide and _errors_of_scenes(a, b) else 0.0
+
+
+def _errors_of_scenes(*intervals: Interval) -> bool:
+    return all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in intervals)
 
 
 def _tested(
-    first: float, others: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask, unseen: Array
+    first: float,
+    others: Array,
+    errors: Array | None,
+    freedom: float,
+    margins: Array,
+    varies: Mask,
+    unseen: Array,
+    by_one: Array,
 ) -> list[Contrast]:
     """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors;
-    ``varies`` is whether the runs tell anything of the errors, ``unseen`` what is added to the reach."""
+    ``varies`` is whether the runs tell anything of the errors, ``unseen`` what is added to the reach, ``by_one`` what
+    one scene may have decided."""
     values = first - others
     margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(others)))
     if errors is None:
         return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
     # Two that do the same in every run are the same.
     unseen = np.where(errors > ROUNDING * abs(first), unseen, 0.0)
-    reach, excess = stdtrit(freedom, 0.975) * errors + unseen, abs(values) - margins - unseen
+    reach, excess = stdtrit(freedom, 0.975) * errors + unseen, abs(values) - margins - np.maximum(unseen, by_one)
     positive = errors > 0
     tails = stdtr(freedom, -excess / np.where(positive, errors, 1.0))
     p_values = np.where(positive, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
@@ -170,7 +195,9 @@ def _tested_by_ratio(first: float, others: Array, errors: Array, freedom: float,
     smaller, larger = np.minimum(first, others), np.maximum(first, others)
     signs = np.where(others > first, -1.0, 1.0)
     none = np.zeros_like(others)
-    tested = _tested(0.0, -np.log(larger / smaller), errors, freedom, np.log1p(margins / smaller), none == 0, none)
+    tested = _tested(
+        0.0, -np.log(larger / smaller), errors, freedom, np.log1p(margins / smaller), none == 0, none, none
+    )
     contrasts = []
     for value, sign, least, own, item in zip(first - others, signs, smaller, margins, tested, strict=True):
         ends = sorted(sign * least * np.expm1(end) for end in item.ci95 or ())

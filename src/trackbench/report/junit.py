@@ -16,7 +16,6 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import GateOutcome, JudgedLimit
 from trackbench.report.sentences import value_and_limit
 from trackbench.results import SUMMARY, ExpectationResult, Result
-from trackbench.results.tracker_result import BEATS_BOUND
 from trackbench.scenario import Scenario
 
 #: Characters that XML 1.0 cannot hold.
@@ -58,9 +57,9 @@ def suite_of_run(result: Result, loaded: Scenario | None = None) -> Suite:
     """
     cases = []
     for tracker in result.summary.trackers:
-        beats_bound = tracker.beats_bound(result.summary.reference)
-        outcome: GateOutcome = "error" if tracker.failed else "failed" if beats_bound else "passed"
-        name, message = f"{tracker.name} runs to the end", str(tracker.failed or (BEATS_BOUND if beats_bound else ""))
+        why = tracker.failed or result.why_suspect(tracker)
+        outcome: GateOutcome = "error" if tracker.failed else "failed" if why else "passed"
+        name, message = f"{tracker.name} runs to the end", str(why)
         place = _place(loaded, ("trackers", tracker.name))
         cases.append(Case(name, f"{result.name}.{tracker.name}", outcome, message, *place))
     for item in result.summary.expectations:

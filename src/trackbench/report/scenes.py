@@ -80,8 +80,9 @@ def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
         return []
     if few_decide and number < FEW_DECIDE_UNTIL:
         return [
-            "vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
-            f"{FEW_DECIDE_UNTIL} scenes an error is shown to be larger only where it is more than 1.5 times the other"
+            "Vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
+            f"{FEW_DECIDE_UNTIL} scenes an error is shown to be larger only where it is more than 1.5 times the other; "
+            "intervals leave such a scene out"
         ]
     share, factor = f"{100 * undrawn_share(number):.2g} %", f"{turning_factor(number):.2g}"
     return [

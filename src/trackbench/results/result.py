@@ -195,6 +195,10 @@ class Result:
         if share is not None and share < self.summary.score.min_coverage:
             least = 100 * self.summary.score.min_coverage
             return f"it gave {100 * share:.0f} % of the estimates due, {least:g} % are needed (score.min_coverage)"
+        return self.why_suspect(tracker)
+
+    def why_suspect(self, tracker: TrackerResult) -> str:
+        """Why a tracker's estimates cannot come from its measurements alone; empty where nothing shows it."""
         runs_of_scene = self.summary.runs // max(1, len(self.summary.truth.scenes))
         return tracker.why_suspect(self.summary.reference, runs_of_scene)
 

@@ -14,8 +14,6 @@ from trackbench.results.scenario_summary import ReferenceSummary
 
 #: Error over the Cramer-Rao bound below which the bound is beaten: a biased estimator may be a little below it.
 LEAST_OVER_BOUND = 0.97
-#: The same where the motion is that of every run, so that a tracker may expect it.
-LEAST_OF_ONE_MOTION = 0.5
 #: Spread over runs, as a share of the standard deviation of the finest measurement, below which the measurements are
 #: not used. Weights that sum to one make it at least one over the root of their number: this is 10,000 of them.
 LEAST_SPREAD = 0.01
@@ -210,10 +208,9 @@ class TrackerResult(ResultModel):
         return f"it {BEATS_BOUND}" if self.beats_bound(reference) else ""
 
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
-        """Whether it is no smoother, and shown to be below a Cramer-Rao bound by more than a biased estimator can."""
-        if reference is None or reference.kind != "bound" or self.is_reference:
-            return False
-        return self.most_over_reference < (LEAST_OVER_BOUND if reference.motion_is_drawn else LEAST_OF_ONE_MOTION)
+        """Whether it is no smoother, and shown to be below a Cramer-Rao bound of motion that no tracker can expect."""
+        is_bound = reference is not None and reference.motion_is_drawn
+        return is_bound and self.most_over_reference < LEAST_OVER_BOUND and not self.is_reference
 
     @property
     def marks(self) -> tuple[str, ...]:

@@ -218,7 +218,8 @@ def _explanation(items: Sequence[PairDifference], number: int) -> str:
     corrected = f", corrected for their number{together} (Holm)" if number > 1 else ""
     few = all(item.ci95 is None and item.p_value == 1 for item in items)
     untested = " There are too few runs or scenes to test any." if few else ""
-    undrawn = "".join(f" {sentence}." for sentence in undrawn_scenes(min(item.scenes for item in items)))
+    fewest, few_decide = min(item.scenes for item in items), any(item.few_scenes_decide for item in items)
+    undrawn = "".join(f" {sentence}." for sentence in undrawn_scenes(fewest, few_decide))
     return (
         "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
         f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "

@@ -68,10 +68,11 @@ class SignalToNoise(SignalRange, Effect):
     The received power is ``P = |sqrt(S) s + n|^2``, relative to the noise: S is the mean signal-to-noise ratio, s the
     vehicle's reflection and n the receiver's noise, both complex Gaussian with power 1, so that P is exponential
     (Swerling 1). The noise is drawn anew at each scan. The reflection follows the aspect, which is the direction of the
-    line of sight in the vehicle's frame: a Gauss-Markov process of second order, whose correlation is 1/e after the
-    aspect has turned by ``c / (2 L f)``. L is the extent of the vehicle across the line of sight. (Scatterers spread
-    evenly over L have a correlation of zero there, and 1/e at 0.7 of it.) A vehicle is detected where P exceeds the
-    threshold of a false alarm probability of 1e-6.
+    line of sight in the vehicle's frame: it is a Gauss-Markov process of second order along the way that the aspect
+    turns, whose correlation is 1/e after ``c / (2 L f)``. L is the extent of the vehicle across the line of sight.
+    (Scatterers spread evenly over L have a correlation of zero there, and 1/e at 0.7 of it.) Where an aspect comes back
+    or a vehicle was hidden, the reflection is another one. A vehicle is detected where P exceeds the threshold of a
+    false alarm probability of 1e-6.
 
     The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with the
     mean power P0 at ``stated_at_m``. Slow errors have the mean of that factor over detections.
@@ -107,7 +108,8 @@ class SignalToNoise(SignalRange, Effect):
         instants, objects = sensed.shape
         white = random.standard_normal((instants, 4, objects))
         # Of the reflection of a vehicle that comes into view nothing is left.
-        power = received_power(ratio, np.where(sensed.visible[:-1], turned, np.inf), white)
+        seen = sensed.visible[:-1] & np.isfinite(turned)
+        power = received_power(ratio, np.where(seen, turned, np.inf), white)
         detected = power > THRESHOLD
         factor = np.sqrt(self.variance_factor(np.where(detected, power, np.inf)))
         return sensed.replaced(
