@@ -32,7 +32,7 @@ from doctor_rates import doctor
 from faults.corpus import KINDS, Fault, Program, bases, faults, sound
 from markdown import table
 from trackbench.metrics.count_intervals import share_interval
-from trackbench.subjects.doctor.certainty import Word, certainty
+from trackbench.subjects.doctor.certainty import Word
 from trackbench.subjects.doctor.report import examination_verdict
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
@@ -84,7 +84,7 @@ def examine(program: Program) -> Seen:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             sys.path.remove(folder)
-    said = [f"{one.fault} ({certainty(found, one).word}): {one.evidence}" for one in found.causes]
+    said = [f"{one.fault} ({found.certainty(one).word}): {one.evidence}" for one in found.causes]
     said += [f"{check.name}: {check.result}" for check in found.checks if check.passed is False]
     first = found.findings[0] if found.findings else None
     if first is None:
@@ -92,7 +92,7 @@ def examine(program: Program) -> Seen:
     else:
         lines = map(int, re.findall(rf"{program.module}\.py:(\d+)", first.evidence))
         outcome = RIGHT if first.fault in program.accept or not program.lines.isdisjoint(lines) else WRONG
-    word, seconds = None if first is None else certainty(found, first).word, time.process_time() - begin
+    word, seconds = None if first is None else found.certainty(first).word, time.process_time() - begin
     return Seen(program.module, mark(program), program.kind, outcome, word, examination_verdict(found), said, seconds)
 
 

@@ -12,8 +12,8 @@ from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import GRID, INK, MUTED, svg_file
 from trackbench.document.palette import OBSERVER_COLOUR
 from trackbench.models.sensors import Radar
+from trackbench.sensing.due import find_due
 from trackbench.sensing.scans import ideal_sensors
-from trackbench.sensing.view import find_due
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 import trackbench as tb
-from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array
 from trackbench.subjects.envelope.bounds import Sample, Side, mean_bound, positive_bound, rate_bound, share_bound
 
@@ -149,7 +149,7 @@ def missed(what: str, sample: Sample, truth: float, bound_of: BoundOf, calibrate
 
 def width(what: str, sample: Sample, bound_of: BoundOf, level: float = 1e-4) -> Claim:
     """How far the bounds reach, over Student's; the median."""
-    reach = t_quantile(1 - level, sample.number - 1) * sample.error
+    reach = stdtrit(sample.number - 1, 1 - level) * sample.error
     low, high = (np.median(abs(bound_of(sample, level, side) - sample.mean) / reach) for side in ("lower", "upper"))
     return Claim(
         f"{what}: reach at {100 * level:g} % over Student's", f"lower {low:.2f}, upper {high:.2f}", STATED, True
@@ -188,7 +188,7 @@ def claims() -> Iterator[Claim]:
 def _student(random: Random) -> Claim:
     """What it would be instead."""
     sample = drawn(POSITIVE["gamma, shape 1"], random, 25)
-    shares = [(sample.mean + t_quantile(1 - level, 24) * sample.error < 1).mean() for level in LEVELS]
+    shares = [(sample.mean + stdtrit(24, 1 - level) * sample.error < 1).mean() for level in LEVELS]
     measured = f"upper {', '.join(f'{100 * share:.3g}' for share in shares)} %"
     return Claim("mean of 25 runs, gamma, shape 1: Student's t instead misses", measured, STATED, True)
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr, ndtri, stdtrit
 
-from trackbench.base.distributions import normal_below, normal_quantile, t_quantile
 from trackbench.base.types import Array
 from trackbench.subjects.envelope.bounds import Sample, Side, mean_bound, positive_bound
 from trackbench.subjects.envelope.cells import Spending
@@ -120,7 +120,7 @@ def _border(random: np.random.Generator, trials: int = 20_000) -> Iterator[Claim
     values = random.normal(size=(trials, numbers[-1]))
 
     def student(sample: Sample, level: float, side: Side) -> Array:
-        reach = t_quantile(1 - level, sample.number - 1) * sample.error
+        reach = stdtrit(sample.number - 1, 1 - level) * sample.error
         return np.asarray(sample.mean + (reach if side == "upper" else -reach))
 
     def share(what: str, levels: Sequence[float], bound_of: BoundOf) -> Claim:
@@ -139,11 +139,11 @@ def _ways_of_spending(random: np.random.Generator, trials: int = 2000) -> Iterat
     draw, _ = NOISES["0.3"]
     error, numbers = 0.05 / CELLS, looks(200)
     times = np.array(numbers) / numbers[-1]
-    reach = -normal_quantile(1 - error / 2) / np.sqrt(times)
+    reach = -ndtri(1 - error / 2) / np.sqrt(times)
     ways = {
         "in proportion to the runs": levels_of(numbers),
         "alike over the looks": np.full(len(numbers), error / len(numbers)),
-        "as O'Brien and Fleming (1979)": np.maximum(np.diff(2 * normal_below(reach), prepend=0.0), 1e-15),
+        "as O'Brien and Fleming (1979)": np.maximum(np.diff(2 * ndtr(reach), prepend=0.0), 1e-15),
     }
     noise = draw(random, (trials, numbers[-1]))
     for name, levels in ways.items():

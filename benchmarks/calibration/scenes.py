@@ -13,9 +13,9 @@ from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
+from scipy.special import stdtrit
 
 import trackbench as tb
-from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array
 from trackbench.metrics.contrasts import all_paired
 from trackbench.metrics.intervals import Interval, ratio, root
@@ -102,7 +102,7 @@ def coverage(
             assert interval.error is not None
             low, high = interval.ci95
             inside[trial, column] = low <= np.sqrt(squares.sum() / count.sum()) <= high
-            widths[:, column] += high - low, 2 * t_quantile(0.975, size - 1) * interval.error
+            widths[:, column] += high - low, 2 * stdtrit(size - 1, 0.975) * interval.error
     return inside, widths[0] / widths[1]
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.calibration.tails import INSTANTS, alternating, beyond, matched, nees_of, small
+from scipy.special import gammaincinv
 from tests.support.example_result import make_result
 
-from trackbench.base.distributions import chi_square_quantile
 from trackbench.metrics.consistency import DIRECTIONS
 from trackbench.metrics.count_intervals import effective_number, share_interval
 from trackbench.metrics.intervals import reach_of_ratio
@@ -80,7 +80,7 @@ def with_outliers(variance):
 
 
 #: Of chi-square with four degrees of freedom, the points beyond which are 2 % and 0.1 %.
-OUTERMOST, FARTHEST = (float(chi_square_quantile(share, 4)) for share in (0.98, 0.999))
+OUTERMOST, FARTHEST = (float(2 * gammaincinv(2, share)) for share in (0.98, 0.999))
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_errors_too_large_along_and_too_small_across_are_mixed(factors, first):
     [("95 %", 0.1, 0.1), ("99 %", None, 0.2), ("99.9 %", None, 0.2)],
 )
 def test_limits_of_a_share_are_those_of_a_covariance_off_by_what_is_tolerated(point, below, above):
-    place = chi_square_quantile(float(point[:-2]) / 100, 4)
+    place = 2 * gammaincinv(2, float(point[:-2]) / 100)
 
     def share(factor):
         """Of chi-square with four degrees of freedom times a factor: in closed form."""

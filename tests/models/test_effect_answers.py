@@ -38,29 +38,62 @@ BEFORE, AFTER, ALARMS = (
 )
 #: By what a method returns, the end of the message.
 WRONG = [
-    (BEFORE, "None", "before must return a Sensed, as by sensed.replaced(...), not None"),
-    (BEFORE, "sensed.replaced(scale=None)", "before must return a Sensed whose scale is an array of numbers, not None"),
+    (BEFORE, "None", "what before returns must be a Sensed, as by sensed.replaced(...), not None"),
+    (
+        BEFORE,
+        "sensed.replaced(scale=None)",
+        "scale of what before returns must be an array of numbers of shape (1, 11, 1, 2), not None",
+    ),
     (
         BEFORE,
         "sensed.replaced(error=np.zeros(3))",
-        "before must return a Sensed whose error is an array of shape (2, 11, 1, 2), not (3,)",
+        "error of what before returns must be an array of numbers of shape (2, 11, 1, 2), not one of shape (3,)",
     ),
-    (BEFORE, "sensed.replaced(probability=sensed.probability * np.nan)", "whose probability is finite, not nan"),
-    (AFTER, "None", "after must return an array of numbers, not None"),
-    (AFTER, "measurement[:1]", "after must return an array of shape (2, 11, 1, 2), not (1, 11, 1, 2)"),
-    (AFTER, "measurement + np.inf", "after must return finite, not inf"),
+    (
+        BEFORE,
+        "sensed.replaced(probability=sensed.probability * np.nan)",
+        "probability of what before returns must be finite, not nan",
+    ),
+    (AFTER, "None", "what after returns must be an array of numbers of shape (2, 11, 1, 2), not None"),
+    (
+        AFTER,
+        "measurement[:1]",
+        "what after returns must be an array of numbers of shape (2, 11, 1, 2), not one of shape (1, 11, 1, 2)",
+    ),
+    (AFTER, "measurement + np.inf", "what after returns must be finite, not inf"),
     (
         BEFORE,
         "sensed.replaced(scale=np.ones((1, 11, 1, 3)))",
-        "whose scale is an array of shape (1, 11, 1, 2), not (1, 11, 1, 3)",
+        "scale of what before returns must be an array of numbers of shape (1, 11, 1, 2), not "
+        "one of shape (1, 11, 1, 3)",
     ),
-    (BEFORE, "sensed.replaced(error=sensed.error[..., :1])", "array of shape (2, 11, 1, 2), not (2, 11, 1, 1)"),
+    (
+        BEFORE,
+        "sensed.replaced(error=sensed.error[..., :1])",
+        "array of numbers of shape (2, 11, 1, 2), not one of shape (2, 11, 1, 1)",
+    ),
     (ALARMS, "np.arange(3)", "None, or the numbers of runs (n,) and of instants (n,) and measurements (2, n)"),
-    (ALARMS, "np.arange(3), np.zeros((2, 3))", "measurements (2, n) as three arrays, not a tuple"),
-    (ALARMS, "*np.zeros((2, 3), int), np.zeros((2, 4))", "not arrays of shapes (3,), (3,) and (2, 4)"),
-    (ALARMS, "np.array([0]), np.array([99]), np.zeros((2, 1))", "an instant is a whole number from 0 to 10"),
-    (ALARMS, "np.array([2]), np.array([0]), np.zeros((2, 1))", "a run is a whole number from 0 to 1"),
-    (ALARMS, "np.array([0]), np.array([0]), np.full((2, 1), np.nan)", "a measurement is not finite"),
+    (ALARMS, "np.arange(3), np.zeros((2, 3))", "measurements (2, n), not ("),
+    (
+        ALARMS,
+        "*np.zeros((2, 3), int), np.zeros((2, 4))",
+        "the measurements of what alarms returns must be an array of numbers of shape (2, 3), not one of shape (2, 4)",
+    ),
+    (
+        ALARMS,
+        "np.array([0]), np.array([99]), np.zeros((2, 1))",
+        "the instants of what alarms returns must be whole numbers from 0 to 10, not [99]",
+    ),
+    (
+        ALARMS,
+        "np.array([2]), np.array([0]), np.zeros((2, 1))",
+        "the runs of what alarms returns must be whole numbers from 0 to 1, not [2]",
+    ),
+    (
+        ALARMS,
+        "np.array([0]), np.array([0]), np.full((2, 1), np.nan)",
+        "alarms returns must be finite, not nan",
+    ),
 ]
 
 

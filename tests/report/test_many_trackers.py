@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
+from scipy.special import stdtr, stdtrit
 
 import trackbench as tb
-from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.errors import InputError
 from trackbench.compare import compare_results
 from trackbench.document.markdown import to_markdown
@@ -96,8 +96,8 @@ def test_the_note_says_how_much_larger_a_difference_must_be_than_of_two(many: Re
 def test_a_difference_so_much_larger_is_just_shown(trackers: int, runs: int) -> None:
     """Of two trackers the limit is the quantile itself."""
     assert times_as_large(2, runs - 1) == 1
-    t = times_as_large(trackers, runs - 1) * t_quantile(0.975, runs - 1)
-    p_value = 2 * float(t_probability(np.array(-t), runs - 1))
+    t = times_as_large(trackers, runs - 1) * stdtrit(runs - 1, 0.975)
+    p_value = 2 * float(stdtr(runs - 1, np.array(-t)))
     others = [1.0] * (trackers - 2)
     choices = [(trackers - 1) / 2] * (trackers - 1)
     assert corrected_p_values([p_value, *others], choices)[0] == pytest.approx(LEVEL)

@@ -15,7 +15,7 @@ import pytest
 from trackbench.results import Difference, Result, json_text
 from trackbench.runner import evaluated, work
 from trackbench.scenario import load_scenario
-from trackbench.scenario.config import Expectation
+from trackbench.scenario.keys import Expectation
 from trackbench.scenario.truth import truths_of
 
 Run = Callable[..., Result]

@@ -14,8 +14,8 @@ from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor
-from trackbench.sensing.view import Due, find_due
 
 RUNS = 20
 

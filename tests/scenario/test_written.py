@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import trackbench as tb
-from trackbench.scenario.overrides import written_with_changes
+from trackbench.scenario.load import written_with_changes
 from trackbench.scenario.source import parse_yaml
 
 

@@ -11,8 +11,8 @@ from tests.support.scenes import fixed_observer, truth
 
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Truth
 from trackbench.models.sensors import Lidar, Radar, Sensor
+from trackbench.sensing.due import find_due
 from trackbench.sensing.scans import ideal_sensors
-from trackbench.sensing.view import find_due
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1, "max_range_m": 100,

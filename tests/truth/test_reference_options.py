@@ -23,7 +23,7 @@ from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
-from trackbench.sensing.view import unscored, within_polygon
+from trackbench.sensing.due import unscored, within_polygon
 from trackbench.subjects.tuning.held_out import number_of_parts
 from trackbench.truth.sources import RecordingTruth
 

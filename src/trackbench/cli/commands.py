@@ -15,7 +15,6 @@ from typing import Any
 
 import click
 
-from trackbench.base.deferred import lighten_imports
 from trackbench.base.errors import (
     InputError,
     OutputError,
@@ -130,7 +129,6 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        lighten_imports()
         command: click.Command = resolve(COMMANDS[cmd_name].target)
         return command
 

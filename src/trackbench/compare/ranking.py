@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+from scipy.special import stdtrit
 
-from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array, Indices
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference, RankDifference, RankedTracker
 from trackbench.compare.entries import Entry
@@ -250,7 +250,7 @@ def mean_rank_interval(ranks: Array, trackers: int) -> tuple[float, float] | Non
     size = len(ranks) + PSEUDO
     mean = (ranks.sum() + PSEUDO * middle) / size
     variance = (((ranks - mean) ** 2).sum() + PSEUDO * (middle - mean) ** 2) / (size - 1)
-    reach = t_quantile(0.975, size - 1) * np.sqrt(variance / size)
+    reach = stdtrit(size - 1, 0.975) * np.sqrt(variance / size)
     return float(max(mean - reach, 1.0)), float(min(mean + reach, trackers))
 
 

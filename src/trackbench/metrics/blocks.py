@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
-from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array, Indices
 
 #: Blocks of time that a log is cut into, at most and at least.
@@ -32,7 +32,7 @@ class BlockInterval(NamedTuple):
 
     def bounds(self, level: float = 0.95) -> tuple[float, float]:
         """The interval that holds the true value with this probability."""
-        reach = t_quantile(0.5 + level / 2, self.freedom) * self.sigma
+        reach = stdtrit(self.freedom, 0.5 + level / 2) * self.sigma
         return self.value - reach, self.value + reach
 
     def excludes(self, value: float, level: float) -> bool:
@@ -76,7 +76,7 @@ class Blocks:
         result = []
         for i, of in enumerate(value.tolist()):
             finite = [(float(sigma[i]), freedom) for sigma, freedom in spreads if np.isfinite(sigma[i])]
-            wide = max(finite, key=lambda spread: spread[0] * t_quantile(0.975, spread[1]), default=(np.inf, 1))
+            wide = max(finite, key=lambda spread: spread[0] * stdtrit(spread[1], 0.975), default=(np.inf, 1))
             result.append(BlockInterval(of, *wide))
         return result
 

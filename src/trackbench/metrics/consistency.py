@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from trackbench.base import linalg
-from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array, Estimate, Mask
 
 
@@ -48,7 +48,7 @@ def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
     """Two-sided 95 % bounds of the mean of ``count`` independent chi-square variables of ``dof`` degrees of freedom."""
     # The numbers are few: mostly that of all runs.
     n, where = np.unique(np.maximum(np.asarray(count, dtype=float), 1.0), return_inverse=True)
-    low, high = ((chi_square_quantile(q, n * dof) / n)[where] for q in (0.025, 0.975))
+    low, high = ((2 * gammaincinv(n * dof / 2, q) / n)[where] for q in (0.025, 0.975))
     return low, high
 
 
@@ -67,10 +67,10 @@ BEYOND = {"95 %": 0.05, "99 %": 0.01, "99.9 %": 0.001}
 @cache
 def beyond_points(dof: int) -> tuple[float, ...]:
     """Those points."""
-    return tuple(float(chi_square_quantile(1.0 - share, dof)) for share in BEYOND.values())
+    return tuple(float(2 * gammaincinv(dof / 2, 1.0 - share)) for share in BEYOND.values())
 
 
 @cache
 def point95(dof: int) -> float:
     """The 95 % point of chi-square."""
-    return float(chi_square_quantile(0.95, dof))
+    return float(2 * gammaincinv(dof / 2, 0.95))

@@ -8,8 +8,8 @@ from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtr, stdtrit
 
-from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.types import Array, Mask
 from trackbench.metrics.intervals import FEWEST_STRETCHES, ROUNDING, Interval, standard_errors
 
@@ -153,9 +153,9 @@ def _tested(
         return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
     # Two that do the same in every run are the same.
     unseen = np.where(errors > ROUNDING * abs(first), unseen, 0.0)
-    reach, excess = t_quantile(0.975, freedom) * errors + unseen, abs(values) - margins - unseen
+    reach, excess = stdtrit(freedom, 0.975) * errors + unseen, abs(values) - margins - unseen
     positive = errors > 0
-    tails = t_probability(-excess / np.where(positive, errors, 1.0), freedom)
+    tails = stdtr(freedom, -excess / np.where(positive, errors, 1.0))
     p_values = np.where(positive, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
     ends = zip((values - reach).tolist(), (values + reach).tolist(), varies.tolist(), strict=True)
     ci95 = [(low, high) if own else None for low, high, own in ends]

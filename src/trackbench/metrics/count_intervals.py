@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from trackbench.base.distributions import beta_quantile, chi_square_quantile, normal_quantile, t_quantile
+from scipy.special import betaincinv, gammaincinv, ndtri, stdtrit
 
 Counted = Literal["share", "rate"]
 
@@ -33,14 +33,14 @@ def count_limits(
     if independent > 0:
         # The variance of single counts is estimated with one less.
         excess = error**2 / independent * (parts - 1) / parts - 1.0
-        few = t_quantile(0.975, parts - 1) / normal_quantile(0.975)
+        few = stdtrit(parts - 1, 0.975) / ndtri(0.975)
         factor += max(0.0, excess) * (few * stretch) ** 2
     count, amount = count / factor, amount / factor
     rest = amount - count if kind == "share" else 1.0
     outside = 0.025 if count > 0 and rest > 0 else 0.05
     if kind == "rate":
-        low = float(chi_square_quantile(outside, 2.0 * count)) / 2.0 / amount if count > 0 else 0.0
-        return low, float(chi_square_quantile(1.0 - outside, 2.0 * (count + 1.0))) / 2.0 / amount
+        low = float(gammaincinv(count, outside)) / amount if count > 0 else 0.0
+        return low, float(gammaincinv(count + 1.0, 1.0 - outside)) / amount
     return _binomial_limits(count, rest, outside)
 
 
@@ -56,7 +56,7 @@ def effective_number(share: float, count: float, reach: float) -> float:
         count: number of trials.
         reach: of the share, half of the symmetric 95 % interval.
     """
-    variance = (reach / normal_quantile(0.975)) ** 2
+    variance = (reach / ndtri(0.975)) ** 2
     return min(share * (1.0 - share) / variance, count) if variance > 0 else 0.0
 
 
@@ -68,5 +68,5 @@ def share_interval(share: float, number: float) -> tuple[float, float]:
 
 
 def _binomial_limits(hits: float, misses: float, outside: float) -> tuple[float, float]:
-    low = float(beta_quantile(outside, hits, misses + 1)) if hits > 0 else 0.0
-    return low, float(beta_quantile(1.0 - outside, hits + 1, misses)) if misses > 0 else 1.0
+    low = float(betaincinv(hits, misses + 1, outside)) if hits > 0 else 0.0
+    return low, float(betaincinv(hits + 1, misses, 1.0 - outside)) if misses > 0 else 1.0

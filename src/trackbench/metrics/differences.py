@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import combinations, compress
 
 import numpy as np
+from scipy.special import stdtrit
 
-from trackbench.base.distributions import t_quantile
 from trackbench.metrics.contrasts import Contrast, all_paired
 from trackbench.metrics.intervals import Interval
 from trackbench.metrics.protocol import Direction, Metric
@@ -90,7 +90,7 @@ def times_as_large(trackers: int, freedom: int) -> float:
         freedom: one less than the runs, or scenes.
     """
     level = LEVEL / (trackers * (trackers - 1) / 2)
-    return t_quantile(1 - level / 2, freedom) / t_quantile(1 - LEVEL / 2, freedom)
+    return float(stdtrit(freedom, 1 - level / 2) / stdtrit(freedom, 1 - LEVEL / 2))
 
 
 EVERY_PAIR = Family()

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
+from trackbench.base.answers import require, require_array
 from trackbench.base.errors import PluginError
 from trackbench.base.plugins import one_line, with_plugins
 from trackbench.base.types import EXACT, Array, Indices, RecordedNoise
@@ -260,7 +260,8 @@ def _checked(
     """By path; ``parts``: how many independent ones an interval rests on.
 
     Raises:
-        ValueError: it cannot stand in a result; says why.
+        TrackbenchError: it cannot stand in a result; says why.
+        ValidationError: a value is not one of a result.
     """
     outcome = metric.finish(sums)
     by_name = outcome if isinstance(outcome, Mapping) else {"": outcome}
@@ -269,18 +270,10 @@ def _checked(
         for name, value in by_name.items()
     }
     paths = {f"{metric.name}.{sensor}" for sensor in sensors} if metric.per_sensor else {metric.name}
-    for path, (value, _) in values.items():
-        if path not in paths:
-            raise ValueError(f"finish gave {path}, where it may give {' and '.join(sorted(paths)) or 'nothing'}")
-        try:
-            MetricValue.model_validate(dict(value))
-        except ValidationError as invalid:
-            first = invalid.errors()[0]
-            raise ValueError(
-                f"finish gave a {'.'.join(map(str, first['loc']))} that is wrong: {first['msg']}"
-            ) from None
-    for path in sorted(paths - {*values}):
-        raise ValueError(f"finish gave no {path}")
+    names = " and ".join(sorted(paths)) or "none"
+    require(values.keys() == paths, "the names of what finish returns", names, [*values])
+    for value, _ in values.values():
+        MetricValue.model_validate(dict(value))
     return values
 
 
@@ -294,12 +287,7 @@ def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, I
         return metric.no_value("it is not a number"), None
     if interval is None:
         return MetricValue(value=float(number), unit=metric.unit), None
-    influence: Any = interval.influence
-    if not isinstance(influence, np.ndarray) or influence.shape != (parts,):
-        what = f"of shape {influence.shape}" if isinstance(influence, np.ndarray) else type(influence).__name__
-        raise ValueError(f"the influence of an interval must be an array of shape ({parts},), not {what}")
-    if not np.isfinite(influence).all():
-        raise ValueError("the influence of an interval must be finite")
+    require_array("the influence of an interval", interval.influence, [(parts,)])
     return interval.as_value(metric.unit), interval
 
 

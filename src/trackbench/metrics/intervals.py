@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
-from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array, Mask
 from trackbench.metrics.count_intervals import Counted, count_limits
 from trackbench.results import MetricValue
@@ -186,7 +186,7 @@ class Interval(NamedTuple):
             return count_limits(self.counted, self.value, amount, error, parts.number, parts.stretch.away)
         if error is None or self.parts.uncalibrated or self.constant:
             return None
-        reach = t_quantile(0.975, len(self.influence) - 1) * error
+        reach = stdtrit(len(self.influence) - 1, 0.975) * error
         below, above = self.value - self.at_least, self.at_most - self.value
         limited = 0 < below < np.inf, 0 < above < np.inf
         if all(limited):
@@ -256,7 +256,7 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
         return float("nan")
     mean = total / count
     squares = max(square - 2 * mean * product + mean**2 * count_square, 0.0)
-    return float(t_quantile(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
+    return float(stdtrit(runs - 1, 0.975) * np.sqrt(squares * runs / (runs - 1)) / count)
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: bool = False) -> Interval:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from trackbench.base.distributions import chi_square_beyond
+from scipy.special import chdtrc
+
 from trackbench.metrics.conditions import AGES
 from trackbench.metrics.consistency import BEYOND, DIRECTIONS, beyond_points
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
@@ -72,9 +73,9 @@ def doubtless_verdict(mean: float, parts: float, dof: int) -> str:
         dof: what the mean of a consistent tracker is.
     """
     total, freedom = mean * parts, dof * parts
-    if chi_square_beyond(total / (1 + TOLERANCE), freedom) < DOUBT:
+    if chdtrc(freedom, total / (1 + TOLERANCE)) < DOUBT:
         return "optimistic"
-    return "pessimistic" if 1 - chi_square_beyond(total / (1 - TOLERANCE), freedom) < DOUBT else "undecided"
+    return "pessimistic" if 1 - chdtrc(freedom, total / (1 - TOLERANCE)) < DOUBT else "undecided"
 
 
 def condition_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
@@ -93,8 +94,8 @@ def tail_limits(point: str, under_condition: bool = False, factor: float = 1.0) 
     """
     place = dict(zip(BEYOND, beyond_points(4), strict=True))[point] / factor
     below, above = (BELOW, ABOVE) if under_condition else (TOLERANCE, TOLERANCE if point == NEAR else FAR_TOLERANCE)
-    low = chi_square_beyond(place / (1 - below), 4) if point == NEAR else 0.0
-    return low, chi_square_beyond(place / (1 + above), 4)
+    low = chdtrc(4, place / (1 - below)) if point == NEAR else 0.0
+    return low, chdtrc(4, place / (1 + above))
 
 
 def tail_verdict(ci95: tuple[float, float], point: str, under_condition: bool = False) -> str:

@@ -82,7 +82,7 @@ def assemble(
     every_engine = joined_engines(engines.values())
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     random = frozenset[str]().union(*(block.random for block in blocks))
-    spreads = run_spreads(work, blocks)
+    spreads = run_spreads(work, [(block.piece.scene, block.spreads) for block in blocks])
     in_blocks = [block.first_velocities for block in blocks]
     first = {
         name: contradiction(config, [velocities[name] for velocities in in_blocks if name in velocities])

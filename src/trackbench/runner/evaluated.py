@@ -14,7 +14,7 @@ from trackbench.results import Difference, ExpectationResult, Failure, MetricVal
 from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.work import Work
-from trackbench.scenario.config import Expectation
+from trackbench.scenario.keys import Expectation
 
 #: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
 NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"

@@ -11,7 +11,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.motion import ConstantVelocity
 from trackbench.results.tracker_result import FirstVelocity
-from trackbench.scenario.config import TrackerEntry
+from trackbench.scenario.keys import TrackerEntry
 from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.assume import AssumedSensors

@@ -39,7 +39,7 @@ from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import HiddenMeasurements
-from trackbench.sensing.view import unscored
+from trackbench.sensing.due import unscored
 from trackbench.trackers.answers import NO_TRACK, TrackerFault, require_covariances, tracks_of_run
 from trackbench.truth.recorded.cycles import stretch_of
 

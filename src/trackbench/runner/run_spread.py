@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from trackbench.base.types import Array, Mask
 from trackbench.runner.work import Work
-
-if TYPE_CHECKING:
-    from trackbench.runner.block import Block
 
 
 class RunSpread:
@@ -54,19 +50,23 @@ def spread_in(work: Work, number: int) -> RunSpread | None:
     return RunSpread(truth.sum(axis=2, keepdims=True) / max(truth.shape[2], 1) if hidden else truth)
 
 
-def run_spreads(work: Work, blocks: Sequence[Block]) -> dict[str, float]:
+def run_spreads(work: Work, blocks: Sequence[tuple[int, Mapping[str, Sequence[Array]]]]) -> dict[str, float]:
     """Return the standard deviation of each plug-in's positions over runs, over that of the finest measurement.
 
     A tracker that reads recorded measurements alone is left out.
+
+    Args:
+        work: the work of the run.
+        blocks: of each block its scene and the sums of ``RunSpread`` by tracker.
     """
     spreads = {}
-    for name in dict.fromkeys(name for block in blocks for name in block.spreads):
+    for name in dict.fromkeys(name for _, sums in blocks for name in sums):
         scenes: dict[int, Array] = {}
-        for block in blocks:
-            if len(block.spreads.get(name, ())):
-                scenes[block.piece.scene] = scenes.get(block.piece.scene, 0.0) + np.array(block.spreads[name])
+        for scene, sums in blocks:
+            if len(sums.get(name, ())):
+                scenes[scene] = scenes.get(scene, 0.0) + np.array(sums[name])
         squares = freedom = 0.0
-        for count, x, y, square in (sums.transpose(1, 0, 2) for sums in scenes.values()):
+        for count, x, y, square in (total.transpose(1, 0, 2) for total in scenes.values()):
             several = count > 1
             squares += np.maximum(square - (x**2 + y**2) / np.maximum(count, 1), 0.0)[several].sum()
             freedom += 2 * (count[several] - 1).sum()

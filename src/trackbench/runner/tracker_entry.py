@@ -22,7 +22,7 @@ from trackbench.runner.filed_frames import remarks_on_files
 from trackbench.runner.filed_run import offset_of
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.work import Work
-from trackbench.scenario.config import TrackerEntry
+from trackbench.scenario.keys import TrackerEntry
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial import InitialConfig

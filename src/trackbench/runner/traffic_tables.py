@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
+from scipy.special import gammaincinv
 
-from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.subjects import given
 from trackbench.base.types import UNKNOWN_ORIGIN, Array, Indices, Scan, Truth
 from trackbench.metrics import Evaluation
@@ -210,7 +210,7 @@ def _gate_records(work: Work, name: str, outcome: TrafficScores, scans: Sequence
     edges = np.empty((2, len(number), CORNERS))
     for scan in {scan.sensor: scan for scan in scans}.values():
         own = np.flatnonzero(sensor == scan.sensor)
-        threshold = float(chi_square_quantile(config.associate.gate, float(len(scan.measurement))))
+        threshold = float(2 * gammaincinv(len(scan.measurement) / 2, config.associate.gate))
         scan = scan._replace(sensor_pose=pose[:, own], sensor_velocity=velocity[:, own])
         edges[:, own] = outlines(scan, mean[:, own], covariance[..., own], threshold)
     keys = {"time_s": time, "scan": number.astype(float), "track": ids.astype(float)}

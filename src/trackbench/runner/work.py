@@ -29,10 +29,10 @@ from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
 from trackbench.runner.filed_tracks import why_no_overlap
 from trackbench.scenario import Scenario
-from trackbench.scenario.config import TrackerEntry
+from trackbench.scenario.keys import TrackerEntry
+from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.sensing.scored_point import ScoredPoint, truth_of_point
-from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.truth.config.recording import ReferenceTruth

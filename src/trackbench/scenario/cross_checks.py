@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import counted, nearest_choices, same_name
@@ -15,6 +14,7 @@ from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.scenario import recorded_checks
+from trackbench.scenario.keys import Expectation, ScenarioKeys
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
@@ -22,15 +22,11 @@ from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOp
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.sources import RecordingTruth
 
-if TYPE_CHECKING:
-    from trackbench.scenario.config import Expectation, ScenarioConfig
-
-
 #: Two times that differ by less are the same, s: a difference of times is not exact.
 ROUNDING = 1e-9
 
 
-def scenario_problems(scenario: ScenarioConfig) -> Iterator[Problem]:
+def scenario_problems(scenario: ScenarioKeys) -> Iterator[Problem]:
     """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
     if isinstance(scenario.truth, RecordingTruth):
         yield from recorded_checks.recording_problems(scenario, scenario.truth)
@@ -62,7 +58,7 @@ def scenario_problems(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("expect", index, *problem.at), problem.message)
 
 
-def _times(scenario: ScenarioConfig, truth: SteppedTruth) -> Iterator[Problem]:
+def _times(scenario: ScenarioKeys, truth: SteppedTruth) -> Iterator[Problem]:
     settle = scenario.score.settle_s
     if scenario.sensing.identities == "known" and settle >= truth.duration_s:
         default = "" if "settle_s" in scenario.score.model_fields_set else f"is {settle:g} where it is not stated, and "
@@ -104,7 +100,7 @@ def _nearest_rates(truth_rate: int, steps: float) -> list[float]:
     return [rate for rate in rates if rate is not None]
 
 
-def _made_elsewhere(scenario: ScenarioConfig) -> Iterator[Problem]:
+def _made_elsewhere(scenario: ScenarioKeys) -> Iterator[Problem]:
     """What goes with tracks that another program wrote, and that there are sensors for all other trackers."""
     for name, tracker in scenario.trackers.items():
         if not isinstance(tracker, TracksConfig):
@@ -121,7 +117,7 @@ def _made_elsewhere(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("trackers", name, "path"), message)
 
 
-def _scored_point(scenario: ScenarioConfig) -> Iterator[Problem]:
+def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
     """Say where a point beside the centre is not known."""
     truth, point = scenario.truth, scenario.score.point
     if point == "centre":
@@ -137,7 +133,7 @@ def _scored_point(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("score", "point"), message)
 
 
-def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
+def _tracker_sensors(scenario: ScenarioKeys) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         for index, sensor in enumerate(tracker.sensors or []):
             if sensor not in scenario.sensors:
@@ -156,7 +152,7 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
                     yield Problem(("trackers", name, "associate", key, sensor), _no_sensor(scenario, sensor))
 
 
-def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+def _assumed(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator[Problem]:
     """Sensor models, noise and effects that a tracker assumes."""
     for sensor, effects in tracker.assume.items():
         if unread := _not_read(scenario, tracker, sensor):
@@ -187,7 +183,7 @@ def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iter
                 yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest_choices(key, options)}")
 
 
-def _start(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+def _start(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator[Problem]:
     """What a tracker needs of its sensors and none of them measures: positions, and a velocity where it is stated."""
     initial = tracker.initial
     read = tracker.sensors or list(scenario.sensors)
@@ -213,7 +209,7 @@ def _start(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterat
         yield Problem(("trackers", name, "initial", "velocity"), message)
 
 
-def _lag(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+def _lag(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator[Problem]:
     if tracker.smoother is not None or tracker.late not in ("replay", "retrodiction"):
         return
     read = scenario.sensors if tracker.sensors_used is None else tracker.sensors_used
@@ -229,7 +225,7 @@ def _lag(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator
             return
 
 
-def _not_read(scenario: ScenarioConfig, tracker: FilterConfig, sensor: str) -> str | None:
+def _not_read(scenario: ScenarioKeys, tracker: FilterConfig, sensor: str) -> str | None:
     """Why what a tracker assumes of a sensor changes nothing; None where it reads it."""
     if sensor not in scenario.sensors:
         return _no_sensor(scenario, sensor)
@@ -238,11 +234,11 @@ def _not_read(scenario: ScenarioConfig, tracker: FilterConfig, sensor: str) -> s
     return f"the tracker does not read {sensor}; it reads {', '.join(tracker.sensors_used)}"
 
 
-def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:
+def _no_sensor(scenario: ScenarioKeys, sensor: str) -> str:
     return f"the scenario has no sensor {sensor!r}; {nearest_choices(sensor, scenario.sensors)}"
 
 
-def _expectation(scenario: ScenarioConfig, expectation: Expectation, metrics: Mapping[str, Field]) -> Iterator[Problem]:
+def _expectation(scenario: ScenarioKeys, expectation: Expectation, metrics: Mapping[str, Field]) -> Iterator[Problem]:
     tracker = scenario.trackers.get(expectation.tracker)
     if tracker is None:
         message = f"the scenario has no tracker {expectation.tracker!r}"
@@ -266,7 +262,7 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation, metrics: Ma
     yield from _limit(scenario, expectation, metric, metrics)
 
 
-def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
+def _metrics(scenario: ScenarioKeys) -> dict[str, Field]:
     """Every path that an expectation may name."""
     hidden, truth = scenario.sensing.identities == "hidden", scenario.truth
     has_truth = not (isinstance(truth, RecordingTruth) and truth.without_truth)
@@ -274,7 +270,7 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
 
 
 def _limit(
-    scenario: ScenarioConfig, expectation: Expectation, metric: Field, metrics: Mapping[str, Field]
+    scenario: ScenarioKeys, expectation: Expectation, metric: Field, metrics: Mapping[str, Field]
 ) -> Iterator[Problem]:
     word, rival = expectation.equals, expectation.better_than
     for operator in ("below", "above"):
@@ -312,7 +308,7 @@ OF_SINGLE_OBJECTS = ("settle_s", "each", "divergence_m", "lost_after_s", "min_co
 REMEDY = "write sensing: {identities: hidden}, or remove this"
 
 
-def _identities(scenario: ScenarioConfig) -> Iterator[Problem]:
+def _identities(scenario: ScenarioKeys) -> Iterator[Problem]:
     """What is stated of hidden identities in a scenario whose identities are known, and the other way round."""
     if scenario.sensing.identities == "hidden":
         yield from _of_hidden(scenario)
@@ -339,7 +335,7 @@ def _identities(scenario: ScenarioConfig) -> Iterator[Problem]:
                 yield Problem(("truth", "objects", name, "target"), message)
 
 
-def _of_hidden(scenario: ScenarioConfig) -> Iterator[Problem]:
+def _of_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         alone = "follows one object each, of which the detections do not say"
         if isinstance(tracker, FilterConfig) and tracker.associate is None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import yaml
 from pydantic import ValidationError
 
 from trackbench.base import files
@@ -19,6 +21,8 @@ from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse_yaml
 from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes, slowed_sensors
 
+#: Columns of a line of a scenario that is written.
+WIDTH = 120
 #: That are shown of one file.
 MOST_ERRORS = 50
 
@@ -253,3 +257,18 @@ def _named(loaded: Scenario) -> Iterator[str]:
             waiting += node.values() if isinstance(node, dict) else node
         elif isinstance(node, str) and ":" in node:
             yield node.partition(":")[0]
+
+
+def written_with_changes(loaded: Scenario, folder: Path) -> str:
+    """Return the text of a scenario in which its ``--set`` stand, for a file in another folder; without its comments.
+
+    Args:
+        loaded: the scenario.
+        folder: where the file will be; the path of a recorded truth is as seen from there.
+    """
+    changes = [*loaded.overrides]
+    truth = loaded.document.value["truth"]
+    if isinstance(truth, dict) and isinstance(truth.get("path"), str):
+        changes.append(f"truth.path={json.dumps(files.path_from(truth['path'], loaded.folder, folder))}")
+    document = apply_overrides(parse_yaml(loaded.text, "scenario"), changes)
+    return yaml.safe_dump(document.value, sort_keys=False, width=WIDTH, allow_unicode=True)

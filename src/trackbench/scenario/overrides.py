@@ -11,17 +11,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from glob import glob
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import yaml
+from typing import Any, NamedTuple
 
 from trackbench.base.config import KeyPath
 from trackbench.base.errors import InputError, did_you_mean, nearest_choices
-from trackbench.base.files import path_from
 from trackbench.scenario.source import Origin, YamlDocument, dotted, parse_yaml
-
-if TYPE_CHECKING:
-    from trackbench.scenario.load import Scenario
 
 
 def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDocument:
@@ -283,10 +277,6 @@ def _error(document: YamlDocument, path: KeyPath, message: str) -> InputError:
     return InputError(message, key=dotted(path), file=origin.file, line=origin.line)
 
 
-#: Columns of a line.
-WIDTH = 120
-
-
 def with_moved_paths(node: Any, move: Callable[[str], str], is_path: bool = False) -> Any:
     """A part of a scenario in which every ``path``, one or a list, is another; what else stands there stays.
 
@@ -300,18 +290,3 @@ def with_moved_paths(node: Any, move: Callable[[str], str], is_path: bool = Fals
     if is_path and isinstance(node, list):
         return [with_moved_paths(item, move, True) for item in node]
     return move(node) if is_path and isinstance(node, str) else node
-
-
-def written_with_changes(loaded: Scenario, folder: Path) -> str:
-    """Return the text of a scenario in which its ``--set`` stand, for a file in another folder; without its comments.
-
-    Args:
-        loaded: the scenario.
-        folder: where the file will be; the path of a recorded truth is as seen from there.
-    """
-    changes = [*loaded.overrides]
-    truth = loaded.document.value["truth"]
-    if isinstance(truth, dict) and isinstance(truth.get("path"), str):
-        changes.append(f"truth.path={json.dumps(path_from(truth['path'], loaded.folder, folder))}")
-    document = apply_overrides(parse_yaml(loaded.text, "scenario"), changes)
-    return yaml.safe_dump(document.value, sort_keys=False, width=WIDTH, allow_unicode=True)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest_choices
 from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.models.sensors.presets import presets
+from trackbench.scenario.keys import ScenarioKeys
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.sources import RecordingTruth
-
-if TYPE_CHECKING:
-    from trackbench.scenario.config import ScenarioConfig
 
 #: Keys of a sensor that say when and what it would read; recorded measurements are taken as they are.
 SYNTHETIC = (
@@ -29,7 +26,7 @@ SYNTHETIC = (
 )
 
 
-def recording_problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
+def recording_problems(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Problem]:
     """Everything that is wrong between the recording and the other sections."""
     kinds = scenario.sensor_kinds
     fed = truth.feeds(kinds)
@@ -70,7 +67,7 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
             yield Problem((*at, *problem.at), problem.message)
 
 
-def _hidden(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
+def _hidden(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Problem]:
     """What is only used with hidden identities, and what they need."""
     known = scenario.sensing.identities == "known"
     only = "only used with sensing: {identities: hidden}; remove"
@@ -107,7 +104,7 @@ def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
             yield Problem(("sensors", name), f"the recording has one {kind}, and it feeds {other}; remove one of them")
 
 
-def _synthetic(scenario: ScenarioConfig, truth: RecordingTruth, name: str) -> Iterator[Problem]:
+def _synthetic(scenario: ScenarioKeys, truth: RecordingTruth, name: str) -> Iterator[Problem]:
     sensor = scenario.sensors[name]
     biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
     of_preset = presets()[sensor.preset].values if sensor.preset is not None else {}
@@ -120,7 +117,7 @@ def _synthetic(scenario: ScenarioConfig, truth: RecordingTruth, name: str) -> It
             )
 
 
-def same_every_run(scenario: ScenarioConfig) -> bool:
+def same_every_run(scenario: ScenarioKeys) -> bool:
     """Whether nothing is drawn: no motion, no tracker's start and no measurement, as all of them are recorded."""
     drawn = scenario.truth.random or any(
         isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values()

@@ -16,7 +16,6 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
-from trackbench.base.deferred import imported_when_used
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
@@ -33,10 +32,7 @@ from trackbench.truth.frames import (
 )
 from trackbench.truth.jumps import summarised
 
-# Of these, half a second to import, highway-env needs nothing for what is done here.
-UNUSED = ("matplotlib", "matplotlib.pyplot", "pandas")
-
-with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()), imported_when_used(*UNUSED):
+with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")
     import highway_env  # noqa: F401  (registers the environments)
     from highway_env import utils

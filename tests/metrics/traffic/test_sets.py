@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.optimize import linear_sum_assignment
 from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
 from tests.metrics.traffic.histories import counted_of, random_histories, tracks_of, truth_of
 
-from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import Array
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.assignment import best_matching
@@ -125,7 +125,7 @@ def test_the_matching_of_a_group_is_the_assignment_with_most_gain(seed: int) -> 
         own = chosen & (group == k)
         assert len(set(row[own])) == len(set(column[own])) == own.sum()
         assert gain[k, row[own], column[own]].sum() == pytest.approx(
-            gain[k][largest_assignment(gain[k])].sum(), rel=1e-12
+            gain[k][linear_sum_assignment(gain[k], maximize=True)].sum(), rel=1e-12
         )
 
 

@@ -21,7 +21,6 @@ from tests.support.doctor import Make, mutant_under_test, program_named, tracker
 import trackbench as tb
 from trackbench.base.types import Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.certainty import certainty
 from trackbench.subjects.doctor.checks.jacobians import written_jacobians
 from trackbench.subjects.doctor.checks.steps import jumping_angle
 from trackbench.subjects.doctor.checks.validity import validity
@@ -265,7 +264,7 @@ def test_a_line_that_is_seen_to_be_wrong_explains_what_else_is_found() -> None:
     found = rank_findings([Finding("course_not_wrapped", 0.97, ""), Finding("jacobian_wrong", PROVEN, "")])
     assert with_causes(found) == [("jacobian_wrong", None), ("course_not_wrapped", "jacobian_wrong")]
     check = CheckResult("course_wrapping", "", False, "", faults=("course_not_wrapped",))
-    assert certainty(Examination("", found, [check])).word == "shown"
+    assert Examination("", found, [check]).certainty().word == "shown"
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
 from trackbench.subjects.doctor import checks, traffic_checks
-from trackbench.subjects.doctor.certainty import Certainty, certainty
+from trackbench.subjects.doctor.certainty import Certainty
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult, check_named, rank_findings
@@ -67,17 +67,17 @@ def test_the_word_follows_from_what_is_explained(
     tmp_path: Path,
 ) -> None:
     examination = Examination("mine", findings, checks)
-    assert certainty(examination) == (word, explained, besides)
+    assert examination.certainty() == (word, explained, besides)
     # What is saved has no number, and the same word.
     file = tmp_path / "examination.json"
     file.write_text(json.dumps(examination.json()))
-    assert certainty(Examination.load(file)) == certainty(examination)
+    assert Examination.load(file).certainty() == examination.certainty()
 
 
 def test_a_consequence_of_another_root_is_not_explained() -> None:
     other = replace(EXACT, fault="doppler_sign")
     found = Examination("mine", [EXACT, other, caused(FAR, EXACT)], [failed("a", FAR.fault)])
-    assert certainty(found, other) == ("unclear", 0, ("a",))
+    assert found.certainty(other) == ("unclear", 0, ("a",))
 
 
 def test_the_words_are_counted() -> None:

@@ -17,7 +17,6 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.api import doctor
-from trackbench.subjects.doctor.certainty import certainty
 from trackbench.subjects.doctor.findings import CHECKS, LOG_CHECKS, questions
 from trackbench.subjects.doctor.log_checks.consistency import block_interval
 from trackbench.subjects.doctor.log_doctor import LogDoctor
@@ -98,7 +97,7 @@ def test_an_estimate_that_lags(sigma: float, fault: str, word: str) -> None:
     found = examined(changed(acceleration_sigma_mps2=sigma))
     assert [finding.fault for finding in found.causes] == [fault]
     assert failed(found) >= {"log_nis"}
-    assert certainty(found).word == word
+    assert found.certainty().word == word
 
 
 @pytest.mark.parametrize("offset", [0.1, -0.1])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
-from trackbench.base.distributions import normal_quantile
 from trackbench.metrics.ego import Ego
 from trackbench.subjects.functions.forward_collision_warning import ForwardCollisionWarning
 from trackbench.subjects.functions.protocol import Objects
@@ -45,7 +45,7 @@ def test_a_covariance_shifts_it_by_the_quantile(probability: float):
     sigma = np.sqrt(1.0 + (2.4 * 0.3) ** 2)
     function = ForwardCollisionWarning(ttc_s=2.4, probability=probability)
     warned = first_warning(function, *approach(np.diag([1.0, 1e-6, 0.09, 0.09])))
-    shift = normal_quantile(probability) * sigma / SPEED
+    shift = ndtri(probability) * sigma / SPEED
     assert warned == pytest.approx(100.0 / SPEED - 2.4 + shift, abs=0.0101)
 
 

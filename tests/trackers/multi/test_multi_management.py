@@ -7,9 +7,9 @@ from math import comb
 
 import numpy as np
 import pytest
+from scipy.special import gammaincinv
 from tests.support.traffic_scans import NOISE, PADDING, RANGE, one_scan, traffic, vehicles
 
-from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import FieldOfView, Scan, scan_of_run
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import MultiObjectTracker, build_multi
@@ -66,7 +66,7 @@ def expected_confirmation(rule: tuple[int, int], probability: float, density: fl
     needed, scans = rule
     noise = np.diag(NOISE["lidar"])
     f, h = np.eye(4) + dt * np.eye(4, k=2), np.eye(2, 4)
-    g = np.array([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
+    g = np.array([[dt**1, 0], [0, dt**1], [dt, 0], [0, dt]])
     total = 0.0
     for hits in product((True, False), repeat=scans - 1):
         p, chance, found, missed = np.diag([*NOISE["lidar"], VELOCITY_SIGMA**2, VELOCITY_SIGMA**2]), 1.0, 1, 0
@@ -75,7 +75,7 @@ def expected_confirmation(rule: tuple[int, int], probability: float, density: fl
             s = h @ p @ h.T + noise
             root = np.sqrt(np.linalg.det(s))
             likely = 2 * np.log(probability / (density * 2 * np.pi * root * (1 - probability * gate)))
-            radius = min(float(chi_square_quantile(gate, 2)), likely)
+            radius = min(float(2 * gammaincinv(1, gate)), likely)
             one = 1 - np.exp(-density * np.pi * radius * root)
             chance *= one if hit else 1 - one
             if hit:

@@ -8,12 +8,9 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 
 from trackbench.base.errors import InputError
-from trackbench.base.execution.task import Here, InProcess, Shared, Task, one_blas_thread
+from trackbench.base.execution.task import MOST_WORKERS, Here, InProcess, Shared, Task, one_blas_thread
 
 __all__ = ["MOST_WORKERS", "Here", "InProcess", "Task", "executor", "one_blas_thread"]
-
-#: Processes of one machine.
-MOST_WORKERS = 1024
 
 log = logging.getLogger(__name__)
 

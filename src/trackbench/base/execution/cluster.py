@@ -17,8 +17,7 @@ from threading import Event, Lock, Thread
 from typing import Any
 
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.base.execution import MOST_WORKERS
-from trackbench.base.execution.task import Task, uninterrupted
+from trackbench.base.execution.task import MOST_WORKERS, Task, uninterrupted
 from trackbench.base.exit_status import how_it_ended
 
 try:

@@ -25,6 +25,8 @@ from trackbench.base.exit_status import FAULT
 from trackbench.base.plugins import one_line
 from trackbench.base.user_code import place_of
 
+#: Processes of one machine.
+MOST_WORKERS = 1024
 #: A worker of a cluster may have several threads; the module path and stdout belong to all of them.
 _ONE_AT_A_TIME = Lock()
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import ABSENT, DUE, Array, Indices, Mask
 
 #: In place of the origin of a detection: the track took none.
@@ -125,6 +124,9 @@ def equal_stretches(group: Indices) -> list[slice]:
 
 def matched_in_group(row: Indices, column: Indices, gain: Array) -> Mask:
     """``(P,)`` which pairs of one group, with gains above zero, are matched."""
+    # A run with known identities does without the .3 s of this import.
+    from scipy.optimize import linear_sum_assignment
+
     # Of a few numbers this is many times as quick as np.unique.
     rows = {number: place for place, number in enumerate(sorted({*row.tolist()}))}
     columns = {number: place for place, number in enumerate(sorted({*column.tolist()}))}
@@ -132,7 +134,7 @@ def matched_in_group(row: Indices, column: Indices, gain: Array) -> Mask:
     matrix = np.zeros((len(rows), len(columns)))
     matrix[i, j] = gain
     partner = np.full(len(rows), -1)
-    first, second = largest_assignment(matrix)
+    first, second = linear_sum_assignment(matrix, maximize=True)
     partner[first] = second
     return np.asarray(partner[i] == j)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
 
 from trackbench.base.errors import counted
 from trackbench.base.subjects import TermPage
@@ -16,16 +16,13 @@ from trackbench.subjects.doctor.findings import (
     PROVEN,
     SURE,
     TRAFFIC_CHECKS,
+    CheckResult,
     DoctorCheck,
     Finding,
     Question,
     checks_of,
     known_faults,
 )
-
-if TYPE_CHECKING:
-    from trackbench.subjects.doctor.report import Examination
-
 
 Word = Literal["shown", "likely", "unclear"]
 #: Least confidence of a finding with each word.
@@ -64,21 +61,21 @@ class Certainty(NamedTuple):
         return f"{self.word}, explains {share}{counted(self.failed, 'failed check')}"
 
 
-def certainty(examination: Examination, finding: Finding | None = None) -> Certainty:
-    """How sure a name is.
+def certainty(findings: Sequence[Finding], checks: Sequence[CheckResult], cause: Finding | None) -> Certainty:
+    """Say how sure the name of a root cause is.
 
     ``shown`` is an exact finding (no other fault looks like it) that explains all failed checks. ``likely`` is one with
     evidence of its own, beside the errors of drives, that explains at least half of them. All else is ``unclear``.
 
     Args:
-        examination: of a tracker that is not healthy.
-        finding: a root cause; the first one unless given. Without any, nothing is explained.
+        findings: all findings of the examination.
+        checks: all checks of the examination.
+        cause: the root cause. None explains nothing.
     """
-    cause = finding or next(iter(examination.causes), None)
-    failed = [check for check in examination.checks if check.passed is False]
+    failed = [check for check in checks if check.passed is False]
     if cause is None:
         return Certainty("unclear", 0, tuple(check.name for check in failed))
-    of_cause = {other.fault for other in examination.findings if other.consequence_of == cause.fault} | {cause.fault}
+    of_cause = {other.fault for other in findings if other.consequence_of == cause.fault} | {cause.fault}
     besides = tuple(check.name for check in failed if of_cause.isdisjoint(check.faults))
     explained, kinds = len(failed) - len(besides), known_faults()[cause.fault].kinds
     word: Word = "unclear"

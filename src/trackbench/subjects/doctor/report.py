@@ -20,7 +20,7 @@ from trackbench.document import Block, Cell, Column, Document, Item, Items, Para
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.results import EXAMINATION
-from trackbench.subjects.doctor.certainty import LEAST, Word, certainty
+from trackbench.subjects.doctor.certainty import LEAST, Certainty, Word, certainty
 from trackbench.subjects.doctor.drive_figures import evidence_figures
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.exhibit_figures import exhibit_figure
@@ -61,6 +61,10 @@ class Examination:
         """The others."""
         return [finding for finding in self.findings if finding.consequence_of is not None]
 
+    def certainty(self, cause: Finding | None = None) -> Certainty:
+        """Say how sure the name of a root cause is; of the first one unless given."""
+        return certainty(self.findings, self.checks, cause or next(iter(self.causes), None))
+
     def json(self) -> dict[str, Any]:
         """As ``--json`` prints it.
 
@@ -76,7 +80,7 @@ class Examination:
 
     def _of_finding(self, finding: Finding) -> dict[str, Any]:
         """A root cause has its certainty; other findings have none."""
-        sure = certainty(self, finding) if finding in self.causes else None
+        sure = self.certainty(finding) if finding in self.causes else None
         return {
             "fault": finding.fault,
             "confidence": sure and sure.word,
@@ -171,7 +175,7 @@ def examination_verdict(examination: Examination) -> str:
 def _found(examination: Examination) -> str:
     causes, failed = examination.causes, sum(check.passed is False for check in examination.checks)
     if causes:
-        unclear = certainty(examination).word == "unclear"
+        unclear = examination.certainty().word == "unclear"
         return "something is wrong, and its name is unclear" if unclear else f"{counted(len(causes), 'fault')} found"
     if failed:
         return f"no known fault found, but {counted(failed, 'check')} failed"
@@ -193,7 +197,7 @@ def fix(examination: Examination, finding: Finding) -> str:
 
 def _facts(examination: Examination, finding: Finding) -> str:
     """Fault, certainty, sensor and factor."""
-    facts = [str(certainty(examination, finding))]
+    facts = [str(examination.certainty(finding))]
     if finding.sensor is not None:
         facts.append(f"sensor {finding.sensor}")
     if finding.factor is not None:
@@ -208,7 +212,7 @@ def _points(examination: Examination, finding: Finding) -> list[tuple[str, str]]
         ("look at", known_faults()[finding.fault].where),
         ("fix", fix(examination, finding)),
     ]
-    besides = certainty(examination, finding).besides
+    besides = examination.certainty(finding).besides
     return [*points, ("besides", f"not explained by it: {', '.join(besides)}")] if besides else points
 
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.config.key_units import split_key
-from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig, Linked
 
@@ -165,8 +164,9 @@ def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, own: Sequence[
 def _sobol(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]:
     # Half of the cells are kept for the border.
     count = max(2, config.cells // 2)
-    sobol = scipy_function("scipy.stats", "qmc", "Sobol")(len(axes), rng=0)
-    shares = sobol.random_base2(math.ceil(math.log2(count)))[:count]
+    from scipy.stats.qmc import Sobol
+
+    shares = Sobol(len(axes), rng=0).random_base2(math.ceil(math.log2(count)))[:count]
     return [tuple(map(from_share, axes, row)) for row in shares]
 
 

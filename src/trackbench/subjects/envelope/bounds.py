@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.special import betaincinv, gammaincinv, ndtri, stdtrit
 
-from trackbench.base.distributions import beta_quantile, chi_square_quantile, normal_quantile, t_quantile
 from trackbench.base.types import Array
 from trackbench.metrics.intervals import ALL_THE_SAME, Interval
 
@@ -71,7 +71,7 @@ class Sample(NamedTuple):
             skewness: of a run.
             unseen: by how many standard deviations of a run the unseen ones lie beyond.
         """
-        t, root = t_quantile(1 - level, self.number - 1), self.number**0.5
+        t, root = stdtrit(self.number - 1, 1 - level), self.number**0.5
         correction = np.maximum(skewness, 0.0) * (1 + 2 * t**2) / (6 * root)
         return np.asarray(self.error * (t + correction - unseen * np.log(level) / root))
 
@@ -208,7 +208,7 @@ def share_bound(sample: Sample, level: float, side: Side, events: float = np.inf
     several = varies & ~few & (trials > number * (1 + 1e-6))
     trials = np.minimum(np.where(several, trials * _known(level, number), np.minimum(trials, number)), events)
     hits, misses = share * trials, (1 - share) * trials
-    exact = np.where(misses > 0, beta_quantile(1 - level, hits + 1, np.maximum(misses, 1e-9)), 1.0)
+    exact = np.where(misses > 0, betaincinv(hits + 1, np.maximum(misses, 1e-9), 1 - level), 1.0)
     away = several & (share < 0.5)
     skewed = positive_bound(sample._replace(mean=np.where(away, share, 1.0)), level, "upper")
     return np.where(away, np.minimum(np.maximum(exact, skewed), 1.0), exact)
@@ -232,12 +232,12 @@ def rate_bound(sample: Sample, exposure: float, level: float, side: Side) -> Arr
     dispersion = np.where(several, dispersion * few / _known(level, sample.number), 1.0)
     events, exposures = events / dispersion, exposure / dispersion
     if side == "lower":
-        return np.where(events > 0, chi_square_quantile(level, 2 * np.maximum(events, 1e-9)), 0.0) / (2 * exposures)
-    limit = chi_square_quantile(1 - level, 2 * (events + 1)) / (2 * exposures)
+        return np.where(events > 0, gammaincinv(np.maximum(events, 1e-9), level), 0.0) / exposures
+    limit: Array = gammaincinv(events + 1, 1 - level) / exposures
     skewed = positive_bound(sample._replace(mean=np.where(several, sample.mean, 1.0)), level, "upper")
     return np.where(several, np.maximum(limit, skewed), limit)
 
 
 def _known(level: float, number: int) -> float:
     """By what a number of trials is multiplied whose variance is known from so many runs."""
-    return (normal_quantile(1 - level) / t_quantile(1 - level, number - 1)) ** 2
+    return float(ndtri(1 - level) / stdtrit(number - 1, 1 - level)) ** 2

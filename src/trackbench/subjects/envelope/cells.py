@@ -32,7 +32,7 @@ from trackbench.runner.block import failures_and_outcomes, run_blocks
 from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
-from trackbench.scenario.config import Expectation
+from trackbench.scenario.keys import Expectation
 from trackbench.subjects.envelope.axes import Point
 from trackbench.subjects.envelope.bounds import bound, unbounded
 from trackbench.truth import LoadedTruth

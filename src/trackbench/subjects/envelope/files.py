@@ -17,7 +17,7 @@ from trackbench.base.files import read_bytes
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.scenario import Scenario
-from trackbench.scenario.overrides import written_with_changes
+from trackbench.scenario.load import written_with_changes
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Claim, Envelope
 from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, ShownExample
 from trackbench.subjects.envelope.report import envelope_document

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array, Indices
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.envelope.absent import absent_along
@@ -340,7 +339,9 @@ class Border:
         """``(triangles, 3)`` neighbouring cells; none where all cells lie on a line."""
         if len(self.places) < 3 or np.linalg.matrix_rank(self.places - self.places[0], tol=1e-9) < 2:
             return np.zeros((0, 3), dtype=np.intp)
-        corners: Indices = scipy_function("scipy.spatial", "_qhull", "Delaunay")(self.places).simplices
+        from scipy.spatial import Delaunay
+
+        corners: Indices = Delaunay(self.places).simplices
         corner = self.places[corners]
         (ax, ay), (bx, by) = (corner[:, 1] - corner[:, 0]).T, (corner[:, 2] - corner[:, 0]).T
         # Rounding leaves triangles without an area along straight edges.

@@ -14,8 +14,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Scan, Truth
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.models.sensors.base import Mount
+from trackbench.models.sensors import SENSOR_MODELS, Mount
 from trackbench.subjects.export.scans import RunKey, ScanSource, component_columns
 from trackbench.truth.recorded.foxglove import BOXES, POINTS, SCAN, TRANSFORMS
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr
 
-from trackbench.base.distributions import normal_below
 from trackbench.base.types import Array
 from trackbench.metrics.ego import Ego
 from trackbench.subjects.functions.protocol import Objects
@@ -108,7 +108,7 @@ def probability_positive(margin: Array, variance: Array) -> Array:
     """``(...)`` that a normal variable with this mean and variance is above 0; without variance 1 or 0."""
     sigma = np.sqrt(np.maximum(variance, 0.0))
     certain = sigma == 0.0
-    return np.where(certain, margin > 0, normal_below(margin / np.where(certain, 1.0, sigma)))
+    return np.where(certain, margin > 0, ndtr(margin / np.where(certain, 1.0, sigma)))
 
 
 def time_until(distance: Array, speed: Array) -> Array:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import ndtri
 
-from trackbench.base.distributions import normal_density, normal_quantile, normal_within
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.metrics.blocks import BlockInterval, blocks_of
@@ -19,7 +19,7 @@ from trackbench.subjects.log_audit.sensor_log import SensorLog, reference_noise
 from trackbench.truth.config.columns import CARTESIAN, POLAR
 from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.drive import Drive, Log, RowOrder
-from trackbench.truth.recorded.robust import KEPT, clipped
+from trackbench.truth.recorded.robust import EDGE, KEPT, clipped
 from trackbench.truth.sources import RecordingTruth
 
 #: Measurements in a band of the range, at least, and bands at most.
@@ -100,8 +100,7 @@ def _sigma(log: SensorLog, fit: JointFit, i: int, chosen: Mask) -> BlockInterval
     added = float((weight * reference).sum() / weight.sum())
     # The logarithm of a standard deviation is nearer to normal, and the share within its limits moves with it.
     # So much of a change of the standard deviation limits that follow it, at three of it, take away.
-    density, within = normal_density(3), normal_within(3)
-    share = 1 / (1 - 0.5 * (2 * 27 * density / (within * KEPT) - 6 * density / within))
+    share = 1 / (1 - 0.5 * (2 * 27 * EDGE / KEPT - 6 * EDGE))
     logarithm = fit.blocks.intervals(
         np.stack([weight * away**2, weight]),
         lambda sums: 0.5 * np.log(np.maximum(sums[:1], 1e-300) / np.maximum(sums[1:], 1e-300)),
@@ -242,7 +241,7 @@ def _share(time: Array, owner: Indices, hit: Mask) -> BlockInterval:
         if share.sigma > 0:
             return share
     # All or none: as far as the rule of three reaches (Clopper and Pearson 1934, one-sided).
-    return BlockInterval(value, 3.0 / count / normal_quantile(0.975), np.inf)
+    return BlockInterval(value, 3.0 / count / ndtri(0.975), np.inf)
 
 
 def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:

@@ -21,8 +21,8 @@ from trackbench.document.drawing import svg_file
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.scenario import Scenario
-from trackbench.scenario.load import own_modules
-from trackbench.scenario.overrides import WIDTH, expand_sweeps, with_moved_paths
+from trackbench.scenario.load import WIDTH, own_modules
+from trackbench.scenario.overrides import expand_sweeps, with_moved_paths
 from trackbench.scenario.source import parse_yaml
 from trackbench.subjects.tuning.entry import Values, plain
 from trackbench.subjects.tuning.report import remarks, tuning_document, tuning_headline

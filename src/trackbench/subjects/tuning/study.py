@@ -16,7 +16,6 @@ import numpy as np
 
 from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError
-from trackbench.base.scipy_functions import scipy_function
 from trackbench.subjects.tuning.entry import Values, module_file, plain
 from trackbench.subjects.tuning.evaluation import Bench, Outcome
 from trackbench.subjects.tuning.measures import WORDS, Sums
@@ -254,8 +253,6 @@ class Study:
         """Values spread evenly over all ranges: scrambled Sobol points."""
         import optuna
 
-        # For Optuna, which would import the whole package.
-        scipy_function("scipy.stats", "qmc", "Sobol")
         with _quiet():
             sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=seed)
             return self._proposed(sampler, [], count)

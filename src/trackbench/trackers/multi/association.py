@@ -6,10 +6,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from trackbench.base import linalg
-from trackbench.base.distributions import chi_square_quantile
-from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import Array, Gaussian, Indices, Mask, indices
 from trackbench.base.units import difference
 from trackbench.engine.equations import Compute, by_numpy
@@ -171,13 +170,16 @@ def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
 
 def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> list[Indices]:
     """The best assignment of some pairs, one run after the other."""
+    # A run with known identities does without the .3 s of this import.
+    from scipy.optimize import linear_sum_assignment
+
     taken, which = [], by_run(which, run[pairs.track])
     for part in np.split(which, indices(np.diff(run[pairs.track[which]])) + 1):
         rows, row = np.unique(pairs.track[part], return_inverse=True)
         columns, column = np.unique(pairs.detection[part], return_inverse=True)
         value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
         value[row, column], index[row, column] = weight[part], part
-        chosen = index[largest_assignment(value)]
+        chosen = index[linear_sum_assignment(value, maximize=True)]
         taken.append(chosen[chosen >= 0])
     return taken
 
@@ -295,7 +297,7 @@ def _established(
 @lru_cache(maxsize=64)
 def _threshold(gate: float, components: int) -> float:
     """The squared Mahalanobis distance that a detection of the object exceeds with probability ``1 - gate``."""
-    return float(chi_square_quantile(gate, components))
+    return float(2 * gammaincinv(components / 2, gate))
 
 
 def duplicates(detection: Indices, confirmed: Mask, states: Gaussian, angular: tuple[int, ...]) -> Mask:

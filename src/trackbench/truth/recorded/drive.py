@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config.recording import ReferenceTruth
 from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded.cycles import Cycles, cycles
-
-if TYPE_CHECKING:
-    from trackbench.truth.recorded.scans import Scans
 
 
 class Motion(NamedTuple):
@@ -69,6 +66,30 @@ class Log(NamedTuple):
     """``(alarms,)`` s, of the rows of no object, sorted."""
     alarm_measurement: Array = np.zeros((0, 0))
     """``(m, alarms)``"""
+
+
+class Scans(NamedTuple):
+    """Of one sensor, sorted by time."""
+
+    time: Array
+    """``(scans,)`` the first instant of each cycle, s."""
+    scan: Indices
+    """``(rows,)``"""
+    measurement: Array
+    """``(m, rows)``, angles wrapped."""
+    own_track: Indices
+    """``(rows,)``"""
+    own_tracks: tuple[str, ...]
+    rows: int
+    """In the file."""
+    duplicates: int
+    """Rows of the same slot at the same time as a row before, which are left out."""
+    copies: int = 0
+    """Detections beside another of the same object, which are left out."""
+
+    def without_slots(self) -> Scans:
+        """The same without the sensor's own tracks."""
+        return self._replace(own_track=np.full(len(self.scan), -1), own_tracks=())
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth.config.columns import POLAR, MeasurementColumns, Units
 from trackbench.truth.recorded.cycles import cycles
-from trackbench.truth.recorded.drive import row_order
+from trackbench.truth.recorded.drive import Scans, row_order
 from trackbench.truth.recorded.rows import Rows
 
 #: A slot that was empty for longer has another object afterwards, s.
@@ -21,30 +20,6 @@ EMPTY_SLOT = 1.0
 #: Cycles without a row for each with one, at most, where rows have no slots: rows of one scan that are some ms apart
 #: would be taken for many scans.
 FEW_MISSED = 0.5
-
-
-class Scans(NamedTuple):
-    """Of one sensor, sorted by time."""
-
-    time: Array
-    """``(scans,)`` the first instant of each cycle, s."""
-    scan: Indices
-    """``(rows,)``"""
-    measurement: Array
-    """``(m, rows)``, angles wrapped."""
-    own_track: Indices
-    """``(rows,)``"""
-    own_tracks: tuple[str, ...]
-    rows: int
-    """In the file."""
-    duplicates: int
-    """Rows of the same slot at the same time as a row before, which are left out."""
-    copies: int = 0
-    """Detections beside another of the same object, which are left out."""
-
-    def without_slots(self) -> Scans:
-        """The same without the sensor's own tracks."""
-        return self._replace(own_track=np.full(len(self.scan), -1), own_tracks=())
 
 
 def column_measurements(

@@ -31,6 +31,7 @@ from trackbench.truth.recorded.drive import (
     Log,
     Motion,
     RowOrder,
+    Scans,
     carrier,
     row_order,
     slope,
@@ -40,7 +41,6 @@ from trackbench.truth.recorded.mcap import LogPart
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
 from trackbench.truth.recorded.rows import Rows, read_table, seconds_from
 from trackbench.truth.recorded.scans import (
-    Scans,
     column_measurements,
     columns_of,
     recorded_detections,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -16,10 +16,7 @@ from trackbench.base.errors import nearest_choices
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array, Indices, Mask, of_runs
-
-if TYPE_CHECKING:
-    from trackbench.models.sensors.base import Sensor
-
+from trackbench.models.sensors.model import SensorModel
 
 #: Arrays of ``Bodies`` that may differ from run to run.
 MOVING = ("target", "heading", "axis", "yaw_rate", "centre")
@@ -79,7 +76,7 @@ class Sensed:
     The last axis of each array but ``time`` is that of the runs; it may have length 1 where all runs are alike.
     """
 
-    sensor: Sensor
+    sensor: SensorModel
     runs: int
     """How many."""
     time: Array
@@ -143,7 +140,7 @@ class Effect(Config, ABC):
         if self.one_of and not self.model_fields_set & {*self.one_of}:
             yield Problem(("type",), f"{self.type} does nothing without one of these: {', '.join(self.one_of)}")
 
-    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
         """What is wrong with its options on this sensor."""
         yield from ()
 
@@ -151,7 +148,7 @@ class Effect(Config, ABC):
         """What is changed before the white noise is added."""
         return sensed
 
-    def after(self, measurement: Array, sensor: Sensor) -> Array:
+    def after(self, measurement: Array, sensor: SensorModel) -> Array:
         """Measurements ``(m, ...)`` as the sensor gives them."""
         return measurement
 
@@ -178,13 +175,15 @@ def _lacks(plugin: Any) -> str | None:
 EFFECTS: Registry[type[Effect]] = Registry("trackbench.sensor_effects", "sensor effect", _lacks)
 
 
-def by_component(sizes: Mapping[str, float], sensor: Sensor) -> Array:
+def by_component(sizes: Mapping[str, float], sensor: SensorModel) -> Array:
     """``(m,)`` sizes in SI units and radians from keys such as ``azimuth_deg``; 0 where none is stated."""
     stated = {split_key(key)[0]: in_si(key, value) for key, value in sizes.items()}
     return np.array([stated.get(name, 0.0) for name in sensor.components])
 
 
-def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor | type[Sensor]) -> Iterator[Problem]:
+def component_problems(
+    key: str, sizes: Mapping[str, float], sensor: SensorModel | type[SensorModel]
+) -> Iterator[Problem]:
     """Keys that are no component of the sensor with a unit of its quantity."""
     units = dict(zip(sensor.components, map(find_unit, sensor.units), strict=True))
     usual = {"length": "m", "angle": "deg", "speed": "mps"}

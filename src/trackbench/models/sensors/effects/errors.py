@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,9 +14,7 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors.effects.base import Effect, Sensed, by_component, component_problems
 from trackbench.models.sensors.effects.processes import gauss_markov
-
-if TYPE_CHECKING:
-    from trackbench.models.sensors.base import Sensor
+from trackbench.models.sensors.model import SensorModel
 
 
 class CorrelatedErrors(Effect):
@@ -46,7 +44,7 @@ class CorrelatedErrors(Effect):
         rest = np.sqrt(1.0 - shares)
         return sensed.replaced(error=slow, scale=rest * sensed.scale, slow_scale=rest * sensed.slow_scale)
 
-    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
         for name in self.share_of:
             if wrong := sensor.why_unmeasured(name):
                 yield Problem(("share_of", name), wrong)
@@ -64,7 +62,7 @@ class Bias(Effect):
         constant = sigmas[:, None] * random.standard_normal(len(sigmas))
         return sensed.replaced(error=sensed.error + constant[:, None, None])
 
-    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
         return component_problems("sigmas", self.sigmas, sensor)
 
 
@@ -82,7 +80,7 @@ class AzimuthRipple(Effect):
         error[place] += np.deg2rad(self.amplitude_deg) * np.sin(2.0 * np.pi * turns + phase)
         return sensed.replaced(error=error)
 
-    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
         if "azimuth" not in sensor.components:
             yield Problem(("type",), f"a {sensor.kind()} measures no azimuth; remove it")
 
@@ -92,7 +90,7 @@ class Quantised(Effect):
 
     steps: dict[str, Positive] = Field(min_length=1, description="Step by component, such as `range_m: 0.2`.")
 
-    def after(self, measurement: Array, sensor: Sensor) -> Array:
+    def after(self, measurement: Array, sensor: SensorModel) -> Array:
         step = by_component(self.steps, sensor)
         result = measurement.copy()
         for i in np.flatnonzero(step):
@@ -102,5 +100,5 @@ class Quantised(Effect):
                 whole[...] = wrap_angle(whole)
         return result
 
-    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
         return component_problems("steps", self.steps, sensor)

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 from pydantic import Field
+from scipy.special import ndtri
 
 from trackbench.base.config import Positive, Problem
-from trackbench.base.distributions import normal_quantile
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.units import wrap_angle
@@ -37,7 +37,7 @@ class Ghosts(Effect):
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
         presence = gauss_markov(sensed.time, self.time_s, random.standard_normal(sensed.shape))
-        there = sensed.visible & (presence < normal_quantile(self.probability))
+        there = sensed.visible & (presence < ndtri(self.probability))
         images = [_images(sensed, np.array(start), np.array(end)) for start, end in pairwise(self.wall)]
         found = []
         for measurement, seen in images:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -12,9 +12,7 @@ from trackbench.base.config import Problem
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors.effects.base import Effect, Sensed
-
-if TYPE_CHECKING:
-    from trackbench.models.sensors.base import Sensor
+from trackbench.models.sensors.model import SensorModel
 
 #: A burst that begins so many mean durations before the first instant has ended by then, but for 5e-5 of them.
 LONGEST_BURST = 10.0
@@ -52,7 +50,7 @@ class Interference(Effect):
         run = np.repeat(np.arange(sensed.runs), [len(instant) for instant in instants])
         return run, np.concatenate(instants), sensed.sensor.uniform(np.concatenate(shares, axis=1))
 
-    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
         if self.alarms_per_scan and not sensor.has_volume():
             yield Problem(("alarms_per_scan",), f"a {sensor.kind()} has no uniform clutter; remove it")
         elif self.alarms_per_scan and sensor.max_range_m is None:

@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from scipy.special import gammainc
 
-from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array
 
 #: Solution b of (1 + b) exp(-b) = 1/e: the correlation time of a second-order process, in its time constants.
@@ -95,7 +95,6 @@ def _innovations(steps: Array) -> Array:
     Over a step h of ``b t`` they follow ``x <- e^-h (x + h z)`` and ``z <- e^-h z`` beside noise, with variances 1 and
     2 and covariance 1. A Kalman filter that observes x alone has the draws as its innovations.
     """
-    gammainc = scipy_function("scipy.special", "_ufuncs", "gammainc")
     square = np.exp(-2.0 * steps)
     # Noise covariance: the incomplete gamma functions keep the digits that a difference of small numbers would lose.
     of_x, of_both, of_z = np.maximum(gammainc(3.0, 2.0 * steps), 1e-300), gammainc(2.0, 2.0 * steps), 2.0 - 2.0 * square

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from pydantic import Field
+from scipy.special import exp1
 
 from trackbench.base.config import Config, Positive, Problem
-from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
@@ -55,7 +55,7 @@ class SignalRange(Config):
         exponential and E1 the exponential integral.
         """
         x = THRESHOLD / mean
-        return self.variance_factor(mean / (np.exp(x) * scipy_function("scipy.special", "_ufuncs", "exp1")(x)))
+        return self.variance_factor(mean / (np.exp(x) * exp1(x)))
 
     def problems(self) -> Iterator[Problem]:
         if self.stated_at_m > self.half_range_m:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.special import gammaincinv, stdtrit
 
-from trackbench.base.distributions import chi_square_quantile, t_quantile
 from trackbench.base.types import Array
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.process_noise import BAND
@@ -48,7 +48,7 @@ LAGGING = 0.2
 def block_interval(values: Array, outside: float = OUTSIDE) -> tuple[float, float, float]:
     """The mean of ``(k,)`` successive values and the ends of its interval, from the means of blocks."""
     means = np.array([block.mean() for block in np.array_split(values, BLOCKS)])
-    reach = float(t_quantile(1.0 - outside, BLOCKS - 1) * means.std(ddof=1) / np.sqrt(BLOCKS))
+    reach = float(stdtrit(BLOCKS - 1, 1.0 - outside) * means.std(ddof=1) / np.sqrt(BLOCKS))
     mean = float(means.mean())
     return mean, mean - reach, mean + reach
 
@@ -172,7 +172,7 @@ def log_innovations(log: RecordedLog) -> PartResult:
         whitened = whitened - whitened.mean(axis=1, keepdims=True)
         nis = np.sum(whitened**2, axis=0)
         size, _, above = (one / len(whitened) for one in block_interval(nis))
-        point = float(chi_square_quantile(0.95, len(whitened)))
+        point = float(2 * gammaincinv(len(whitened) / 2, 0.95))
         share, least, most = block_interval((nis > point).astype(float))
         products = np.sum(whitened[:, 1:] * whitened[:, :-1], axis=0) / np.mean(nis)
         correlation, low, high = block_interval(products)

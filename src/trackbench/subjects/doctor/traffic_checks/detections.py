@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from trackbench.base import linalg
-from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array, Scan
 from trackbench.subjects.doctor.findings import CheckResult, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
@@ -64,7 +64,7 @@ def gate_limits(make: Make, site: Site) -> PartResult:
     """One detection at a known distance from where a track expects it."""
     # A small gate loses objects that are fast: from their first detection they are not where a track expects them.
     slow = OBJECTS * np.array([[1], [1], [0.1], [0.1]])
-    inside = _steps(make, site, slow, float(chi_square_quantile(INSIDE, len(site.sensor.components))))
+    inside = _steps(make, site, slow, float(2 * gammaincinv(len(site.sensor.components) / 2, INSIDE)))
     kept = [step > MOVED for step in inside]
     # A tracker that reckons with more noise than is stated takes shorter steps, and its gate is wider by that.
     own = min(1.0, float(np.median([step for step in inside if step > MOVED]))) if any(kept) else 1.0

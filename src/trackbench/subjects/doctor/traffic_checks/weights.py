@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from trackbench.base import linalg
-from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array
 from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
@@ -65,7 +65,7 @@ class WeighedTrack(FollowedTrack):
     @property
     def distance(self) -> float:
         """Squared, in units of the innovation's covariance."""
-        return float(chi_square_quantile(INSIDE, len(self.geometry[0])))
+        return float(2 * gammaincinv(len(self.geometry[0]) / 2, INSIDE))
 
     @cached_property
     def even(self) -> float:

@@ -1,0 +1,304 @@
+"""The keys of a scenario: truth, sensors, trackers, and how they are run and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, GetJsonSchemaHandler, PlainValidator, Tag, ValidationError, ValidationInfo
+from pydantic_core import CoreSchema, InitErrorDetails
+
+from trackbench.base.config import Config, KeyPath, Name, NonNegative, Positive, Problem, chosen_by, problem_error
+from trackbench.base.config.explain import explain
+from trackbench.base.config.plugin import Plugin, PluginName
+from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.plugins import one_line
+from trackbench.base.subjects import offered, resolve
+from trackbench.metrics import Metric
+from trackbench.metrics.registry import METRICS
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.scenario.worlds import MEANING, World
+from trackbench.sensing.scored_point import ScoredPoint
+from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, entry_kind
+from trackbench.truth import TRUTH_SOURCES, TruthSource
+from trackbench.truth.config.traffic import TracksConfig
+
+KEYS = ("use", "options")
+
+
+def _made(value: Any, info: ValidationInfo) -> Metric:
+    if isinstance(value, Metric):
+        return value
+    entry = {"use": value} if isinstance(value, str) else value
+    if not isinstance(entry, dict) or not isinstance(entry.get("use"), str):
+        raise problem_error('a name, a "module:Class" or a mapping with use is needed')
+    unknown = next((str(key) for key in entry if key not in KEYS), None)
+    if unknown is not None:
+        raise _at([((unknown,), f"is not known here; {nearest_choices(unknown, KEYS)}")])
+    options = entry.get("options") or {}
+    if not isinstance(options, dict):
+        raise _at([(("options",), "a mapping of keys to values is needed")])
+    try:
+        metric = METRICS.get(entry["use"], (info.context or {}).get("folder"))
+        return metric.model_validate(options)
+    except InputError as error:
+        raise problem_error(error.message) from None
+    except ValidationError as invalid:
+        problems = explain(invalid.errors(include_url=False), metric)
+        raise _at([(("options", *path), message) for path, message in problems]) from None
+    except Exception as error:
+        raise problem_error(f"{entry['use']!r} does not take these options: {one_line(error)}") from None
+
+
+def _at(problems: list[tuple[KeyPath, str]]) -> ValidationError:
+    lines = [InitErrorDetails(type=problem_error(message), loc=path, input=None) for path, message in problems]
+    return ValidationError.from_exception_data("metrics", lines)
+
+
+class _Forms:
+    """The JSON Schema: a name, or a mapping with the options of the metric that it names."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        mappings = [_mapping({"const": name}, _options(result, handler)) for name, result in METRICS.loaded().items()]
+        *names, reference = PluginName(METRICS).named()
+        return {"anyOf": [*names, reference, *mappings, _mapping(reference, {"type": "object"})]}
+
+
+def _options(metric: type[Metric], handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    return handler.resolve_ref_schema(handler(metric.__pydantic_core_schema__))
+
+
+def _mapping(use: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
+    needed = ["use", "options"] if options.get("required") else ["use"]
+    properties = {"use": use, "options": options}
+    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": False}
+
+
+#: A metric by its published name or ``"module:Class"``, or as a mapping with its options.
+AnyMetric = Annotated[Metric, PlainValidator(_made), _Forms()]
+
+
+class MonteCarlo(Config):
+    """How often the scene is repeated with other noise."""
+
+    runs: int = Field(100, ge=1, le=1_000_000, description="Number of runs.")
+    seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the noise of all runs, with the scenario's name.")
+
+
+class ReferenceConfig(Config):
+    """The Cramer-Rao bound of targets that move with white acceleration, which errors are held against."""
+
+    acceleration_sigma_mps2: Positive | None = Field(
+        None,
+        description="Standard deviation of the acceleration per axis, m/s^2; the RMS acceleration of the truth unless "
+        "given.",
+    )
+    velocity_sigma_mps: Positive | None = Field(
+        None,
+        description="Standard deviation of the velocity per axis before the first measurement, m/s; the RMS velocity "
+        "of the targets as they enter the scene, and at least 1, unless given.",
+    )
+
+
+class Margin(Config):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: NonNegative = Field(1, description="Share of the better value, %.")
+    position_m: NonNegative = Field(0.005, description="Of errors in m.")
+    velocity_mps: NonNegative = Field(0.02, description="Of errors in m/s.")
+    course_deg: NonNegative = Field(0.05, description="Of errors in degrees.")
+
+
+class Score(Config):
+    """Which errors count, and what they are held against."""
+
+    settle_s: NonNegative = Field(
+        1,
+        description="Time after an object's first detection that is left out of the scores, s; start_delay and "
+        "start_position_rmse tell of its first second.",
+    )
+    each: Literal["instant", "measurement"] = Field(
+        "instant",
+        description="Where several sensors measure at one instant. instant: the estimate after the last of them is "
+        "scored. measurement: the one after each of them.",
+    )
+    point: ScoredPoint = Field(
+        "centre",
+        description="The point of each body that estimates are compared with: centre; rear, the middle of the rear; or "
+        "nearest_face, the middle of the face nearest to the observer. Its velocity is that of the rigid body there.",
+    )
+    divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
+    lost_after_s: Positive = Field(
+        1,
+        description="An object that has been out of range or view of every sensor for longer is not scored until it is "
+        "detected again and settle_s have passed, s.",
+    )
+    cutoff_m: Positive = Field(
+        5, description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object."
+    )
+    switch_costs_s: Positive = Field(
+        0.5,
+        description="With hidden identities: a switch of tracks costs as much in T-GOSPA as missing the object for "
+        "so long, s.",
+    )
+    min_coverage: float = Field(
+        0.95,
+        ge=0,
+        le=1,
+        description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
+        "what is expected of it fails.",
+    )
+    margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
+    baseline: str | None = Field(
+        None,
+        description="Name of the tracker that all others are compared with, and with no other: fewer comparisons show "
+        "smaller differences. Unless given, every pair is compared, or, of more than 30, each with the best.",
+    )
+    reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="What errors are held against.")
+    metrics: list[AnyMetric] = Field(
+        default_factory=list,
+        description='Metrics beside the built-in ones: published names, "module:Class", or `{use, options}`.',
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        names = [metric.name for metric in self.metrics]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                yield Problem(("metrics", index), f"a second metric of the name {name}")
+
+
+class Sensing(Config):
+    """What the measurements say of the objects."""
+
+    identities: Literal["known", "hidden"] = Field(
+        "known",
+        description="known: each measurement says of which object it is. hidden: a scan has detections in an order "
+        "that means nothing; trackers of several objects follow them (`associate`).",
+    )
+
+
+class Expectation(Config):
+    """What must hold of one metric of one tracker; exactly one of below, above, is and better_than."""
+
+    tracker: str = Field(description="Name of the tracker.")
+    metric: str = Field(description="Dotted path of the metric (`trackbench list metrics` shows them).")
+    below: float | None = Field(None, description="The value must be smaller, in the metric's unit.")
+    above: float | None = Field(None, description="The value must be larger, in the metric's unit.")
+    equals: str | None = Field(None, alias="is", description="The verdict must be this word.")
+    better_than: str | None = Field(
+        None, description="Name of another tracker, which this one must beat by more than chance explains."
+    )
+    worlds: list[World] = Field(
+        default_factory=list,
+        description="The worlds in which it must hold; the ideal one, and outside of worlds, unless given.",
+    )
+
+    def holds_in(self, world: World | None) -> bool:
+        """Whether it is expected there; None outside of worlds."""
+        return world in self.worlds if self.worlds else world in (None, "ideal")
+
+    def problems(self) -> Iterator[Problem]:
+        operators = {"below": self.below, "above": self.above, "is": self.equals, "better_than": self.better_than}
+        stated = [name for name, value in operators.items() if value is not None]
+        if not stated:
+            yield Problem((), "says nothing: add one of below, above, is, better_than")
+        for name in stated[1:]:
+            yield Problem((name,), f"an expectation has one limit: write a second one beside {stated[0]}")
+
+
+class RecordingConfig(Config):
+    """What the Rerun recording shows."""
+
+    scene: int = Field(0, ge=0, description="The scene that is shown, from 0, where there are several.")
+    run: int = Field(
+        0, ge=0, description="The Monte-Carlo run of it whose measurements and estimates are shown, from 0."
+    )
+
+
+def _entry_kind(value: Any) -> str | None:
+    filed = isinstance(value, dict) and "filter" not in value and value.get("use") == "tracks"
+    return "<tracks>" if filed or isinstance(value, TracksConfig) else entry_kind(value)
+
+
+#: What a scenario says of a tracker.
+TrackerEntry = FilterConfig | PluginConfig | TracksConfig
+AnyEntry = Annotated[
+    Annotated[FilterConfig, Tag("<filter>")]
+    | Annotated[PluginConfig, Tag("<use>")]
+    | Annotated[TracksConfig, Tag("<tracks>")],
+    chosen_by(_entry_kind, NO_KIND),
+]
+
+
+class ScenarioKeys(Config):
+    """One scene, the sensors that see it, the trackers that follow it, and what is expected of them."""
+
+    name: str = Field(
+        pattern=r"^[a-z0-9_-]+$",
+        max_length=64,
+        description="Name of the result's folder. The noise is drawn by the name and the seed: a copy under another "
+        "name has other noise.",
+    )
+    description: str = Field("", description="What the scenario shows, in one line.")
+    truth: Annotated[TruthSource, Plugin(TRUTH_SOURCES, "source")] = Field(
+        description="Where the true motion comes from."
+    )
+    sensors: dict[Name, Annotated[Sensor, Plugin(SENSOR_MODELS, "type")]] = Field(
+        default_factory=dict,
+        description="The sensors, by name. Only where every tracker is one of tracks made elsewhere there may be none.",
+    )
+    sensing: Sensing = Field(default_factory=Sensing, description="Whether they say which object they are of.")
+    trackers: dict[Name, AnyEntry] = Field(min_length=1, description="The trackers to compare, by name.")
+    monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
+    score: Score = Field(default_factory=Score, description="How errors are counted.")
+    expect: list[Expectation] = Field(
+        default_factory=list, description="What must hold; otherwise the exit status is 1."
+    )
+    recording: RecordingConfig = Field(default_factory=RecordingConfig, description="What the recording shows.")
+    worlds: list[World] = Field(
+        default_factory=list,
+        description="The worlds that a run goes through, each with a result of its own ("
+        + "; ".join(f"{name}: {meaning}" for name, meaning in MEANING.items())
+        + "). The scenario as it is written, unless given.",
+    )
+    world: World | None = Field(None, description="One of the worlds, as which the scenario is changed.")
+
+    def driven(self, name: str) -> FilterConfig | PluginConfig:
+        """The entry of a tracker that takes scans.
+
+        Raises:
+            InputError: its tracks were made elsewhere.
+        """
+        entry = self.trackers[name]
+        if isinstance(entry, TracksConfig):
+            message = "its tracks were made elsewhere, so that it cannot be driven"
+            raise InputError(message, key=f"trackers.{name}.use")
+        return entry
+
+    @property
+    def sensor_kinds(self) -> dict[str, str]:
+        """The kind of each sensor, by name."""
+        return {name: sensor.type for name, sensor in self.sensors.items()}
+
+    @property
+    def hides_targets(self) -> bool:
+        """Whether objects that are no targets may hide those that are."""
+        return self.sensing.identities == "known" and any(sensor.occlusion for sensor in self.sensors.values())
+
+    @property
+    def few_scenes_decide(self) -> bool:
+        """Whether one scene of a hundred may decide between two trackers: simulated vehicles hide others."""
+        return self.hides_targets and self.truth.source == "highway-env"
+
+    @property
+    def own_metrics(self) -> list[Metric]:
+        """Metrics beside the built-in ones: of the blocks of subjects, and those that it names."""
+        hidden = self.sensing.identities == "hidden"
+        of_blocks = [resolve(target)(getattr(self, block), hidden=hidden) for block, target in offered("metrics")]
+        return [*chain.from_iterable(of_blocks), *self.score.metrics]
+
+    @property
+    def full_name(self) -> str:
+        """Of the result's folder."""
+        return self.name if self.world is None else f"{self.name}-{self.world}"

@@ -1,0 +1,87 @@
+"""When an object is due to be scored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, Indices, Mask, Truth
+from trackbench.sensing.scans import IdealSensor
+from trackbench.sensing.view import motion_at, objects_in_view, polar, silent, to_rim
+
+
+class Due(NamedTuple):
+    """At each instant at which any sensor measures."""
+
+    steps: Indices
+    """``(instants,)`` of the truth."""
+    status: npt.NDArray[np.int8]
+    """``(instants, objects, runs or 1)``: ``ABSENT``, ``OPTIONAL`` or ``DUE``."""
+
+
+def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
+    """The status of each object.
+
+    A target is due where a sensor that is not silent has it in range and in its field of view, not at the rim, with a
+    line of sight where its option ``occlusion`` is on. It is at the rim where the edge of the field of view is nearer
+    than half the diagonal of its box. Where the truth says that nothing counts, no object is due. Whatever else is in
+    the scene is optional. Without sensors there is nothing that has to see a target.
+    """
+    every = [sensor.steps for sensor in sensors] or [np.arange(len(truth.time))]
+    steps = np.unique(np.concatenate(every))
+    seen = np.full((len(steps), *truth.px.shape[1:]), not sensors)
+    half_diagonal = np.hypot(truth.length / 2, truth.width / 2)[:, None]
+    for config in (sensor.config for sensor in sensors):
+        motion = motion_at(truth, config, steps)
+        target = polar(truth, steps, motion)
+        well_inside = objects_in_view(truth, steps, config, motion, target) & (to_rim(config, target) >= half_diagonal)
+        seen |= well_inside & ~silent(config, truth.time[steps])[:, None, None]
+    alive = truth.alive[steps][:, :, None]
+    due = alive & seen & truth.target[:, None]
+    if truth.beside is not None:
+        due &= ~truth.beside[steps][:, :, None]
+    if truth.unscored is not None:
+        due &= ~unscored(truth, steps, truth.px[steps, :, 0], truth.py[steps, :, 0])[:, :, None]
+    return Due(steps, np.where(due, DUE, np.where(alive, OPTIONAL, ABSENT)).astype(np.int8))
+
+
+def unscored(truth: Truth, steps: Indices, x: Array, y: Array, margin: float = 0.0) -> Mask:
+    """``(instants, points)`` which points do not count: outside the region, out of range or on a don't-care box.
+
+    Args:
+        truth: says where nothing counts.
+        steps: ``(instants,)`` of the truth.
+        x: ``(instants, points)`` m; NaN where there is none.
+        y: the same.
+        margin: m, up to which a point is on a box.
+    """
+    result = np.zeros(x.shape, dtype=bool)
+    if truth.unscored is None:
+        return result
+    region, limit, boxes, _ = truth.unscored
+    result |= np.hypot(x - truth.observer.px[steps, None], y - truth.observer.py[steps, None]) > limit
+    if region is not None:
+        result |= ~within_polygon(region, x, y)
+    for k, time in enumerate(truth.time[steps].tolist()):
+        _, _, cx, cy, heading, half_length, half_width = boxes[:, (boxes[0] <= time) & (time <= boxes[1])]
+        dx, dy, c, s = x[k] - cx[:, None], y[k] - cy[:, None], np.cos(heading)[:, None], np.sin(heading)[:, None]
+        along = np.maximum(np.abs(c * dx + s * dy) - half_length[:, None], 0.0)
+        across = np.maximum(np.abs(c * dy - s * dx) - half_width[:, None], 0.0)
+        result[k] |= (np.hypot(along, across) <= margin).any(axis=0)
+    return result
+
+
+def within_polygon(corners: Array, x: Array, y: Array) -> Mask:
+    """Which points are inside a polygon ``(corners, 2)``: a ray to the right crosses its edges an odd number of times.
+
+    Source: Shimrat (1962), "Algorithm 112: Position of point relative to polygon".
+    """
+    inside = np.zeros(x.shape, dtype=bool)
+    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if ay != by:
+            crosses_height = (ay > y) != (by > y)
+            inside ^= crosses_height & (x < ax + (y - ay) * ((bx - ax) / (by - ay)))
+    return inside
