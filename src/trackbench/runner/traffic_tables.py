@@ -21,14 +21,7 @@ from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.hidden_run import TrafficScores
-from trackbench.runner.tables import (
-    Records,
-    other_truth,
-    road_records,
-    run_keys,
-    scan_record,
-    truth_records,
-)
+from trackbench.runner.tables import Records, other_truth, road_records, run_keys, scan_record, truth_records
 from trackbench.runner.traffic_sums import TrafficSums, dearest, summed_existence
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
