@@ -158,54 +158,6 @@ def answer(message):
     assert estimate.repaired.all()
 
 
-LISTS = """
-ABOUT["lists"] = True
-def answer(message):
-    ids, z = array(message["ids"]), array(message["measurement"])
-    P = np.eye(4)[..., None] * np.ones(len(ids))
-    send(**usual(message | {"id": int(ids[0])}) | {"mean": packed(np.vstack([z, ids, ids])), "covariance": packed(P)}%s)
-"""
-
-
-def test_one_that_takes_lists_gets_all_members_in_one_frame(launch: Launch) -> None:
-    stepper = launch(LISTS % "", batch=3)
-    assert not stepper.traits.batched
-    assert stepper.step(scan_of(3, valid=False)) is None
-    first = stepper.step(scan_of(3, valid=[True, False, True]))
-    np.testing.assert_array_equal(first.mean, np.array([[0, 3, 1, 1], [np.nan] * 4, [2, 5, 3, 3]]).T)
-    second = stepper.step(scan_of(3, 0.1))
-    np.testing.assert_array_equal(second.mean, [[0, 1, 2], [3, 4, 5], [1, 2, 3], [1, 2, 3]])
-    np.testing.assert_array_equal(second.covariance, np.eye(4)[:, :, None] * np.ones(3))
-
-
-def test_of_a_list_some_may_have_no_estimate_yet_or_say_more(launch: Launch) -> None:
-    stepper = launch(LISTS % " | {'given': packed(ids != 2), 'repaired': packed(ids == 3)}", batch=3)
-    estimate = stepper.step(scan_of(3))
-    np.testing.assert_array_equal(estimate.mean[2], [1, np.nan, 3])
-    np.testing.assert_array_equal(estimate.repaired, [False, False, True])
-
-
-#: What an answer for a list of four says, and what is said of which member.
-LIST_FAULTS = {
-    "names one": ("{'type': 'error', 'id': 3, 'message': 'no'}", "no", 2),
-    "names none": ("{'type': 'error', 'id': None, 'message': 'no'}", "no", None),
-    "gives up": ("({'given': packed(ids != 4)} if scans > 1 else {})", "None after an estimate", 3),
-    "nan": ("{'mean': packed(np.where((ids == 2) & (np.arange(4) == 3)[:, None], np.nan, 1))}", "not finite", 1),
-    "not symmetric": ("{'covariance': packed(np.tri(4)[..., None] * (ids == 2) + P)}", "not symmetric", 1),
-    "too few": ("{'mean': packed(np.ones((4, 3)))}", r"mean has the shape \(4, 3\) in an answer for 4 trackers", None),
-    "tracks": ("{'type': 'tracks'}", "it gave tracks", 0),
-}
-
-
-@pytest.mark.parametrize("name", LIST_FAULTS)
-def test_the_member_of_a_list_that_fails_is_named(launch: Launch, name: str) -> None:
-    changes, said, member = LIST_FAULTS[name]
-    stepper = launch(LISTS % f" | {changes}", batch=4)
-    with pytest.raises(TrackFault, match=said) as caught:
-        [stepper.step(scan_of(4, 0.1 * number)) for number in range(2)]
-    assert caught.value.member == member
-
-
 TRACKS = """
 def answer(message):
     k = array(message["valid"]).size

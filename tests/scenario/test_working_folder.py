@@ -46,7 +46,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("trackers.mine.use.command=[./none, a/b]", ["{here}/none", "a/b"]),
         ("trackers.mine.use.command=[python3, mot.py]", ["python3", "{here}/mot.py"]),
         ("trackers.mine.use.command=[mot]", None),
-        ("trackers.mine={use: {library: ./libmot.so}}", {"use": {"library": "{here}/libmot.so"}}),
         ("trackers.mine.options.path=mine.csv", None),
         ("trackers.mine={use: 'm:M', options: {path: mine.csv}}", None),
         ("monte_carlo.runs=3", None),

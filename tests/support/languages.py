@@ -18,19 +18,18 @@ LANGUAGES = Path(str(files("trackbench.subjects.templates").joinpath("languages"
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
-def compiled(folder: Path, source: str, *flags: str, library: bool = False) -> Path:
-    """A source file of a folder that has the headers, as a program or a library beside it.
+def compiled(folder: Path, source: str, *flags: str) -> Path:
+    """A source file of a folder that has the headers, as a program beside it.
 
     Skips where there is no compiler.
     """
     compiler = shutil.which("g++" if source.endswith(".cpp") else "gcc")
     if compiler is None:
         pytest.skip("there is no compiler")
-    output = folder / (Path(source).stem + (".so" if library else ""))
-    how = ["-shared", "-fPIC"] if library else ["-DTRACKBENCH_PROGRAM"]
+    output = folder / Path(source).stem
     standard = ["-std=c++17"] if source.endswith(".cpp") else ["-std=gnu99"]
-    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-    command = [compiler, "-O2", *standard, *warnings, *how, *flags, source, "-o", output.name, "-lm"]
+    flags = ("-DTRACKBENCH_PROGRAM", "-Wall", "-Wextra", "-Wpedantic", "-Werror", *flags)
+    command = [compiler, "-O2", *standard, *flags, source, "-o", output.name, "-lm"]
     content = [file.read_bytes() for file in (folder / source, *sorted(LANGUAGES.glob("*.h*")), Path(compiler))]
     built = BUILT / hashlib.sha256(b"".join([*content, repr(command).encode()])).hexdigest()
     if not built.exists():

@@ -76,7 +76,7 @@ class ScanFrames:
         self._shared = _packer.pack_map_header(len(shared) + 3) + _pack(shared)[1:]
 
     def of(self, whom: bytes, given: Scan) -> bytes:
-        """The frame for whom ``id_of`` or ``ids_of`` names, with the measurement that is given."""
+        """The frame for the tracker that ``id_of`` names, with the measurement that is given."""
         arrays = (("measurement", given.measurement), ("valid", given.valid))
         entries = [_entry(name, array.shape) + array.astype(FLOAT).tobytes() for name, array in arrays]
         content = b"".join((self._shared, *entries, whom))
@@ -87,11 +87,6 @@ def id_of(number: int) -> bytes:
     """The entry of a map that names one tracker."""
     entry: bytes = b"\xa2id" + _pack(number)
     return entry
-
-
-def ids_of(numbers: Sequence[int]) -> bytes:
-    """The entry of a map that names several trackers."""
-    return _entry("ids", (len(numbers),)) + np.array(numbers, dtype=FLOAT).tobytes()
 
 
 @lru_cache(maxsize=1024)
@@ -157,28 +152,6 @@ def tracks_of(message: Mapping[str, Any]) -> Tracks:
     parts: dict[str, Any] = {name: message_array(message, name) for name in ("ids", "mean", "covariance")}
     parts |= {name: message_array(message, name) for name in ("existence", "used") if message.get(name) is not None}
     return Tracks(**parts)
-
-
-def each_of(message: Mapping[str, Any], count: int) -> list[dict[str, Any]]:
-    """The answer for a list of trackers as one for each of them; no estimate has who is not ``given`` one.
-
-    Raises:
-        TrackerFault: an array is not of the right form.
-    """
-    if message["type"] != "estimate":
-        return [{"type": message["type"]}] * count
-    names = {"mean", "covariance", "given", *_OPTIONAL}
-    arrays = {name: message_array(message, name) for name in names if message.get(name) is not None}
-    for name, array in arrays.items():
-        if array.shape[-1:] != (count,):
-            raise TrackerFault(f"{name} has the shape {array.shape} in an answer for {count} trackers")
-    given = arrays.pop("given", np.ones(count))
-    return [
-        {"type": "estimate"} | {name: packed_array(array[..., place]) for name, array in arrays.items()}
-        if given[place]
-        else {"type": "none"}
-        for place in range(count)
-    ]
 
 
 def plain_estimate(messages: Sequence[Mapping[str, Any]], *batch: int) -> Estimate | None:

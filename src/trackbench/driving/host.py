@@ -30,7 +30,7 @@ from trackbench.driving.wire import Arrays, receive_message, send_answer
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.library import check_entry, maker
+from trackbench.trackers.published import check_tracker_options, create
 
 #: The keys of a request that are no arguments of its method.
 PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd", "classes")
@@ -59,7 +59,8 @@ class Host:
 
     def check(self, config: dict[str, Any], folder: str) -> tuple[dict[str, Any], Arrays]:
         """Import the tracker and hold its options against what it declares."""
-        check_entry(PluginConfig.model_validate(config), _folder(folder))
+        own = PluginConfig.model_validate(config)
+        check_tracker_options(own.reference, own.options, _folder(folder))
         return {}, {}
 
     def start(self, config: dict[str, Any], folder: str, batch: int, several: bool) -> tuple[dict[str, Any], Arrays]:
@@ -70,7 +71,8 @@ class Host:
 
     def fresh(self, config: dict[str, Any], folder: str) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker as it is."""
-        alone = Alone(maker(PluginConfig.model_validate(config), _folder(folder)))
+        own = PluginConfig.model_validate(config)
+        alone = Alone(create(own.reference, own.options, _folder(folder)))
         if isinstance(alone.tracker, FilterTracker):
             refuse_truth(alone.tracker)
         number = self._keep(alone)

@@ -123,16 +123,14 @@ class Program(GuardedProcess):
         if sent < len(content):
             self._send_rest(memoryview(content)[sent:])
 
-    def receive(self, number: int | None = None, listed: bool = False) -> dict[str, Any]:
+    def receive(self, number: int | None = None) -> dict[str, Any]:
         """The next answer.
 
         Args:
-            number: of the tracker that was asked, of several the first; None of the first answer of all.
-            listed: whether the scan was for several.
+            number: of the tracker that was asked; None of the first answer of all.
 
         Raises:
-            TrackFault: the program says that it failed (its member is then the number of a list that it names), has
-                ended, is late, or wrote what is no answer.
+            TrackFault: the program says that it failed, has ended, is late, or wrote what is no answer.
         """
         self._until = time.monotonic() + self.timeout
         self._take(LENGTH.size + 1)
@@ -149,8 +147,7 @@ class Program(GuardedProcess):
             raise self.failed(f"its answer is {error}; it begins with {_text(content)}") from None
         kind = answer.get("type")
         if kind == "error":
-            cause, named = f"{self.name}: {_line(str(answer.get('message')))}", answer.get("id")
-            raise TrackFault(cause, "raised", member=named if listed and type(named) is int else None)
+            raise TrackFault(f"{self.name}: {_line(str(answer.get('message')))}", "raised")
         if number is not None and (kind not in ("estimate", "none", "tracks") or answer.get("id") != number):
             asked = f"a scan of tracker {number}"
             raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
@@ -174,9 +171,7 @@ class Program(GuardedProcess):
             raise self.failed(f"it answered hello with {_said(answer.get('type'))}, where hello with a version is due")
         if version != frames.VERSION:
             raise self.failed(f"it speaks version {version} of the protocol, and this trackbench {frames.VERSION}")
-        self.batched, self.random, self.copies, self.lists = (
-            answer.get(name) is True for name in ("batched", "random", "copies", "lists")
-        )
+        self.batched, self.random, self.copies = (answer.get(name) is True for name in ("batched", "random", "copies"))
 
     def _send_rest(self, content: memoryview) -> None:
         """Send what the pipe does not take at once, and take in meanwhile what the program answers."""

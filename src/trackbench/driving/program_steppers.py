@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.frames import ScanFrames, each_of, id_of, ids_of, message_estimate, plain_estimate, tracks_of
+from trackbench.driving.frames import ScanFrames, id_of, message_estimate, plain_estimate, tracks_of
 from trackbench.driving.program import Program
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, Stepper, Traits
 from trackbench.trackers.answers import KEPT_THERE, OF_ONE, OF_SEVERAL, TrackerFault, require_kept
@@ -49,7 +49,6 @@ class ProgramStepper(Stepper):
     def _begin(self) -> None:
         self._numbers = [self._program.start() for _ in range(1 if self.traits.batched else self._batch)]
         self._members = list(range(self._batch)) if self._several else []
-        self._ids = b""
         self._begun, self._estimated = (np.zeros(self._batch, dtype=bool) for _ in range(2))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
@@ -63,10 +62,9 @@ class ProgramStepper(Stepper):
         if len(self._members) < self._batch:
             self._begun |= scan.valid
             self._members = self._begun.nonzero()[0].tolist()
-            self._ids = ids_of([self._numbers[member] for member in self._members])
         if not self._members:
             return None
-        estimate, messages = (self._listed if self._program.lists and not self._several else self._one_by_one)(scan)
+        estimate, messages = self._one_by_one(scan)
         if estimate is None:
             answers: list[Any] = [None] * self._batch
             for member, message in zip(self._members, messages, strict=True):
@@ -99,33 +97,18 @@ class ProgramStepper(Stepper):
             return estimate
         return self._checked(message, scan)
 
-    def _listed(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
-        """The estimate of those who have begun, in one frame; where it needs a closer look one message for each."""
-        own, count = scan, len(self._members)
-        if count < self._batch:
-            own = scan._replace(measurement=scan.measurement[:, self._members], valid=scan.valid[self._members])
-        self._program.send([ScanFrames(scan).of(self._ids, own)])
-        message = self._received(self._members)
-        try:
-            estimate = plain_estimate([message], count)
-            return estimate, [] if estimate else each_of(message, count)
-        except TrackerFault as error:
-            raise fault_of(error) from error
-
     def _one_by_one(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
-        """The same, in a frame for each."""
+        """The estimate of those who have begun; where it needs a closer look one message for each."""
         frames = ScanFrames(scan)
         self._program.send([frames.of(id_of(self._numbers[m]), self._own(scan, m)) for m in self._members])
-        messages = [self._received([member]) for member in self._members]
+        messages = [self._received(member) for member in self._members]
         return None if self._several else plain_estimate(messages), messages
 
-    def _received(self, members: Sequence[int]) -> Message:
+    def _received(self, member: int) -> Message:
         try:
-            return self._program.receive(self._numbers[members[0]], listed=len(members) > 1)
+            return self._program.receive(self._numbers[member])
         except TrackFault as fault:
-            # An error of one of a list names it.
-            number = self._numbers[members[0]] if len(members) == 1 else fault.member
-            fault.member = self._numbers.index(number) if number in self._numbers else None
+            fault.member = member
             raise
 
     def _own(self, scan: Scan, member: int) -> Scan:

@@ -22,7 +22,7 @@ from trackbench.models.sensors import Sensor
 from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, shaped_estimate
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import Command
-from trackbench.trackers.library import check_entry, maker
+from trackbench.trackers.published import check_tracker_options, create
 
 #: Of a tracker that is examined as it is.
 SHAPED_FORM = ESTIMATE_FORM._replace(check=shaped_estimate)
@@ -46,7 +46,7 @@ class TrackerTrial:
         if isinstance(self._config.use, Command):
             self._config.use.resolved(self._folder)
         elif self._process is None:
-            check_entry(self._config, self._folder)
+            check_tracker_options(self._config.reference, self._config.options, self._folder)
         else:
             self._process.ask("check", **_named(self._config, self._folder))
 
@@ -137,7 +137,7 @@ def fresh(config: PluginConfig, folder: Path | None, isolation: Isolation) -> Ca
     if is_program(config):
         return partial(ProgramTracker, Program(config, folder, isolation, several=False))
     if not isolation.of(config):
-        return maker(config, folder)
+        return create(config.reference, config.options, folder)
     process = TrackerProcess(isolation, str(config.use))
     make = partial(RemoteTracker.fresh, process, config, folder)
     make()

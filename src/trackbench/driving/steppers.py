@@ -27,8 +27,8 @@ from trackbench.trackers.answers import (
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
-from trackbench.trackers.library import maker
 from trackbench.trackers.multi import MultiObjectState, MultiObjectTracker, build_multi
+from trackbench.trackers.published import create
 from trackbench.trackers.track_steps import TrackState
 
 
@@ -93,7 +93,7 @@ def local(
         if config.smoother is not None:
             raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
         return Direct(prepare(build(config)))
-    make = maker(config, folder, several)
+    make = create(config.reference, config.options, folder)
     tracker = make()
     if isinstance(tracker, FilterTracker) and not several:
         return Direct(prepare(refuse_truth(tracker).reading_only(config.sensors)))

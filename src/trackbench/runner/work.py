@@ -369,13 +369,15 @@ def _filed(work: Work) -> dict[str, list[TrackRows]]:
     """
     filed, truths = {}, [scene.truth for scene in work.scenes]
     spans = [(float(truth.start) + truth.time[0], float(truth.start) + truth.time[-1]) for truth in truths]
+    # Then a time stamp tells of which scene it is.
+    apart_in_time = all(end <= later for (_, end), (later, _) in pairwise(sorted(spans)))
     for name, config in work.trackers.items():
         if not isinstance(config, TracksConfig):
             continue
         filed[name] = read_tracks(config, name, work.folder or Path())
         for number, (file, rows) in enumerate(zip(files_in(config.path), filed[name], strict=True)):
             several = len(filed[name]) > 1
-            if rows.run is None and (work.runs > 1 or not (several or _apart_in_time(work.scenes))):
+            if rows.run is None and (work.runs > 1 or not (several or apart_in_time)):
                 message = "there is no column run, and the scenario has several runs or scenes; use --runs 1, one scene"
                 raise InputError(f"{message}, or a list of files, one for each scene", file=file)
             problem = why_no_overlap(rows, config.time_offset_s, spans[number : number + 1] if several else spans)
@@ -384,16 +386,9 @@ def _filed(work: Work) -> dict[str, list[TrackRows]]:
     return filed
 
 
-def _apart_in_time(scenes: Sequence[Scene]) -> bool:
-    """Whether scenes are of different times of one clock, so that a time stamp tells of which it is."""
-    spans = sorted((float(scene.truth.start), float(scene.truth.time[-1])) for scene in scenes)
-    return all(start + length <= later for (start, length), (later, _) in pairwise(spans))
-
-
 def _drawn_block(work: Work) -> BlockRuns:
     """The block of a run that is drawn by the seed, so that a block is as likely as it is large."""
-    number = int(
-        stream(work.seed, work.scenario, 0, "block of the second drive").integers(work.runs * len(work.scenes))
-    )
+    random = stream(work.seed, work.scenario, 0, "block of the second drive")
+    number = int(random.integers(work.runs * len(work.scenes)))
     scene, run = divmod(number, work.runs)
     return next(piece for piece in work.pieces() if piece.scene == scene and run in piece.runs)

@@ -48,7 +48,6 @@ HEADINGS = {
     "ImmConfig": "`motion` with several models",
     "PluginConfig": "Your own tracker",
     "Command": "`use` of a program in any language",
-    "Library": "`use` of a shared library",
     "TracksConfig": "Tracks made elsewhere",
 }
 

@@ -63,7 +63,7 @@ def from_working_folder(override: str, folder: Path) -> str:
 
 
 #: Keys of a scenario whose value names files; a program without a / is looked for on PATH.
-FILE_KEYS = ("path", "library", "command")
+FILE_KEYS = ("path", "command")
 
 
 def _with_full_paths(value: Any, key: str, folder: Path) -> Any:
@@ -76,7 +76,7 @@ def _with_full_paths(value: Any, key: str, folder: Path) -> Any:
         return [_with_full_paths(item, own, folder) for item, own in zip(value, keys, strict=True)]
     if key not in (*FILE_KEYS, "argument") or not isinstance(value, str) or value.startswith(("$", "~")):
         return value
-    is_path = key in ("path", "library") or (key == "command" and "/" in value)
+    is_path = key == "path" or (key == "command" and "/" in value)
     if (is_path and not glob(str(folder / value))) or (glob(value) and (is_path or key == "argument")):
         return str(Path(value).absolute())
     return value

@@ -45,7 +45,7 @@ from trackbench.trackers.answers import (
     is_random,
 )
 from trackbench.trackers.config import PluginConfig
-from trackbench.trackers.library import maker
+from trackbench.trackers.published import create
 
 Make = Callable[[], Tracker]
 
@@ -65,8 +65,8 @@ def check_tracker(
     """Try a tracker on short synthetic drives, as the bench would use it.
 
     Args:
-        use: its class, a published name or ``"module:Class"``; of a program ``{"command": ["./my_tracker"]}``, of a
-            library ``{"library": "./mine.so"}``, each as a scenario in the working directory names it.
+        use: its class, a published name or ``"module:Class"``; of a program ``{"command": ["./my_tracker"]}``, as
+            a scenario in the working directory names it.
         identities: ``hidden`` for a tracker of several objects, whose detections say nothing of their origin.
         options: what a scenario would give it.
 
@@ -97,7 +97,7 @@ def _maker(
     except ValidationError as invalid:
         raise InputError(explain(invalid.errors(include_url=False), PluginConfig)[0][1], key="use") from None
     if not is_program(config):
-        return maker(config, None, several)
+        return create(config.reference, config.options)
     try:
         program = Program(config, None, ISOLATED, several)
     except TrackFault as fault:
@@ -111,7 +111,7 @@ def _checked(make: Make, identities: Identities, *, own_state: bool) -> list[Che
     if not _draws(make):
         rules = rules | repeating
     if not own_state:
-        # It is in the program or library, which is not given one.
+        # It is in the program, which is not given one.
         rules = {rule: test for rule, test in rules.items() if rule != STATE_KEPT}
     checks = [Check(rule, _problem(test, make)) for rule, test in rules.items()]
     broken: dict[str, list[str]] = {}

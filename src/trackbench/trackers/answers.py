@@ -16,7 +16,7 @@ GIVEN_UP = "it gave None after an estimate: from then on each scan needs one; pr
 
 OF_ONE = "it gave an estimate of one object; with hidden identities step must return (state, Tracks)"
 OF_SEVERAL = "it gave tracks of several objects, which need sensing: {identities: hidden}"
-#: Stands for the state of a tracker that keeps it elsewhere: in its process, program or library.
+#: Stands for the state of a tracker that keeps it elsewhere: in its process or program.
 KEPT_THERE = "kept there"
 #: Id that pads the tracks of several runs.
 NO_TRACK = -1
@@ -202,7 +202,7 @@ def _whole(what: str, value: Any, shape: tuple[int, ...] | None) -> Indices:
     if np.ma.is_masked(value):
         raise TrackerFault(f"some of the {what} are masked: {described(value)}")
     array = np.asarray(value)
-    # Programs and libraries have float64 alone.
+    # Programs have float64 alone.
     whole = array.dtype.kind == "f" and bool(np.all((np.abs(array) < 1 << 53) & (array == np.floor(array))))
     if array.size and array.dtype.kind not in "iu" and not whole:
         raise TrackerFault(f"the {what} are not whole numbers: {described(value)}")

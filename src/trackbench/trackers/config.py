@@ -15,7 +15,7 @@ from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.assume import AssumedEffects, AssumedSensors, by_sensor
-from trackbench.trackers.foreign import Command, Library
+from trackbench.trackers.foreign import Command
 from trackbench.trackers.initial import InitialConfig
 
 Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]
@@ -312,18 +312,13 @@ def _words(motion: MotionModel, unused: tuple[str, ...] = ()) -> list[str]:
 def _language(value: Any) -> str | None:
     if isinstance(value, str):
         return WORD
-    for key, kind in (("command", Command), ("library", Library)):
-        if isinstance(value, kind) or (isinstance(value, dict) and key in value):
-            return f"<{key}>"
-    return None
+    return "<command>" if isinstance(value, Command) or (isinstance(value, dict) and "command" in value) else None
 
 
-#: What a tracker of the user's own is: a class of Python, a program or a shared library.
+#: What a tracker of the user's own is: a class of Python or a program.
 Use = Annotated[
-    Annotated[str, Field(min_length=1), Tag(WORD)]
-    | Annotated[Command, Tag("<command>")]
-    | Annotated[Library, Tag("<library>")],
-    chosen_by(_language, 'write a published name, "module:Class", {command: [./program]} or {library: ./mine.so}'),
+    Annotated[str, Field(min_length=1), Tag(WORD)] | Annotated[Command, Tag("<command>")],
+    chosen_by(_language, 'write a published name, "module:Class" or {command: [./program]}'),
 ]
 
 
@@ -332,7 +327,7 @@ class PluginConfig(Config):
 
     use: Use = Field(
         description='A published name, such as raw, or "package.module:Class", whose code is run; or a program in any '
-        "language: {command: [./my_tracker, --q, '2']}; or a shared library: {library: ./libmine.so}."
+        "language: {command: [./my_tracker, --q, '2']}."
     )
     options: dict[str, Any] = Field(
         default_factory=dict,

@@ -1,11 +1,10 @@
-"""Trackers in another language: programs and shared libraries that a scenario names."""
+"""Trackers in another language: programs that a scenario names."""
 
 from __future__ import annotations
 
 import os
 import shlex
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -13,8 +12,6 @@ from pydantic import Field
 
 from trackbench.base.config import Config
 from trackbench.base.errors import InputError, nearest_choices
-
-LIBRARIES = (".so", ".dylib", ".dll")
 
 
 class Command(Config):
@@ -48,39 +45,15 @@ class Command(Config):
         return {folder / name for name in self.command if (folder / name).is_file()}
 
 
-class Library(Config):
-    """A shared library with the C interface of trackbench.h, which is loaded in the tracker's process."""
-
-    library: str = Field(min_length=1, description="The file: ./libmine.so. Its path starts at the scenario's folder.")
-
-    def __str__(self) -> str:
-        return self.library
-
-    def resolved(self, folder: Path | None) -> Path:
-        """The file.
-
-        Raises:
-            InputError: there is none.
-        """
-        path = (folder or Path.cwd()).resolve() / self.library
-        if not path.is_file():
-            raise InputError(_not_there("library", path, lambda file: file.suffix in LIBRARIES))
-        return path
-
-    def files(self, folder: Path) -> set[Path]:
-        """The file in a folder."""
-        return {folder / self.library} if (folder / self.library).is_file() else set()
-
-
 def use_of(text: str) -> str | dict[str, object]:
-    """What a text on the command line names, as a scenario says it: a path is a program or a library."""
+    """What a text on the command line names, as a scenario says it: a path is a program."""
     try:
         words = shlex.split(text)
     except ValueError:
         return text
     if not words or ("/" not in words[0] and len(words) == 1):
         return text
-    return {"library": text} if Path(text).suffix in LIBRARIES else {"command": words}
+    return {"command": words}
 
 
 def _executable(name: str, folder: Path) -> Path:
@@ -92,20 +65,20 @@ def _executable(name: str, folder: Path) -> Path:
         raise InputError(f"there is no program {name!r} on PATH: {here}")
     path = folder / name
     if not path.is_file():
-        raise InputError(_not_there("program", path, _can_run))
+        raise InputError(_not_there(path))
     if not _can_run(path):
         raise InputError(f"{path} is not executable: chmod +x makes it so, or name its interpreter before it")
     return path
 
 
-def _not_there(what: str, path: Path, fits: Callable[[Path], bool]) -> str:
+def _not_there(path: Path) -> str:
     place = path.parent
-    choices = [file.name for file in place.iterdir() if fits(file)] if place.is_dir() else []
-    hint = nearest_choices(path.name, choices) if choices else f"no {what} is there"
-    sources = [(place / path.stem.removeprefix("lib")).with_suffix(ending) for ending in (".c", ".cpp")]
+    choices = [file.name for file in place.iterdir() if _can_run(file)] if place.is_dir() else []
+    hint = nearest_choices(path.name, choices) if choices else "no program is there"
+    sources = [path.with_suffix(ending) for ending in (".c", ".cpp")]
     if not hint.startswith("did you mean") and any(source.is_file() for source in sources):
         hint = f"make {path.name} builds it"
-    return f"there is no {what} {path.name!r} in {place}: {hint}"
+    return f"there is no program {path.name!r} in {place}: {hint}"
 
 
 def _can_run(file: Path) -> bool:

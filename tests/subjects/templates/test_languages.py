@@ -1,4 +1,4 @@
-"""Trackers in C and C++: the shipped examples, as programs and as libraries, beside the same filter inside."""
+"""Trackers in C and C++: the shipped examples, as programs, beside the same filter inside."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ import numpy as np
 import pytest
 from tests.support.languages import LANGUAGES, SANITIZED, compiled, examples
 
-from trackbench.base.errors import InputError
 from trackbench.base.types import Scan, scan_of_member
 from trackbench.driving.faults import TrackFault
-from trackbench.driving.frames import ScanFrames, id_of, ids_of
+from trackbench.driving.frames import ScanFrames, id_of
 from trackbench.driving.isolation import Isolation
-from trackbench.driving.remote import TrackerTrial, start_stepper
+from trackbench.driving.remote import start_stepper
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.scans import ideal_sensors, sense_known
@@ -64,12 +63,10 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> list[Scan]:
     return sense_known(ideal_sensors(truth, loaded.config.sensors), 3, "beside", range(4)).scans
 
 
-def estimates(folder: Path, entry: Any, scans: Sequence[Scan], in_process: bool = False) -> list[Any]:
+def estimates(folder: Path, entry: Any, scans: Sequence[Scan]) -> list[Any]:
     config = (FilterConfig if "filter" in entry else PluginConfig).model_validate(entry)
     batch = scans[0].valid.size
-    with closing(
-        start_stepper(config, folder, batch, lambda tracker: tracker, Isolation(in_process), sensors={})
-    ) as stepper:
+    with closing(start_stepper(config, folder, batch, lambda tracker: tracker, Isolation(), sensors={})) as stepper:
         return [stepper.step(scan) for scan in scans]
 
 
@@ -99,21 +96,10 @@ def test_the_filter_in_c_plus_plus_is_that_inside(folder: Path, scans: list[Scan
     require_alike(inside, estimates(folder, arguments, scans))
 
 
-@pytest.mark.parametrize("in_process", [False, True])
-def test_the_same_source_is_a_library(folder: Path, scans: list[Scan], in_process: bool) -> None:
-    compiled(folder, "tracker.cpp", library=True)
-    library = {"use": {"library": "./tracker.so"}, **OPTIONS}
-    require_alike(estimates(folder, INSIDE, scans), estimates(folder, library, scans, in_process))
-
-
-def test_the_example_in_c_follows_as_program_and_library(folder: Path, scans: list[Scan]) -> None:
+def test_the_example_in_c_follows(folder: Path, scans: list[Scan]) -> None:
     compiled(folder, "tracker.c")
     program = estimates(folder, {"use": {"command": ["./tracker"]}}, scans)
-    compiled(folder, "tracker.c", library=True)
-    library = estimates(folder, {"use": {"library": "tracker.so"}}, scans)
     inside = estimates(folder, INSIDE, scans)[-1]
-    np.testing.assert_array_equal(program[-1].mean, library[-1].mean)
-    np.testing.assert_array_equal(program[-1].covariance, library[-1].covariance)
     assert np.abs(program[-1].mean[:2] - inside.mean[:2]).max() < 3.0
 
 
@@ -127,8 +113,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-@pytest.mark.parametrize("library", [False, True])
-def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, scans: list[Scan], name: str, library: bool) -> None:
+def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, scans: list[Scan], name: str) -> None:
     body, message = FAULTS[name]
     (folder / "tracker.cpp").write_text(
         '#include "trackbench.hpp"\n#include <cstdlib>\n#include <iostream>\n#include <stdexcept>\n'
@@ -137,10 +122,9 @@ def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, scans: list[Scan]
         f'        std::cout << "printed" << std::endl;\n        {body}\n        return std::nullopt;\n    }}\n}};\n'
         "TRACKBENCH_TRACKER(Mine)\n"
     )
-    compiled(folder, "tracker.cpp", library=library)
-    use = {"library": "./tracker.so"} if library else {"command": ["./tracker"]}
+    compiled(folder, "tracker.cpp")
     with pytest.raises(TrackFault, match=message):
-        estimates(folder, {"use": use}, scans[:2])
+        estimates(folder, {"use": {"command": ["./tracker"]}}, scans[:2])
 
 
 BATCHED = """
@@ -190,36 +174,15 @@ def test_batches_and_several_objects(folder: Path, scans: list[Scan]) -> None:
     scan = scan._replace(noise_covariance=np.eye(2), detection_probability=0.9, clutter_density=1e-3)
     hidden = scan._replace(measurement=measurement, valid=valid)
     labelled = scan._replace(measurement=measurement[:, :, 1], valid=valid[:, 1])
-    for library in (False, True):
-        uses = []
-        for name in ("batched", "several"):
-            output = compiled(folder, f"{name}.cpp", library=library)
-            uses.append({"use": {"library": output.name} if library else {"command": [f"./{output.name}"]}})
-        (estimate,) = estimates(folder, uses[0], [labelled])
-        np.testing.assert_array_equal(estimate.mean, np.vstack([labelled.measurement] * 2))
-        config = PluginConfig.model_validate(uses[1])
-        with closing(start_stepper(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
-            tracks = stepper.step(hidden)
-        np.testing.assert_array_equal(tracks.ids, [[0, 0], [1, -1], [2, -1]])
-        np.testing.assert_array_equal(tracks.mean[:2], measurement)
-
-
-@pytest.mark.parametrize(
-    ("library", "said"),
-    [
-        ("./tracker.sso", "there is no library 'tracker.sso' in .*: did you mean 'tracker.so'?"),
-        ("./notes.so", "'./notes.so' cannot be loaded: "),
-        ("./empty.so", "'./empty.so' has no tb_describe and no tb_create"),
-    ],
-)
-def test_a_library_that_cannot_be_used_is_said_before_a_run(folder: Path, library: str, said: str) -> None:
-    (folder / "notes.so").write_text("no library")
-    (folder / "empty.c").write_text("int nothing_in_it;\n")
-    compiled(folder, "empty.c", library=True)
-    (folder / "tracker.so").write_bytes((folder / "empty.so").read_bytes())
-    config = PluginConfig.model_validate({"use": {"library": library}})
-    with pytest.raises(InputError, match=said), closing(TrackerTrial(config, folder, Isolation())) as trial:
-        trial.check()
+    compiled(folder, "batched.cpp")
+    (estimate,) = estimates(folder, {"use": {"command": ["./batched"]}}, [labelled])
+    np.testing.assert_array_equal(estimate.mean, np.vstack([labelled.measurement] * 2))
+    compiled(folder, "several.cpp")
+    config = PluginConfig.model_validate({"use": {"command": ["./several"]}})
+    with closing(start_stepper(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
+        tracks = stepper.step(hidden)
+    np.testing.assert_array_equal(tracks.ids, [[0, 0], [1, -1], [2, -1]])
+    np.testing.assert_array_equal(tracks.mean[:2], measurement)
 
 
 def messages(scans: Sequence[Scan]) -> Iterator[bytes]:
@@ -236,9 +199,7 @@ def messages(scans: Sequence[Scan]) -> Iterator[bytes]:
         yield struct.pack("<I", len(content)) + content
     for scan in scans[:3]:
         yield ScanFrames(scan).of(id_of(1), scan_of_member(scan, 0))
-        yield ScanFrames(scan).of(
-            ids_of([1, 2]), scan._replace(measurement=scan.measurement[:, :2], valid=scan.valid[:2])
-        )
+        yield ScanFrames(scan).of(id_of(2), scan_of_member(scan, 1))
 
 
 @pytest.mark.slow
@@ -261,9 +222,7 @@ def test_damaged_frames_do_not_make_the_reader_read_beyond_them(folder: Path, sc
 
 def test_the_headers_say_the_versions_of_the_bench() -> None:
     from trackbench.driving import frames
-    from trackbench.trackers import library
 
-    assert f"#define TB_ABI {library.ABI}\n" in (LANGUAGES / "trackbench.h").read_text()
     program = (LANGUAGES / "trackbench_program.h").read_text()
     assert f"#define TB_VERSION {frames.VERSION}\n" in program
     assert f"(1u << {frames.LARGEST.bit_length() - 1})" in program

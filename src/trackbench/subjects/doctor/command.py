@@ -76,7 +76,7 @@ def doctor_command(
 ) -> None:
     """Find the faults of a tracker, with evidence.
 
-    TRACKER is SCENARIO#NAME, module:Class, a published name, or a program or shared library by its path. It is
+    TRACKER is SCENARIO#NAME, module:Class, a published name, or a program by its path. It is
     tried on single measurements and on test drives, each of which shows one kind of fault, and compared with a
     reference.
 

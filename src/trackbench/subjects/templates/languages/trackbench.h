@@ -1,8 +1,7 @@
 /* A tracker in C for trackbench, protocol version 1. It needs nothing but the C library, C99, of a POSIX system.
 
-   Write the four functions below. Compiled with -DTRACKBENCH_PROGRAM the file is a program (use: {command: [./mine]}),
-   compiled with -shared -fPIC a library (use: {library: ./mine.so}). Units are SI and radians; of arrays of several
-   axes the last one runs fastest. */
+   Write the five functions below. Compiled with -DTRACKBENCH_PROGRAM the file is a program (use: {command: [./mine]}).
+   Units are SI and radians; of arrays of several axes the last one runs fastest. */
 #ifndef TRACKBENCH_H
 #define TRACKBENCH_H
 

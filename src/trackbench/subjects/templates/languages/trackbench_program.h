@@ -289,62 +289,27 @@ static int tb_say_error(tb_loop *loop, uint32_t id, const char *error) {
     return tb_send(&loop->frame, loop->out);
 }
 
-/* `n`: members, -1 of a tracker that takes no batches; `given`: which of a list have an estimate, NULL where all have. */
-static int tb_say_answer(tb_loop *loop, int64_t kind, uint32_t id, const tb_answer *answer, int64_t n, const double *given) {
+/* `n`: members, -1 of a tracker that takes no batches. */
+static int tb_say_answer(tb_loop *loop, int64_t kind, uint32_t id, const tb_answer *answer, int64_t n) {
     tb_buffer *frame = &loop->frame;
     int several = kind == TB_TRACKS;
-    unsigned char more = several ? (unsigned char)(3 + !!answer->existence + !!answer->used) : (unsigned char)(2 + !!given);
+    unsigned char more = several ? (unsigned char)(3 + !!answer->existence + !!answer->used) : 2;
     tb_begin(frame, kind == TB_NONE ? "none" : several ? "tracks" : "estimate", kind == TB_NONE ? 2 : (unsigned char)(2 + more));
     tb_put_text(frame, "id");
     tb_put_head(frame, 0xce, id, 4);
     if (kind != TB_NONE) {
         int64_t k = several ? answer->tracks : -1;
-        const int64_t mean[4] = {4, k, n, -1}, covariance[4] = {4, 4, k, n}, ids[4] = {k, n, -1, -1}, members[4] = {n, -1, -1, -1};
+        const int64_t mean[4] = {4, k, n, -1}, covariance[4] = {4, 4, k, n}, ids[4] = {k, n, -1, -1};
         tb_put_array(frame, "mean", answer->mean, mean);
         tb_put_array(frame, "covariance", answer->covariance, covariance);
         if (several) tb_put_array(frame, "ids", answer->ids, ids);
         if (several && answer->existence) tb_put_array(frame, "existence", answer->existence, ids);
         if (several && answer->used) tb_put_array(frame, "used", answer->used, ids);
-        if (!several && given) tb_put_array(frame, "given", given, members);
     }
     return tb_send(frame, loop->out);
 }
 
-/* One step of a tracker, or of each of a list, whose measurements are columns. */
-static int tb_step_each(tb_loop *loop, const tb_array *ids, tb_scan *scan, int64_t n) {
-    const double *measurement = scan->measurement, *valid = scan->valid;
-    const int64_t m = scan->components;
-    int all = 1;
-    loop->estimate.size = 0;
-    tb_reserve(&loop->estimate, (21 * (size_t)n + 20 + (size_t)m) * sizeof(double));
-    double *mean = (double *)(void *)loop->estimate.bytes, *covariance = mean + 4 * n, *given = covariance + 16 * n;
-    double *one = given + n, *column = one + 20;
-    tb_answer answer;
-    for (int64_t k = 0; k < n; k++) {
-        const uint32_t id = (uint32_t)ids->values[k];
-        void *tracker = tb_tracker(loop, id);
-        if (!tracker) return tb_say_error(loop, id, "the tracker could not be created");
-        for (int64_t i = 0; i < m; i++) column[i] = measurement[i * n + k];
-        scan->measurement = column;
-        scan->valid = valid + k;
-        memset(&answer, 0, sizeof answer);
-        memset(one, 0, 20 * sizeof(double));
-        answer.mean = one;
-        answer.covariance = one + 4;
-        const int64_t kind = tb_step(tracker, scan, &answer);
-        if (kind == TB_FAILED) return tb_say_error(loop, id, answer.error ? answer.error : "it failed");
-        if (kind == TB_TRACKS) return tb_say_error(loop, id, "it gave tracks; with known identities an estimate is needed");
-        given[k] = kind == TB_ESTIMATE;
-        all = all && given[k] != 0.0;
-        for (int i = 0; i < 20; i++) mean[i * n + k] = one[i];
-    }
-    memset(&answer, 0, sizeof answer);
-    answer.mean = mean;
-    answer.covariance = covariance;
-    return tb_say_answer(loop, TB_ESTIMATE, (uint32_t)ids->values[0], &answer, n, all ? NULL : given);
-}
-
-static int tb_on_scan(tb_loop *loop, uint32_t id, tb_scan *scan, const tb_array arrays[5], const tb_array *ids) {
+static int tb_on_scan(tb_loop *loop, uint32_t id, tb_scan *scan, const tb_array arrays[5]) {
     tb_array measurement = arrays[0];
     int64_t axis = 1;
     for (int i = 0; i < 5; i++)
@@ -359,7 +324,6 @@ static int tb_on_scan(tb_loop *loop, uint32_t id, tb_scan *scan, const tb_array 
     scan->sensor_velocity = arrays[4].values;
     scan->detections = loop->hidden ? measurement.shape[axis++] : 1;
     scan->batch = loop->traits.batched ? measurement.shape[axis] : 1;
-    if (ids->values) return ids->count > 0 && ids->count == arrays[1].count ? tb_step_each(loop, ids, scan, ids->count) : 0;
     void *tracker = tb_tracker(loop, id);
     if (!tracker) return tb_say_error(loop, id, "the tracker could not be created");
     loop->estimate.size = 0;
@@ -370,7 +334,7 @@ static int tb_on_scan(tb_loop *loop, uint32_t id, tb_scan *scan, const tb_array 
     answer.covariance = answer.mean + 4 * scan->batch;
     int64_t kind = tb_step(tracker, scan, &answer);
     if (kind == TB_FAILED) return tb_say_error(loop, id, answer.error ? answer.error : "it failed");
-    return tb_say_answer(loop, kind, id, &answer, loop->traits.batched ? scan->batch : -1, NULL);
+    return tb_say_answer(loop, kind, id, &answer, loop->traits.batched ? scan->batch : -1);
 }
 
 /* The arguments --key value of the command as options that the scenario does not state. */
@@ -391,7 +355,7 @@ static void tb_add_arguments(tb_buffer *options, int argc, char **argv) {
 static int tb_on_message(tb_loop *loop, tb_input *from, int argc, char **argv) {
     tb_buffer *pool = &loop->pool;
     tb_scan scan;
-    tb_array arrays[5], view = {0, {1, 1, 1, 1}, NULL}, ids = view;
+    tb_array arrays[5], view = {0, {1, 1, 1, 1}, NULL};
     static const char *const names[] = {"measurement", "valid", "noise_covariance", "sensor_pose", "sensor_velocity"};
     tb_item head = tb_next(from), type = {'n', 0, 0.0, NULL};
     uint32_t id = 0, of = 0;
@@ -403,7 +367,6 @@ static int tb_on_message(tb_loop *loop, tb_input *from, int argc, char **argv) {
         tb_item key = tb_next(from);
         if (tb_is(key, "type")) type = tb_next(from);
         else if (tb_is(key, "id")) id = tb_whole(from);
-        else if (tb_is(key, "ids")) ids = tb_read_array(from, pool);
         else if (tb_is(key, "of")) of = tb_whole(from);
         else if (tb_is(key, "field_of_view")) view = tb_read_array(from, pool);
         else if (tb_is(key, "sensor")) scan.sensor = tb_text(from, pool);
@@ -425,7 +388,7 @@ static int tb_on_message(tb_loop *loop, tb_input *from, int argc, char **argv) {
     }
     if (from->bad) return 0;
     if (view.count == 3) scan.field_of_view = view.values;
-    if (tb_is(type, "scan")) return scan.sensor && scan.kind ? tb_on_scan(loop, id, &scan, arrays, &ids) : 0;
+    if (tb_is(type, "scan")) return scan.sensor && scan.kind ? tb_on_scan(loop, id, &scan, arrays) : 0;
     if (tb_is(type, "start") && loop->options.size) tb_keep(loop, id, tb_create((const char *)loop->options.bytes, loop->hidden));
     if (tb_is(type, "copy") && tb_tracker(loop, of)) tb_keep(loop, id, tb_copy(tb_tracker(loop, of)));
     if (tb_is(type, "end") && tb_tracker(loop, id)) {
@@ -435,7 +398,7 @@ static int tb_on_message(tb_loop *loop, tb_input *from, int argc, char **argv) {
     if (!tb_is(type, "hello")) return 1;
     if (!loop->options.size || loop->options.bytes[0] != '{') return 0;
     tb_add_arguments(&loop->options, argc, argv);
-    tb_begin(&loop->frame, "hello", 7);
+    tb_begin(&loop->frame, "hello", 6);
     tb_put_text(&loop->frame, "version");
     tb_put_head(&loop->frame, TB_VERSION, 0, 0);
     tb_put_text(&loop->frame, "name");
@@ -443,7 +406,6 @@ static int tb_on_message(tb_loop *loop, tb_input *from, int argc, char **argv) {
     tb_put_flag(&loop->frame, "batched", loop->traits.batched);
     tb_put_flag(&loop->frame, "random", loop->traits.is_random);
     tb_put_flag(&loop->frame, "copies", loop->traits.copies);
-    tb_put_flag(&loop->frame, "lists", 1);
     return tb_send(&loop->frame, loop->out);
 }
 
