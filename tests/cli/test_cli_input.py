@@ -25,7 +25,7 @@ BAD_USAGE = [
     (["tune", "tiny.yaml"], "--trackers: name those to tune; choose from: ekf, raw"),
     (["doctor", "loop.yaml#mine"], "loop.yaml: there is no such file here; `trackbench list scenarios` shows"),
     (["list", "tracker"], "'tracker' is not one of 'scenarios', 'trackers'"),
-    (["list", "motion"], "'checks'. Did you mean 'motion-models'?"),
+    (["list", "motion"], "'functions'. Did you mean 'motion-models'?"),
     (["report", "results", "--format", "tex"], "Did you mean 'latex'?"),
     (["run", "tiny.yaml", "--out", "tiny.yaml"], "'tiny.yaml' is a file"),
     (["snapshot", "empty", "--at", "5"], "name the picture after the run: empty empty.png"),

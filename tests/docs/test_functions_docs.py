@@ -10,7 +10,7 @@ import pytest
 from tests.support.places import DOCS
 
 import trackbench as tb
-from trackbench.functions import FUNCTIONS
+from trackbench.subjects.functions.protocol import FUNCTIONS
 
 PAGE = DOCS / "functions.md"
 

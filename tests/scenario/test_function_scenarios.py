@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Array, Truth
-from trackbench.functions import Ego, Objects
+from trackbench.metrics.ego import Ego
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import shipped
 from trackbench.scenario.truth import truth_of, truths_of
+from trackbench.subjects.functions.protocol import Objects
 
 KMPH, MPH, G = 1 / 3.6, 0.44704, 9.80665
 #: Values are written with four decimals.

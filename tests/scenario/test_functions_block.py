@@ -92,7 +92,7 @@ def test_an_expectation_names_the_metrics_of_the_functions(tmp_path: Path):
 
 OWN = """
 import numpy as np
-from trackbench.functions import Decision, Function, Quantity
+from trackbench.subjects.functions.protocol import Decision, Function, Quantity
 
 class Near(Function):
     '''Is active where anything is near.'''

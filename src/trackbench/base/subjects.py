@@ -32,6 +32,16 @@ class TermPage(NamedTuple):
     """Each a heading and its text, whose paragraphs are apart by an empty line."""
 
 
+class FieldBlock(NamedTuple):
+    """A key of a scenario at its top level whose value is no class of its own, such as a mapping by name."""
+
+    type: Any
+    field: Any
+    """A field of pydantic, with the default and the description."""
+    EXAMPLE: str
+    """Lines of YAML."""
+
+
 @dataclass(frozen=True)
 class Subject:
     """What a user comes for beside a run. Each value is ``module:attribute``, alone or in an :class:`Offer`."""
@@ -52,12 +62,30 @@ class Subject:
     replays: Mapping[str, str] = field(default_factory=dict)
     """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
     blocks: Mapping[str, str] = field(default_factory=dict)
-    """By the key of a scenario at its top level: the class of what stands there, with an ``EXAMPLE``."""
+    """By the key of a scenario at its top level: the class of what stands there, with an ``EXAMPLE``, or a
+    :class:`FieldBlock`."""
     tuners: Mapping[str, str] = field(default_factory=dict)
     """By any name: a function of a scenario and an executor that gives the scenario with tuned trackers."""
     examiners: Mapping[str, str] = field(default_factory=dict)
     """By any name: a function of a scenario and the name of a tracker in it that gives a sentence on what is wrong with
     it; None where nothing is found."""
+    metrics: Mapping[str, str] = field(default_factory=dict)
+    """By the key of a block: a function of the block and whether identities are hidden that gives metrics of a run."""
+    examples_of_metrics: Mapping[str, str] = field(default_factory=dict)
+    """By the heading in lists: a function that gives one metric of each kind."""
+    checks: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a scenario that gives the problems of its blocks."""
+    records: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a :class:`trackbench.runner.work.Work`, of the evaluated trackers and of what each
+    left of the recorded run that yields the name of a table and its records."""
+    sections: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a result and the styles of its trackers that gives sections of the report."""
+    tables: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a result that gives tables for the terminal."""
+    clauses: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a result that gives clauses of its verdict."""
+    shown_metrics: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a result that gives the paths of metrics which its sections show."""
     run_options: Mapping[str, str] = field(default_factory=dict)
     """By any name: a :class:`trackbench.cli.options.RunOptions`, for ``trackbench run``."""
 
@@ -78,6 +106,12 @@ def offered(kind: str) -> Iterator[tuple[str, Any]]:
     """
     for subject in subjects():
         yield from getattr(subject, kind).items()
+
+
+def given(kind: str, *arguments: Any) -> Iterator[Any]:
+    """Yield what the functions that all subjects have of one kind give for some arguments, one after the other."""
+    for _, target in offered(kind):
+        yield from resolve(target)(*arguments)
 
 
 def kind_of_file(file: str) -> str:

@@ -14,7 +14,7 @@ import click
 
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry
-from trackbench.base.subjects import offered, resolve
+from trackbench.base.subjects import given, offered, resolve
 from trackbench.cli.answer import print_answer
 from trackbench.cli.options import NearestChoice, isolation_options, scenarios_argument
 from trackbench.cli.terminal import quiet_option
@@ -56,9 +56,9 @@ def _table(target: str) -> Iterable[Row]:
     return cast("Mapping[str, str]", resolve(target)).items()
 
 
-def _registered(target: str, *without: str) -> Iterator[Row]:
-    """The plug-ins of a registry with their options, but for some fields."""
-    return _plugins(resolve(target), partial(_options, without=without))
+def registered(registry: str | Registry[Any], *without: str) -> Iterator[Row]:
+    """Yield the plug-ins of a registry, or of its ``module:attribute``, with their options, but for some fields."""
+    return _plugins(resolve(registry) if isinstance(registry, str) else registry, partial(_options, without=without))
 
 
 def _sensors() -> Iterator[Row]:
@@ -71,8 +71,8 @@ def _sensors() -> Iterator[Row]:
 
 
 def _truth() -> Iterator[Row]:
-    yield from _registered("trackbench.truth:TRUTH_SOURCES", "source")
-    for name, words in _registered("trackbench.truth.tracks:TRAFFIC_FORMATS"):
+    yield from registered("trackbench.truth:TRUTH_SOURCES", "source")
+    for name, words in registered("trackbench.truth.tracks:TRAFFIC_FORMATS"):
         yield name, f"format of recorded-traffic: {words}"
 
 
@@ -97,7 +97,6 @@ def _options(model: Any, without: Sequence[str] = ()) -> str:
 
 
 def _metrics() -> Iterator[Row]:
-    from trackbench.metrics.functions import published_metrics
     from trackbench.metrics.registry import METRICS, metric_paths
 
     def of(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
@@ -108,7 +107,7 @@ def _metrics() -> Iterator[Row]:
         yield name, f"failed: {reason}"
     own = METRICS.loaded().values()
     of_estimates = [metric for metric in own if metric.scores == "estimates"]
-    yield from of(metric_paths([*published_metrics(), *of_estimates]))
+    yield from of(metric_paths([*given("examples_of_metrics"), *of_estimates]))
     of_tracks = [metric for metric in own if metric.scores == "tracks"]
     yield from of(metric_paths(of_tracks, hidden=True), "hidden identities: ")
     yield from of(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")
@@ -124,10 +123,9 @@ _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "scenarios": _scenarios,
     "trackers": _trackers,
     "filters": partial(_table, "trackbench.trackers.builtin:FILTERS"),
-    "motion-models": partial(_registered, "trackbench.models.motion:MOTION_MODELS"),
+    "motion-models": partial(registered, "trackbench.models.motion:MOTION_MODELS"),
     "sensors": _sensors,
-    "sensor-effects": partial(_registered, "trackbench.models.sensors.effects:EFFECTS", "type"),
-    "functions": partial(_registered, "trackbench.functions:FUNCTIONS", "use"),
+    "sensor-effects": partial(registered, "trackbench.models.sensors.effects:EFFECTS", "type"),
     "truth": _truth,
     "metrics": _metrics,
     "worlds": partial(_table, "trackbench.scenario.worlds:MEANING"),

@@ -14,8 +14,8 @@ from trackbench.base import linalg
 from trackbench.base.config import Config
 from trackbench.base.types import Array, Mask
 from trackbench.engine.equations import Compute, by_numpy
-from trackbench.functions.protocol import EgoScene
 from trackbench.metrics.conditions import Classes
+from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval, ratio
 from trackbench.metrics.sums import ERROR
@@ -67,7 +67,7 @@ class Scope:
     compute: Compute = by_numpy
     """What computes equations."""
     bodies: EgoScene | None = None
-    """The ego and the sizes of the objects, which functions need."""
+    """The ego and the sizes of the objects."""
 
     @property
     def objects(self) -> int:

@@ -13,10 +13,10 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
-from trackbench.functions.protocol import EgoScene
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import whitened_innovation
+from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import accumulators
@@ -77,7 +77,7 @@ class Scorer:
             compute: how equations are computed.
             measured: gives ``(2, instants, batch)`` the latest measured position at some instants, m; called where the
                 tracker gave no estimate that is due.
-            bodies: the ego and the sizes of the objects, which functions need.
+            bodies: the ego and the sizes of the objects.
         """
         self._target, self._compute = target, compute
         _, _, self._objects, _ = target.state.shape

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.base.errors import counted
+from trackbench.base.subjects import given
 from trackbench.document.terminal import STYLE, fitting, hanging, print_hanging, print_table
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named_verdicts, what_is_off
-from trackbench.report.functions import function_tables
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_scenes, values_of_few_scenes
@@ -161,7 +161,7 @@ def print_summary(result: Result, console: Console) -> None:
     for note in filter(None, [*_notes(result), drawing_random(result)] if listed.scored else []):
         begin = len(note) - len(note.lstrip()) + 2
         print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))
-    for table in function_tables(result):
+    for table in given("tables", result):
         print_table(table, console)
     _print_missed(result, console)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from trackbench.base.subjects import given
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
@@ -30,7 +31,6 @@ from trackbench.report.figures.map import styles_with_map
 from trackbench.report.figures.over_time import autocorrelation, modes_over_time, nees_over_time, nis_over_time
 from trackbench.report.figures.tracks import existence_calibration, gospa_over_time, strip_chart
 from trackbench.report.first_screen import competing, first_screen, picture
-from trackbench.report.functions import functions_section
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import joined_names, margin_words, percent
 from trackbench.report.pairs import Pairs, standing
@@ -140,7 +140,7 @@ def _sections(
         yield from comparisons(result)
     if summary.truth.scenes:
         yield Section("Scene by scene", tuple(scenes(result)))
-    yield from functions_section(result, shown)
+    yield from given("sections", result, shown)
     if labelled:
         yield from _accuracy(result, shown, moments)
         yield from _figures("Modes", [modes_over_time(result)])

@@ -7,8 +7,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TypeVar
 
+from trackbench.base.subjects import given
 from trackbench.document import Cell, Column, Table, Tone
-from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_verdict, only_where
@@ -259,13 +259,14 @@ def axes_and_reference(result: Result) -> Table:
 
 def other_metrics(result: Result) -> Table | None:
     """The metrics that no other table has, a column each; None if there are none."""
-    shown = _SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")
-    functions = function_labels(path for tracker in result.scored for path in tracker.metrics)
+    shown = {
+        *(_SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")),
+        *given("shown_metrics", result),
+    }
     paths: dict[str, Column] = {}
     meanings = {field.name: field.meaning for field in metric_paths()}
     for path, metric in (item for tracker in result.scored for item in tracker.metrics.items()):
-        of_function = path.partition(".")[2] in functions
-        if path not in shown and not of_function and not path.startswith(_SHOWN_GROUPS):
+        if path not in shown and not path.startswith(_SHOWN_GROUPS):
             paths.setdefault(
                 path, Column(path + unit_after_heading(metric.unit), meanings.get(path, ""), details=VERDICT)
             )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 from trackbench.base.errors import counted
-from trackbench.metrics.function_events import function_labels
+from trackbench.base.subjects import given
 from trackbench.report.numbers import decimals, in_brackets, joined_names, meaningful, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.sentences import charged, divergence, expectations_met
@@ -28,10 +28,10 @@ def verdict_of_run(result: Result) -> str:
     expectations = result.summary.expectations
     outcome = expectations_met(expectations)
     outcome = outcome[0].lower() + outcome[1:] if expectations else ""
-    failed = _some([tracker.name for tracker in result.unscored if tracker.failed])
+    failed = some_names([tracker.name for tracker in result.unscored if tracker.failed])
     met = all(item.passed for item in expectations)
     went_wrong = [beaten_bound(result), failed and f"{failed} failed", _diverged(result, NAMED), "" if met else outcome]
-    clauses = [*went_wrong, *_of_functions(result), _best(result)]
+    clauses = [*went_wrong, *given("clauses", result), _best(result)]
     return f"{result.name}: {'; '.join(filter(None, [*clauses, outcome if met else '']))}"
 
 
@@ -95,14 +95,14 @@ def _accuracy_sentence(result: Result) -> str:
         text += f"; it is better than {summary.score.baseline}, the baseline"
     equivalent, undecided = ([n for n in verdicts if verdicts[n] == word] for word in ("equivalent", "undecided"))
     if equivalent:
-        others = _some(_marked(result, equivalent), MOST_DRAWN)
+        others = some_names(_marked(result, equivalent), MOST_DRAWN)
         text += f"; equivalent to {others} {pairs.within(names[0], equivalent)}"
     if undecided and pairs.unjudged:
         text += f"; {pairs.unjudged}"
     elif undecided:
-        text += f"; whether it is better than {_some(_marked(result, undecided), MOST_DRAWN)} is undecided"
+        text += f"; whether it is better than {some_names(_marked(result, undecided), MOST_DRAWN)} is undecided"
     if turned := pairs.turned(names).get(names[0], []):
-        others = _some(turned, MOST_DRAWN)
+        others = some_names(turned, MOST_DRAWN)
         text += f"; it is not called better than {others}: its errors are smaller only with what is charged"
     if much := charged(metric, "error"):
         text += f"; {much}"
@@ -133,7 +133,7 @@ def _marked(result: Result, names: Sequence[str]) -> list[str]:
     return [f"{name} (diverged)" if result[name].health.diverged_runs else name for name in names]
 
 
-def _some(names: Sequence[str], most: int = NAMED) -> str:
+def some_names(names: Sequence[str], most: int = NAMED) -> str:
     return joined_names(names) if len(names) <= most else counted(len(names), "tracker")
 
 
@@ -189,28 +189,3 @@ def _error(trackers: list[TrackerResult], path: str) -> str:
 def _places(metric: MetricValue) -> int:
     """The decimals of a value: three digits or more, so that it can be told from those of other runs."""
     return max(meaningful(metric.value, metric.ci95), decimals([metric.value]))
-
-
-def _of_functions(result: Result) -> Iterator[str]:
-    """Of the functions of which something is expected, who decides closest to the truth."""
-    expected = {item.metric.rpartition(".")[2] for item in result.summary.expectations}
-    closest: dict[tuple[str, str], list[str]] = {}
-    for label in function_labels(path for tracker in result.scored for path in tracker.metrics):
-        contenders = [(tracker.name, metric_of(tracker, f"warn_error.{label}").value) for tracker in result.contenders]
-        errors = {name: value for name, value in contenders if value is not None}
-        if label in expected and errors:
-            names, values = zip(*_not_later(result, f"warn_error.{label}", errors), strict=True)
-            of = "all trackers" if len(names) == len(contenders) > 1 else _some(names)
-            ends = dict.fromkeys(rounded(end, decimals(values[:1], 2)) for end in (values[0], values[-1]))
-            unlike = ", not shown to differ" if values[0] < values[-1] else ""
-            closest.setdefault((of, unlike), []).append(f"{' to '.join(ends)} s ({label})")
-    if closest:
-        texts = [f"{of} {joined_names(delays)}{unlike}" for (of, unlike), delays in closest.items()]
-        yield f"smallest RMS delay: {', '.join(texts)}"
-
-
-def _not_later(result: Result, path: str, errors: Mapping[str, float]) -> list[tuple[str, float]]:
-    """The tracker with the smallest error, and those of which a larger one is not shown, in order of their errors."""
-    first, *others = sorted(errors, key=lambda name: errors[name])
-    pairs = Pairs(result, path)
-    return [(name, errors[name]) for name in (first, *others) if name == first or not pairs.differ(first, name)]

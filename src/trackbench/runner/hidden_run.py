@@ -13,9 +13,8 @@ from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import DirectTracks, Stepper
+from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.evaluate import MetricSums, accumulators
-from trackbench.metrics.functions import functions_at_work
-from trackbench.metrics.functions.sums import Decisions, decisions_of_run
 from trackbench.metrics.traffic import (
     Associations,
     RunScores,
@@ -68,8 +67,8 @@ class TrafficScores:
     """``(rows, 3)`` scan, id of the track and number of the detection that it took, in the recorded run."""
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
-    decided: dict[str, Decisions] = field(default_factory=dict)
-    """By function, what it decides in the recorded run."""
+    tracked: TrackedRun | None = None
+    """The recorded run, as metrics get it."""
     offset: Array | None = None
     """Of tracks made elsewhere, ``(5, P)``: the run, and the rows of :func:`offset_pairs`."""
     filed: Indices | None = None
@@ -246,7 +245,7 @@ class HiddenRun(TrackerRun[Tracks]):
                     scores = scores.without_false_tracks()
             else:
                 scores = self._scored_without_truth(run, ends)
-            tracked = TrackedRun(truth, history, own, scores, outside, scene.bodies(scene.due.steps))
+            tracked = TrackedRun(truth, history, own, scores, outside, EgoScene.of(scene.truth, scene.due.steps))
             pieces = in_stretches(tracked, ends) if ends else [tracked]
             for stretch in [pieces[number] for number in counted] if ends else pieces:
                 sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}
@@ -258,8 +257,7 @@ class HiddenRun(TrackerRun[Tracks]):
             if run == recorded:
                 outcome.taken = self._detections_taken(part.first + run)
                 outcome.predicted = self._predicted[part.first + run]
-                functions = functions_at_work(self._work.metrics, sums)
-                outcome.decided = {label: decisions_of_run(function, tracked) for label, function in functions.items()}
+                outcome.tracked = tracked
         outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return outcome
 

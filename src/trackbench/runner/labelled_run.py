@@ -16,6 +16,7 @@ from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import BlockScores, MetricSums, Scorer, score_waiting
 from trackbench.metrics.consistency import whitened_innovation
+from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
 from trackbench.runner.recorded import ModeSums, RecordedEstimates
@@ -90,7 +91,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             metrics=work.metrics,
             compute=compute_by(work.engine_here),
             measured=partial(targets.measured, config),
-            bodies=scene.bodies(scene.instants()),
+            bodies=EgoScene.of(scene.truth, scene.instants()),
         )
         objects, instants = len(scene.truth.ids), len(self._target.time)
         batch = objects * len(piece.runs)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from trackbench.base.subjects import given
 from trackbench.base.types import Array, Indices, Scan, Truth, of_runs
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate
 from trackbench.metrics.breakdown import cells
@@ -23,7 +24,6 @@ from trackbench.results.declared import LABELLED
 from trackbench.results.folder import OBSERVER
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.function_tables import decisions_on_estimates, function_records
 from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.work import Work
@@ -71,11 +71,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         ],
         "roads": road_records(truth),
         **_mode_records(work, blocks, list(evaluations)),
-        **function_records(
-            work,
-            evaluated,
-            {name: decisions_on_estimates(work, item, evaluations[name].sums) for name, item in recorded.items()},
-        ),
+        **dict(given("records", work, evaluated, recorded)),
     }
     if work.over_stretches:
         records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.special import gammaincinv
 
+from trackbench.base.subjects import given
 from trackbench.base.types import UNKNOWN_ORIGIN, Array, Indices, Scan, Truth
 from trackbench.metrics import Evaluation
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
@@ -19,7 +20,6 @@ from trackbench.results.declared import ASSOCIATIONS, GOSPA_PARTS, HIDDEN
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.function_tables import function_records
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.tables import Records, other_truth, road_records, run_keys, scan_record, truth_records
 from trackbench.runner.traffic_sums import TrafficSums, dearest, summed_existence
@@ -62,7 +62,7 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
             for number, name in enumerate(ids)
         ],
         "roads": road_records(scene.truth),
-        **function_records(work, evaluated, {name: item.decided for name, item in kept.items()}),
+        **dict(given("records", work, evaluated, kept)),
     }
     # Those of the metrics, beside the declared ones.
     columns = list(records["runs"][0])[4:] if evaluations else []

@@ -20,7 +20,6 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, chosen
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
-from trackbench.functions import Ego, EgoScene
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
@@ -87,10 +86,6 @@ class Scene:
     def due(self) -> Due:
         """Where identities are hidden, which objects should be tracked when."""
         return find_due(self.truth, self.sensors)
-
-    def bodies(self, steps: Indices) -> EgoScene:
-        """The ego and the sizes of the objects at some of the truth's steps."""
-        return EgoScene(Ego.of(self.truth.observer, steps), self.truth.length, self.truth.width)
 
 
 class BlockRuns(NamedTuple):

@@ -23,7 +23,8 @@ def _with_blocks() -> type[ScenarioKeys]:
     blocks: dict[str, Any] = {}
     for name, target in offered("blocks"):
         block = resolve(target)
-        blocks[name] = (block | None, Field(None, description=block.__doc__))
+        own_class = (block | None, Field(None, description=block.__doc__)) if isinstance(block, type) else None
+        blocks[name] = own_class or (block.type, block.field)
     return create_model(
         "ScenarioConfig", __base__=_CheckedKeys, __module__=__name__, __doc__=ScenarioKeys.__doc__, **blocks
     )

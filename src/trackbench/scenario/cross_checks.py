@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import counted, nearest_choices, same_name
+from trackbench.base.subjects import given
 from trackbench.metrics import Field
 from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
@@ -17,14 +18,12 @@ from trackbench.scenario.keys import Expectation, ScenarioKeys
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
-from trackbench.truth.config import FixedObserver, HighwayOptions, RecordingOptions, ScriptedOptions
+from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.sources import RecordingTruth
 
 #: Two times that differ by less are the same, s: a difference of times is not exact.
 ROUNDING = 1e-9
-#: Functions decide at the instants of the sensors, of which the fastest has at least this rate, Hz.
-SLOWEST_DECISIONS = 10.0
 
 
 def scenario_problems(scenario: ScenarioKeys) -> Iterator[Problem]:
@@ -39,9 +38,8 @@ def scenario_problems(scenario: ScenarioKeys) -> Iterator[Problem]:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
     yield from _identities(scenario)
     yield from _made_elsewhere(scenario)
-    yield from _functions(scenario)
     yield from _scored_point(scenario)
-    yield from _decisions(scenario)
+    yield from given("checks", scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
@@ -119,34 +117,11 @@ def _made_elsewhere(scenario: ScenarioKeys) -> Iterator[Problem]:
             yield Problem(("trackers", name, "path"), message)
 
 
-#: How the observer becomes the ego, by the source of the truth; others have none.
-EGO = {
-    "highway-env": "write truth.observer: ego",
-    "recorded-traffic": "name its vehicle: truth.observer: {vehicle: ...}",
-    "recording": "name the columns of its motion in truth.columns.observer",
-}
-
-
-def _functions(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """That there is an ego for the functions, and a truth."""
-    truth = scenario.truth
-    if isinstance(truth, RecordingTruth) and truth.carrier is not None and not truth.without_truth:
-        return
-    for name in scenario.functions:
-        if isinstance(truth, RecordingTruth) and truth.without_truth:
-            yield Problem(("functions", name), "there is no truth on which it could decide")
-        elif type(getattr(truth, "observer", None)) is FixedObserver:
-            remedy = EGO.get(truth.source, f"{truth.source} has none; use {' or '.join(EGO)}")
-            yield Problem(("functions", name), f"the observer is a fixed point, and a function needs an ego: {remedy}")
-
-
 def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """That a point beside the centre is known, and that nothing else is reckoned from the centre."""
+    """Say where a point beside the centre is not known."""
     truth, point = scenario.truth, scenario.score.point
     if point == "centre":
         return
-    if scenario.functions:
-        yield Problem(("score", "point"), "functions reckon from the centre of a body: remove them, or write centre")
     if isinstance(truth, RecordingTruth) and truth.without_truth:
         yield Problem(("score", "point"), "there is no truth, of which a point could be scored")
     columns, assumed = getattr(truth, "columns", None), {"length_m", "width_m"} - truth.model_fields_set
@@ -156,23 +131,6 @@ def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
             keys = " and ".join(f"truth.{name}" for name in missing)
             message = f"the size of the objects is not known: write {keys}, or name their columns"
             yield Problem(("score", "point"), message)
-
-
-def _decisions(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """That functions decide often enough: between the instants of the sensors neither the truth nor a tracker does."""
-    each = [tracker.sensors for tracker in scenario.trackers.values()]
-    read = {name for sensors in each for name in (scenario.sensors if sensors is None else sensors)}
-    rates = {name: sensor.rate_hz for name, sensor in scenario.sensors.items() if name in read}
-    stated = {name: rate for name, rate in rates.items() if rate is not None}
-    if not scenario.functions or not stated or len(stated) < len(rates):
-        return
-    fastest = max(stated, key=lambda name: stated[name])
-    if stated[fastest] < SLOWEST_DECISIONS:
-        why = "functions decide when a sensor measures, so that a slower one is never late"
-        message = (
-            f"{stated[fastest]:g} Hz, and no sensor that is read is faster: {why}; use {SLOWEST_DECISIONS:g} or more"
-        )
-        yield Problem(("sensors", fastest, "rate_hz"), message)
 
 
 def _tracker_sensors(scenario: ScenarioKeys) -> Iterator[Problem]:

@@ -12,7 +12,6 @@ import yaml
 from trackbench.base.config.key_units import show, split_key
 from trackbench.base.subjects import offered, resolve
 from trackbench.metrics import Field
-from trackbench.metrics.functions import published_metrics
 from trackbench.metrics.registry import METRICS, metric_paths
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.effects import EFFECTS
@@ -228,7 +227,10 @@ def _presets() -> str:
 def _metrics() -> str:
     tables: dict[str, Iterable[Field]] = {
         "Metrics": metric_paths([*METRICS.loaded().values()]),
-        "Metrics of a function": [field for metric in published_metrics() for field in metric.entries()],
+        **{
+            heading: [field for metric in resolve(target)() for field in metric.entries()]
+            for heading, target in offered("examples_of_metrics")
+        },
         "Metrics with hidden identities": metric_paths(hidden=True),
         "Metrics with hidden identities, of a recording without a truth": metric_paths(hidden=True, truth=False),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, GetJsonSchemaHandler, PlainValidator, Tag, ValidationError, ValidationInfo
@@ -13,9 +14,8 @@ from trackbench.base.config.explain import explain
 from trackbench.base.config.plugin import Plugin, PluginName
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.plugins import one_line
-from trackbench.functions import FUNCTIONS, Function
+from trackbench.base.subjects import offered, resolve
 from trackbench.metrics import Metric
-from trackbench.metrics.functions import function_metrics
 from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario.worlds import MEANING, World
@@ -252,11 +252,6 @@ class ScenarioKeys(Config):
     trackers: dict[Name, AnyEntry] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
     score: Score = Field(default_factory=Score, description="How errors are counted.")
-    functions: dict[Name, Annotated[Function, Plugin(FUNCTIONS, "use")]] = Field(
-        default_factory=dict,
-        description="Driver assistance functions, by name, whose decisions on the tracks are held against those on the "
-        "truth.",
-    )
     expect: list[Expectation] = Field(
         default_factory=list, description="What must hold; otherwise the exit status is 1."
     )
@@ -298,9 +293,10 @@ class ScenarioKeys(Config):
 
     @property
     def own_metrics(self) -> list[Metric]:
-        """Those beside the built-in ones: of its functions, and those that it names."""
+        """Metrics beside the built-in ones: of the blocks of subjects, and those that it names."""
         hidden = self.sensing.identities == "hidden"
-        return [*function_metrics(self.functions, hidden=hidden), *self.score.metrics]
+        of_blocks = [resolve(target)(getattr(self, block), hidden=hidden) for block, target in offered("metrics")]
+        return [*chain.from_iterable(of_blocks), *self.score.metrics]
 
     @property
     def full_name(self) -> str:

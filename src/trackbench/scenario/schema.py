@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from trackbench.base.config.plugin import OptionsBeside, beside
+from trackbench.base.subjects import offered
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.config import ScenarioConfig
@@ -28,7 +29,8 @@ def json_schema() -> Schema:
     parts = schema["$defs"]
     sensors = schema["properties"]["sensors"]["patternProperties"]
     kinds = [_lift(form, "type", parts) for entry in sensors.values() for form in entry["oneOf"]]
-    for entry in schema["properties"]["functions"]["patternProperties"].values():
+    named = [schema["properties"][name] for name, _ in offered("blocks")]
+    for entry in (entry for block in named for entry in block.get("patternProperties", {}).values()):
         for form in entry["oneOf"]:
             _lift(form, "use", parts)
     for form in schema["properties"]["truth"]["oneOf"]:
@@ -51,9 +53,9 @@ def json_schema() -> Schema:
         "description": initial["description"],
     }
     _untitle(schema)
-    for section in ("sensors", "trackers", "functions"):
-        named = schema["properties"][section]
-        named["additionalProperties"] = False
+    for section in schema["properties"].values():
+        if "patternProperties" in section:
+            section["additionalProperties"] = False
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": "urn:trackbench:scenario",

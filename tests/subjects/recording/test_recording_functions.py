@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-from tests.metrics.functions.test_function_runs import BRAKING, result_of
+from tests.subjects.functions.test_function_runs import BRAKING, result_of
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import FunctionEvent

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, Indices, Mask
-from trackbench.functions.protocol import EgoScene
+from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.traffic.assignment import (
     Associations,
     Counted,
@@ -135,7 +135,7 @@ class TrackedRun(NamedTuple):
     unscored: Mask | None = None
     """``(T, K)`` tracks where nothing counts: outside a region, out of range, or on a don't-care box."""
     bodies: EgoScene | None = None
-    """The ego and the sizes of the objects, which functions need."""
+    """The ego and the sizes of the objects."""
 
 
 def score_run(

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from trackbench.base.types import SAME_TIME, Array, Indices, Mask
-from trackbench.functions import Decision, EgoScene, Function, Objects
-from trackbench.functions.path import on_path
-from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE
+from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.protocol import Chunk, Scope
+from trackbench.subjects.functions.path import on_path
+from trackbench.subjects.functions.protocol import NO_OBJECT, NOMINAL_SIZE, Decision, Function, Objects
 
 if TYPE_CHECKING:
     from trackbench.metrics.traffic import TrackedRun, TrackScope

@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.functions import FUNCTIONS, Function
 from trackbench.metrics.count_intervals import Counted
 from trackbench.metrics.evaluate import Broken
-from trackbench.metrics.functions.sums import FunctionScores, FunctionSums
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction, Field, Metric, Outcome, run_column
+from trackbench.subjects.functions.protocol import FUNCTIONS, Function
+from trackbench.subjects.functions.sums import FunctionScores, FunctionSums
 
 NO_EVENT = "the function is never active on the truth: no event"
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from trackbench.functions import Ego, Objects
-from trackbench.functions.forward_collision_warning import ForwardCollisionWarning
+from trackbench.metrics.ego import Ego
+from trackbench.subjects.functions.forward_collision_warning import ForwardCollisionWarning
+from trackbench.subjects.functions.protocol import Objects
 
 TIME = np.arange(0.0, 8.0, 0.01)
 SPEED, LENGTHS = 20.0, (5.0 + 4.5) / 2

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from trackbench.base.types import Array
-from trackbench.functions.protocol import Ego, Objects
+from trackbench.metrics.ego import Ego
+from trackbench.subjects.functions.protocol import Objects
 
 #: Below this speed the path is taken to be straight on, m/s: the quotient of two small rates means nothing.
 STANDING = 0.5

@@ -2,73 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.functions.protocol import NO_OBJECT as NO_COLUMN
-from trackbench.metrics.evaluate import MetricSums
-from trackbench.metrics.functions import functions_among, functions_at_work
-from trackbench.metrics.functions.sums import (
-    Decisions,
-    FunctionScores,
-    FunctionSums,
-    decisions_of_estimates,
-    while_driving,
-)
+from trackbench.metrics.ego import EgoScene
 from trackbench.results.columns import Record
 from trackbench.results.folder import NO_OBJECT
 from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.work import Work
+from trackbench.subjects.functions.metrics import functions_among, functions_at_work
+from trackbench.subjects.functions.protocol import NO_OBJECT as NO_COLUMN
+from trackbench.subjects.functions.protocol import Function
+from trackbench.subjects.functions.sums import (
+    Decisions,
+    FunctionScores,
+    decisions_of_estimates,
+    decisions_of_run,
+    while_driving,
+)
 
 #: Events of each tracker, function and outcome that are kept beside those of the recorded run.
 MOST_EVENTS = 100
-#: By function, what it decides in one run.
-Decided = Mapping[str, Decisions]
 
 
-def function_records(work: Work, evaluated: Evaluated, decided: Mapping[str, Decided]) -> dict[str, list[Record]]:
-    """The records of both tables; none where there is no function.
+def function_records(
+    work: Work, evaluated: Evaluated, recorded: Mapping[str, RecordedEstimates | TrafficScores]
+) -> Iterator[tuple[str, list[Record]]]:
+    """Yield both tables with their records; none where there is no function.
 
     Args:
         work: of the run.
         evaluated: its trackers.
-        decided: by tracker, of the recorded run.
+        recorded: by tracker, what it left of the recorded run.
     """
-    functions = functions_among(work.metrics)
-    if not functions:
-        return {}
+    if not functions_among(work.metrics):
+        return
     scene = work.scenes[work.recorded_scene]
     time = scene.truth.time[work.scored_steps(scene)]
-    sums = {
-        (tracker, label): item.sums[FunctionSums(label, function).name]
-        for tracker, item in evaluated.evaluations.items()
-        for label, function in functions_at_work(work.metrics, item.sums).items()
-    }
-    return {
-        "decisions": [
-            _decisions_record(tracker, label, item, time, scene.truth.ids)
-            for tracker, own in decided.items()
-            for label, item in own.items()
+    at_work = {name: functions_at_work(work.metrics, item.sums) for name, item in evaluated.evaluations.items()}
+    yield (
+        "decisions",
+        [
+            _decisions_record(tracker, label, _decisions(function, work, item), time, scene.truth.ids)
+            for tracker, item in recorded.items()
+            for label, function in at_work[tracker].items()
         ],
-        "function_events": [_events_record(*key, scores, work) for key, scores in sums.items()],
-    }
+    )
+    yield (
+        "function_events",
+        [
+            _events_record(tracker, label, evaluated.evaluations[tracker].sums[f"function {label}"], work)
+            for tracker, functions in at_work.items()
+            for label in functions
+        ],
+    )
 
 
-def decisions_on_estimates(work: Work, recorded: RecordedEstimates, sums: MetricSums) -> Decided:
-    """With known identities, what each function decides in the recorded run on a tracker's estimates. ``sums``: of
-    its metrics."""
+def _decisions(function: Function, work: Work, recorded: RecordedEstimates | TrafficScores) -> Decisions:
+    """Return what a function decides in the recorded run on a tracker's estimates or tracks."""
+    if not isinstance(recorded, RecordedEstimates):
+        assert recorded.tracked is not None
+        return decisions_of_run(function, recorded.tracked)
     scene = work.scenes[work.recorded_scene]
     truth, instants = scene.truth, scene.instants()
     state = truth.state_of_run(work.recorded_run)[:, instants]
     mean, covariance = (np.swapaxes(part, -1, -2)[..., None] for part in (recorded.mean, recorded.covariance))
     states = np.swapaxes(state, 1, 2)[..., None], truth.alive[instants].T[..., None]
-    return {
-        label: decisions_of_estimates(function, scene.bodies(instants), *states, mean, covariance, np.isfinite(mean[0]))
-        for label, function in functions_at_work(work.metrics, sums).items()
-    }
+    bodies = EgoScene.of(truth, instants)
+    return decisions_of_estimates(function, bodies, *states, mean, covariance, np.isfinite(mean[0]))
 
 
 def _decisions_record(tracker: str, label: str, decisions: Decisions, time: Array, ids: Sequence[str]) -> Record:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pydantic import Field
 
 from trackbench.base.config import Positive
-from trackbench.functions.path import on_path, probability_positive, time_until
-from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
+from trackbench.metrics.ego import Ego
+from trackbench.subjects.functions.path import on_path, probability_positive, time_until
+from trackbench.subjects.functions.protocol import Decision, Function, Objects, Quantity, decision
 
 
 class FollowingDistance(Function):

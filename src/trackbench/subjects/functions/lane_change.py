@@ -8,9 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import NonNegative, Positive
-from trackbench.functions.emergency_braking import required_deceleration
-from trackbench.functions.path import on_path, probability_positive
-from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
+from trackbench.metrics.ego import Ego
+from trackbench.subjects.functions.emergency_braking import required_deceleration
+from trackbench.subjects.functions.path import on_path, probability_positive
+from trackbench.subjects.functions.protocol import Decision, Function, Objects, Quantity, decision
 
 
 class LaneChange(Function):

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.functions import Ego, Objects
+from trackbench.metrics.ego import Ego
+from trackbench.subjects.functions.protocol import Objects
 
 
 def ego(speed: float = 20.0, yaw_rate: float = 0.0, yaw: float = 0.0, x: Any = 0.0, y: float = 0.0) -> Ego:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.functions.scenes import LENGTHS, WIDTHS, ego, objects
+from tests.subjects.functions.scenes import LENGTHS, WIDTHS, ego, objects
 
-from trackbench.functions import FUNCTIONS, Function
-from trackbench.functions.cut_in import CutIn
-from trackbench.functions.emergency_braking import LARGEST, EmergencyBraking
-from trackbench.functions.following_distance import FollowingDistance
-from trackbench.functions.forward_collision_warning import ForwardCollisionWarning
-from trackbench.functions.lane_change import LaneChange
+from trackbench.subjects.functions.cut_in import CutIn
+from trackbench.subjects.functions.emergency_braking import LARGEST, EmergencyBraking
+from trackbench.subjects.functions.following_distance import FollowingDistance
+from trackbench.subjects.functions.forward_collision_warning import ForwardCollisionWarning
+from trackbench.subjects.functions.lane_change import LaneChange
+from trackbench.subjects.functions.protocol import FUNCTIONS, Function
 
 
 def active(function: Function, *states: list[float], speed: float = 20.0) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -16,6 +16,7 @@ from trackbench.document.drawing import DASHED, GRID, INK, MUTED, TIME_LABEL, ti
 from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
 from trackbench.report.figures.over_time import column, rows_where
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
+from trackbench.report.pairs import Pairs
 from trackbench.report.tables import (
     INTERVAL,
     TRACKER,
@@ -26,6 +27,7 @@ from trackbench.report.tables import (
     tracker_table,
     unit_after_heading,
 )
+from trackbench.report.verdict import some_names
 from trackbench.results import MetricValue, Result, TrackerResult
 
 #: The worst events of each function that are listed.
@@ -117,6 +119,38 @@ def function_tables(result: Result) -> Iterator[Table]:
     ]
     if single:
         yield tracker_table("function-errors", trackers, single)
+
+
+def shown_metrics(result: Result) -> Iterator[str]:
+    """Yield the paths of the metrics of functions."""
+    paths = dict.fromkeys(path for tracker in result.scored for path in tracker.metrics)
+    labels = function_labels(paths)
+    return (path for path in paths if path.partition(".")[2] in labels)
+
+
+def smallest_delays(result: Result) -> Iterator[str]:
+    """Yield who decides closest to the truth, of the functions of which something is expected."""
+    expected = {item.metric.rpartition(".")[2] for item in result.summary.expectations}
+    closest: dict[tuple[str, str], list[str]] = {}
+    for label in function_labels(path for tracker in result.scored for path in tracker.metrics):
+        contenders = [(tracker.name, metric_of(tracker, f"warn_error.{label}").value) for tracker in result.contenders]
+        errors = {name: value for name, value in contenders if value is not None}
+        if label in expected and errors:
+            names, values = zip(*_not_later(result, f"warn_error.{label}", errors), strict=True)
+            of = "all trackers" if len(names) == len(contenders) > 1 else some_names(names)
+            ends = dict.fromkeys(rounded(end, decimals(values[:1], 2)) for end in (values[0], values[-1]))
+            unlike = ", not shown to differ" if values[0] < values[-1] else ""
+            closest.setdefault((of, unlike), []).append(f"{' to '.join(ends)} s ({label})")
+    if closest:
+        texts = [f"{of} {joined_names(delays)}{unlike}" for (of, unlike), delays in closest.items()]
+        yield f"smallest RMS delay: {', '.join(texts)}"
+
+
+def _not_later(result: Result, path: str, errors: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return the tracker with the smallest error, and those of which a larger one is not shown, by their errors."""
+    first, *others = sorted(errors, key=lambda name: errors[name])
+    pairs = Pairs(result, path)
+    return [(name, errors[name]) for name in (first, *others) if name == first or not pairs.differ(first, name)]
 
 
 def _in_short(metrics: Sequence[MetricValue], scale: float = 1.0) -> list[Cell]:

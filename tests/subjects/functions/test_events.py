@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackbench.metrics.functions.sums import TOLERANCE, match_events, spans
+from trackbench.subjects.functions.sums import TOLERANCE, match_events, spans
 
 Interval = tuple[int, int, int]
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackbench.functions import Ego, Objects
-from trackbench.functions.path import OnPath, on_path
+from trackbench.metrics.ego import Ego
+from trackbench.subjects.functions.path import OnPath, on_path
+from trackbench.subjects.functions.protocol import Objects
 
 RANDOM = np.random.default_rng(5)
 

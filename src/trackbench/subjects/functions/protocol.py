@@ -3,68 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Config
 from trackbench.base.plugins import Registry, lacks_class
-from trackbench.base.types import Array, Indices, Mask, Observer
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.metrics.ego import Ego
 
 #: In place of the column of an object: none was chosen.
 NO_OBJECT = -1
-#: Size of an ego that is recorded as a point, and of an object of which nothing is known, m: length and width.
-EGO_SIZE, NOMINAL_SIZE = (5.0, 2.0), (4.5, 1.8)
-
-
-class Ego(NamedTuple):
-    """The vehicle with the function, each ``(...)``."""
-
-    px: Array
-    """Of its centre, m."""
-    py: Array
-    yaw: Array
-    """rad"""
-    vx: Array
-    """m/s"""
-    vy: Array
-    yaw_rate: Array
-    """rad/s"""
-    length: float
-    """m"""
-    width: float
-
-    @classmethod
-    def of(cls, observer: Observer, steps: Indices | slice) -> Ego:
-        """The observer at some steps of the truth; ``EGO_SIZE`` where it is a point."""
-        at = observer
-        length, width = at.length or EGO_SIZE[0], at.width or EGO_SIZE[1]
-        return cls(at.px, at.py, at.yaw, at.vx, at.vy, at.yaw_rate, length, width).each(steps)
-
-    def each(self, pick: Any) -> Ego:
-        """With ``pick`` as an index of every array, such as ``(slice(None), None)``."""
-        motion = {name: values[pick] for name, values in zip(self._fields[:6], self[:6], strict=True)}
-        return self._replace(**motion)
-
-    @property
-    def speed(self) -> Array:
-        """m/s"""
-        return np.hypot(self.vx, self.vy)
-
-
-class EgoScene(NamedTuple):
-    """The ego and the sizes of the objects of the truth, at the instants at which trackers are scored."""
-
-    ego: Ego
-    """``(instants,)``"""
-    length: Array
-    """``(objects,)`` m, as ``width``."""
-    width: Array
-
-    def within(self, span: slice) -> EgoScene:
-        """At some of the instants."""
-        return self._replace(ego=self.ego.each(span))
+#: Size of an object of which nothing is known, m: length and width.
+NOMINAL_SIZE = (4.5, 1.8)
 
 
 class Objects(NamedTuple):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackbench.functions import Decision
-from trackbench.functions.emergency_braking import EmergencyBraking
-from trackbench.functions.following_distance import FollowingDistance
-from trackbench.functions.forward_collision_warning import ForwardCollisionWarning
-from trackbench.metrics.functions.sums import Decisions, FunctionScores, score_decisions
-from trackbench.metrics.functions.table import function_metrics
 from trackbench.metrics.intervals import Interval, clustered
+from trackbench.subjects.functions.emergency_braking import EmergencyBraking
+from trackbench.subjects.functions.following_distance import FollowingDistance
+from trackbench.subjects.functions.forward_collision_warning import ForwardCollisionWarning
+from trackbench.subjects.functions.metrics import function_metrics
+from trackbench.subjects.functions.protocol import Decision
+from trackbench.subjects.functions.sums import Decisions, FunctionScores, score_decisions
 
 TIME = np.arange(0.0, 10.0, 0.1)
 

@@ -7,8 +7,9 @@ from pydantic import Field
 
 from trackbench.base.config import Positive
 from trackbench.base.types import Array
-from trackbench.functions.path import on_path, probability_positive
-from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
+from trackbench.metrics.ego import Ego
+from trackbench.subjects.functions.path import on_path, probability_positive
+from trackbench.subjects.functions.protocol import Decision, Function, Objects, Quantity, decision
 
 #: What is required is never stated to be more than this, m/s^2: no tyre gives more than about the gravity.
 LARGEST = 9.81

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
-from tests.metrics.functions.test_function_runs import ALL, BRAKING, result_of
+from tests.subjects.functions.test_function_runs import ALL, BRAKING, result_of
 from tests.support.results import with_tables
 
 from trackbench.base.errors import InputError
@@ -53,7 +53,7 @@ def test_the_mean_delay_is_that_of_the_events(noisy: Result):
 def test_of_many_events_the_recorded_ones_and_the_worst_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: Result
 ):
-    monkeypatch.setattr("trackbench.runner.function_tables.MOST_EVENTS", 2)
+    monkeypatch.setattr("trackbench.subjects.functions.records.MOST_EVENTS", 2)
     events = result_of(tmp_path, BRAKING, SIGMA="0.5", AZIMUTH="0.2").tables.function_events.to_pandas()
     every = noisy.tables.function_events.to_pandas()
     for tracker, own in events.groupby("tracker", observed=True):

@@ -1,0 +1,16 @@
+"""Driver assistance functions, which decide on tracks and on the truth alike."""
+
+from trackbench.base.subjects import Offer, Subject
+
+SUBJECT = Subject(
+    blocks={"functions": f"{__name__}.config:BLOCK"},
+    checks={"functions": f"{__name__}.config:function_problems"},
+    lists={"functions": Offer(f"{__name__}.config:listed_functions", "")},
+    metrics={"functions": f"{__name__}.metrics:function_metrics"},
+    examples_of_metrics={"Metrics of a function": f"{__name__}.metrics:published_metrics"},
+    records={"functions": f"{__name__}.records:function_records"},
+    sections={"functions": f"{__name__}.report:functions_section"},
+    tables={"functions": f"{__name__}.report:function_tables"},
+    clauses={"functions": f"{__name__}.report:smallest_delays"},
+    shown_metrics={"functions": f"{__name__}.report:shown_metrics"},
+)
