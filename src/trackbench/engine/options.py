@@ -67,11 +67,22 @@ def form(value: Any) -> Hashable:
     if isinstance(value, MotionModel):
         kept_values = _kept_values(value)
         if kept_values:
-            return type(value), repr(value), repr(kept_values)
+            return type(value), tuple(
+                (name, _constant(item)) for name, item in {**_fields(value), **kept_values}.items()
+            )
         kept = [(name, _form(item, _each_has_its_own(value, name))) for name, item in _fields(value).items()]
         return type(value), tuple(kept)
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), tuple((item.name, form(getattr(value, item.name))) for item in fields(value))
+    return _constant(value)
+
+
+def _constant(value: Any) -> Hashable:
+    """Return a value, or its text where it cannot be part of a key."""
+    try:
+        hash(value)
+    except TypeError:
+        return repr(value.tolist() if isinstance(value, np.ndarray) else value)
     constant: Hashable = value
     return constant
 
