@@ -16,6 +16,7 @@ from tests.engine.agreement import drive
 from tests.engine.own_models import Fading
 
 from trackbench.base.types import Estimate, Scan
+from trackbench.engine import kernels as kernels_module
 from trackbench.engine.choice import Engine
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.filters import FusedFilter
@@ -210,3 +211,33 @@ def test_a_start_from_the_first_measurement(model: type[Fading]) -> None:
     assert np.isfinite(said[-1].mean).all()
     assert used.engine == "fused" or model not in COMPILED
     assert difference(said, expected) < 1e-10
+
+
+def test_rounding_is_no_difference() -> None:
+    """Of a covariance that NumPy makes zero, and of equations that amplify rounding."""
+    belief = Belief(
+        np.ones((4, 40)) * np.linspace(1.0, 50.0, 40), np.stack([np.diag([1.0, 1.0, 9.0, 9.0])] * 40, axis=-1)
+    )
+    for model in (own_models.Nonlinear(), own_models.Amplifies()):
+        filter = FusedFilter(SigmaPointFilter(model, scaled_points(1.0, 2.0, -1.0)), Kernels())
+        filter.predict(belief, 0.1)
+        assert filter.used == EngineUsed("fused")
+
+
+@pytest.mark.parametrize("offset", [0.0, 5e6])
+def test_a_component_is_compared_by_itself(monkeypatch: pytest.MonkeyPatch, offset: float) -> None:
+    """A speed that is wrong by a millimetre a second, at coordinates of a map."""
+    run, wrong = kernels_module._run, [0.0]
+
+    def disturbed(*arguments: Any) -> Any:
+        outputs, held = run(*arguments)
+        outputs["mean"] = np.concatenate([outputs["mean"][:2], outputs["mean"][2:] + wrong[0]])
+        return outputs, held
+
+    monkeypatch.setattr(kernels_module, "_run", disturbed)
+    mean = np.linspace([offset, offset, 1.0, 2.0], [offset + 40.0, offset, 12.0, 3.0], 40, axis=-1)
+    belief = Belief(mean, np.stack([np.eye(4)] * 40, axis=-1))
+    filter = FusedFilter(ExtendedKalmanFilter(own_models.Nonlinear()), Kernels())
+    for wrong[0] in (0.0, 1e-3):
+        filter.predict(belief, 0.1)
+        assert filter.used.differs == (wrong[0] > 0.0)
