@@ -13,16 +13,19 @@ import numpy as np
 import pytest
 from tests.engine import agreement, own_models
 from tests.engine.agreement import drive
+from tests.engine.compared import equations_of
 from tests.engine.own_models import Fading
 
+from trackbench.base import linalg
 from trackbench.base.types import Estimate, Scan
 from trackbench.engine import kernels as kernels_module
 from trackbench.engine.choice import Engine
-from trackbench.engine.equations import EngineUsed
+from trackbench.engine.equations import EngineUsed, Values
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.filters import kernels as kernels_of_this_process
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.machine import KernelCache
+from trackbench.engine.user_types import agree
 from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled_points
 from trackbench.models.motion import ConstantProcessNoise, ConstantVelocity, MotionModel
 from trackbench.trackers.filtered import FilterTracker
@@ -214,14 +217,25 @@ def test_a_start_from_the_first_measurement(model: type[Fading]) -> None:
 
 
 def test_rounding_is_no_difference() -> None:
-    """Of a covariance that NumPy makes zero, and of equations that amplify rounding."""
-    belief = Belief(
-        np.ones((4, 40)) * np.linspace(1.0, 50.0, 40), np.stack([np.diag([1.0, 1.0, 9.0, 9.0])] * 40, axis=-1)
-    )
-    for model in (own_models.Nonlinear(), own_models.Amplifies()):
-        filter = FusedFilter(SigmaPointFilter(model, scaled_points(1.0, 2.0, -1.0)), Kernels())
-        filter.predict(belief, 0.1)
-        assert filter.used == EngineUsed("fused")
+    """However much the equations amplify it."""
+    mean = np.ones((4, 40)) * np.linspace(1.0, 50.0, 40)
+    belief = Belief(mean, np.stack([np.diag([1.0, 1.0, 9.0, 9.0])] * 40, axis=-1))
+    filter = FusedFilter(SigmaPointFilter(own_models.Amplifies(), scaled_points(1.0, 2.0, -1.0)), Kernels())
+    filter.predict(belief, 0.1)
+    assert filter.used == EngineUsed("fused")
+
+
+@pytest.mark.parametrize(("covariance", "alike"), [(1e-32, True), (1e-16, True), (1e-3, False)])
+def test_a_covariance_that_is_zero_for_all_members_is_compared_with_the_variances(
+    covariance: float, alike: bool
+) -> None:
+    def function(values: Values) -> Values:
+        return {"p": linalg.matrix([[values["x"], 0.0 * values["x"]], [0.0 * values["x"], values["x"]]])}
+
+    values = {"x": np.linspace(1.0, 2.0, 9)}
+    expected = function(values)
+    outputs = {"p": expected["p"] + covariance * np.array([[0.0, 1.0], [1.0, 0.0]])[..., None]}
+    assert agree(equations_of(function, {"x": 0}), values, outputs, expected) == alike
 
 
 @pytest.mark.parametrize("offset", [0.0, 5e6])
