@@ -1,9 +1,9 @@
-"""Motion models as users write them: with NumPy and Python, and not always as they should be."""
+"""Motion models as users write them: most of them say ``pure = True``, some of these wrongly."""
 
 from __future__ import annotations
 
 import math
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,6 +25,7 @@ class Fading(MotionModel):
     components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy")
     linear: ClassVar[bool] = True
     driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "acceleration_sigma_mps2")
+    pure = True
 
     def left(self, x: Array, dt: float) -> Any:
         """What is left of a velocity."""
@@ -44,10 +45,15 @@ class Fading(MotionModel):
         return linalg.matrix([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
 
 
+class Silent(Fading):
+    """Does not say it again."""
+
+
 class Nonlinear(Fading):
     """Fast objects are slowed down more."""
 
     linear: ClassVar[bool] = False
+    pure = True
 
     def left(self, x: Array, dt: float) -> Any:
         fast = np.where(np.hypot(x[2], x[3]) > 6.0, 2.0, 1.0)
@@ -61,6 +67,7 @@ class Nonlinear(Fading):
 class ComputedFirst(Fading):
     """Keeps what it computed of its options when it was made."""
 
+    pure = True
     _rate: float = PrivateAttr(0.0)
 
     def model_post_init(self, context: Any) -> None:
@@ -73,6 +80,8 @@ class ComputedFirst(Fading):
 class ComputedOnce(Fading):
     """Computes something of its options at the first use."""
 
+    pure = True
+
     @cached_property
     def rate(self) -> float:
         return 1.0 / self.time_constant_s
@@ -84,38 +93,37 @@ class ComputedOnce(Fading):
 class OptionAsNumber(Fading):
     """Its option goes through Python's own functions."""
 
+    pure = True
+
     def left(self, x: Array, dt: float) -> Any:
         return np.exp(-dt * math.exp(-math.log(self.time_constant_s)))
 
 
-class KeepsResults(Fading):
-    """Asks a function that remembers."""
+class ReadsModule(Fading):
+    """Reads a number of its module."""
+
+    pure = True
 
     def left(self, x: Array, dt: float) -> Any:
-        return _left(dt, self.time_constant_s)
+        return np.exp(-dt * GAIN)
 
 
-@lru_cache(maxsize=16)
-def _left(dt: float, time_constant: float) -> Any:
-    return np.exp(-dt / time_constant)
+class Amplifies(Fading):
+    """Its velocity depends on digits behind the thirteenth."""
 
-
-class RemembersNumbers(Fading):
-    """Asks a function that remembers, of numbers alone."""
+    linear: ClassVar[bool] = False
+    pure = True
 
     def left(self, x: Array, dt: float) -> Any:
-        return _left_of_number(dt, self.time_constant_s)
-
-
-@lru_cache(maxsize=16)
-def _left_of_number(dt: float, time_constant: float) -> float:
-    return math.exp(-dt / time_constant)
+        turns = 1e13 * np.sin(x[0])
+        return 1.0 + 0.1 * (turns - np.floor(turns))
 
 
 class ByLinearAlgebra(Fading):
     """Takes its noise from a factorisation."""
 
     driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2",) * 4
+    pure = True
 
     def noise_gain(self, x: Array, dt: float) -> Array:
         exact = [[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]
@@ -125,52 +133,40 @@ class ByLinearAlgebra(Fading):
 class BranchOnTime(Fading):
     """Asks how long the step is."""
 
+    pure = True
+
     def noise_gain(self, x: Array, dt: float) -> Array:
         return super().noise_gain(x, dt) if dt > 0.15 else 2.0 * super().noise_gain(x, dt)
-
-
-class LoopOnState(Nonlinear):
-    """Takes as many steps as the fastest object needs."""
-
-    def left(self, x: Array, dt: float) -> Any:
-        steps = 1 + int(np.max(np.abs(x[2:4])))
-        left = 1.0
-        for _ in range(steps):
-            left = left * (1.0 - dt / steps / self.time_constant_s)
-        return left
-
-
-class BranchOnState(Nonlinear):
-    """Asks where a single object is."""
-
-    def left(self, x: Array, dt: float) -> Any:
-        return 0.9 if x[0] > 0 else 0.8
 
 
 class ChangesItsInput(Fading):
     """Moves the state where it stands."""
 
     linear: ClassVar[bool] = False
+    pure = True
 
     def transition(self, x: Array, dt: float) -> Array:
         x[:2] += dt * x[2:]
         return x.copy()
 
 
-class ClearsItsInput(Fading):
-    """Writes into the state what does not change when it is written again."""
+class Swallows(Fading):
+    """Does what it can, and something else where it cannot."""
 
-    linear: ClassVar[bool] = False
+    pure = True
 
-    def transition(self, x: Array, dt: float) -> Array:
-        x[3] = 0.0
-        return super().transition(x, dt)
+    def left(self, x: Array, dt: float) -> Any:
+        try:
+            return math.exp(-dt / self.time_constant_s)
+        except Exception:
+            return 0.5
 
 
 class Random(Fading):
     """Draws how much is left."""
 
     linear: ClassVar[bool] = False
+    pure = True
     _random: Any = PrivateAttr(None)
 
     def model_post_init(self, context: Any) -> None:
@@ -184,43 +180,37 @@ class CountsCalls(Fading):
     """Grows tired, but not at once."""
 
     linear: ClassVar[bool] = False
+    pure = True
     _calls: int = PrivateAttr(0)
 
     def transition(self, x: Array, dt: float) -> Array:
         self._calls += 1
-        return super().transition(x, dt) * (1.0 if self._calls < 20 else 0.5)
-
-
-class CountsInItsClass(Fading):
-    """Counts for all of its kind."""
-
-    linear: ClassVar[bool] = False
-    calls: ClassVar[list[int]] = []
-
-    def transition(self, x: Array, dt: float) -> Array:
-        self.calls.append(1)
-        return super().transition(x, dt)
+        return super().transition(x, dt) * (1.0 if self._calls < 8 else 0.5)
 
 
 class TakesTheLargest(Nonlinear):
     """Looks at all objects together, which no model may."""
 
-    def left(self, x: Array, dt: float) -> Any:
-        return np.exp(-dt * np.max(np.abs(x[2])) / 100.0)
-
-
-class Swallows(Fading):
-    """Does what it can, and something else where it cannot."""
+    pure = True
 
     def left(self, x: Array, dt: float) -> Any:
-        try:
-            return math.exp(-dt / self.time_constant_s)
-        except Exception:
-            return 0.5
+        return np.exp(-dt * np.max(np.abs(x[2]), axis=-1)[..., None] / 100.0)
+
+
+class LooksAtTheNext(Fading):
+    """Takes an object's speed for that of another."""
+
+    linear: ClassVar[bool] = False
+    pure = True
+
+    def transition(self, x: Array, dt: float) -> Array:
+        return super().transition(x + 0.1 * (x - x[..., ::-1]), dt)
 
 
 class AsksForATime(Fading):
     """Does something else with a time that is no number."""
+
+    pure = True
 
     def left(self, x: Array, dt: float) -> Any:
         return np.exp(-dt / self.time_constant_s) if np.isscalar(dt) else np.exp(-dt / 0.3)
@@ -229,21 +219,8 @@ class AsksForATime(Fading):
 class AsksForAnArray(Fading):
     """Does something else with a state that is no array."""
 
+    linear: ClassVar[bool] = False
+    pure = True
+
     def left(self, x: Array, dt: float) -> Any:
         return np.exp(-dt / (self.time_constant_s if isinstance(x, np.ndarray) else 0.3))
-
-
-class LooksAtTheNext(Fading):
-    """Takes an object's speed for that of another."""
-
-    linear: ClassVar[bool] = False
-
-    def transition(self, x: Array, dt: float) -> Array:
-        return super().transition(x + 0.1 * (x - x[..., ::-1]), dt)
-
-
-class ReadsModule(Fading):
-    """Reads a number of its module."""
-
-    def left(self, x: Array, dt: float) -> Any:
-        return np.exp(-dt * GAIN)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ class Sonar(Sensor):
     angular: ClassVar[tuple[int, ...]] = (1,)
     units: ClassVar[tuple[str, ...]] = ("m", "rad")
     sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "bearing_sigma_deg")
+    pure = True
 
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
@@ -47,6 +48,7 @@ class Drifting(Lidar):
     """A lidar whose place drifts with time, as a Kalman filter converts it."""
 
     position_sigma_m: float = 0.15
+    pure = True
 
     @classmethod
     def position(cls, scan: Scan) -> Gaussian:
@@ -58,6 +60,7 @@ class Named(Lidar):
     """A lidar, one of which stands wrong."""
 
     position_sigma_m: float = 0.15
+    pure = True
 
     @classmethod
     def position(cls, scan: Scan) -> Gaussian:
@@ -65,24 +68,20 @@ class Named(Lidar):
         return Gaussian(mean + 1.0 if scan.sensor == "lidar" else mean, covariance)
 
 
+class Silent(Lidar):
+    """Does not say that it is pure."""
+
+    position_sigma_m: float = 0.15
+
+
 class Counting(Lidar):
-    """A lidar that counts what is asked of it."""
+    """Says wrongly that it is pure: it counts what is asked of it."""
 
     position_sigma_m: float = 0.15
     calls: ClassVar[list[int]] = []
+    pure = True
 
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         cls.calls.append(1)
         return super().measure(target, pose, velocity) + (0.0 if len(cls.calls) % 2 else 1e-3)
-
-
-class Scaled(Lidar):
-    """A lidar whose measurements are scaled by a function of what is measured."""
-
-    position_sigma_m: float = 0.15
-    factor: ClassVar[Any] = staticmethod(lambda target, step: 1.0)
-
-    @classmethod
-    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
-        return super().measure(target, pose, velocity) * cls.factor(target, 0.1)

@@ -1,4 +1,4 @@
-"""Motion models of users: compiled where a trace says all of them, and computed by NumPy where not."""
+"""Motion models of users: compiled where they say that they are pure and can be traced, else computed by NumPy."""
 
 from __future__ import annotations
 
@@ -13,21 +13,35 @@ import numpy as np
 import pytest
 from tests.engine import agreement, own_models
 from tests.engine.agreement import drive
+from tests.engine.compared import equations_of
 from tests.engine.own_models import Fading
-from tests.support.scenes import member
 
+from trackbench.base import linalg
 from trackbench.base.types import Estimate, Scan
+from trackbench.engine import kernels as kernels_module
 from trackbench.engine.choice import Engine
-from trackbench.engine.equations import EngineUsed
-from trackbench.engine.filters import fused_filter
+from trackbench.engine.equations import EngineUsed, Values
+from trackbench.engine.filters import FusedFilter
+from trackbench.engine.filters import kernels as kernels_of_this_process
+from trackbench.engine.kernels import Kernels
+from trackbench.engine.machine import KernelCache
+from trackbench.engine.user_types import agree
 from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled_points
-from trackbench.models.motion import MotionModel
+from trackbench.models.motion import ConstantProcessNoise, ConstantVelocity, MotionModel
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.initial import InitialConfig
 
 pytestmark = pytest.mark.usefixtures("kernels")
 FIRST = InitialConfig.model_validate({"from": "first_measurement", "velocity_sigma_mps": 10})
 SCANS = drive(12, 9, ["lidar", "radar"]).scans
+
+
+@pytest.fixture
+def kernels_of_process() -> Iterator[Kernels]:
+    """Those of this process, in which a model is first seen."""
+    kernels_of_this_process.cache_clear()
+    yield kernels_of_this_process()
+    kernels_of_this_process.cache_clear()
 
 
 def tracked(
@@ -66,23 +80,20 @@ COMPILED = [
     own_models.OptionAsNumber,
     own_models.ReadsModule,
 ]
-NOT_COMPILED = {
-    own_models.KeepsResults: "_left is of type _lru_cache_wrapper",
-    own_models.RemembersNumbers: "_left_of_number is of type _lru_cache_wrapper",
+NOT_TRACED = {
     own_models.ByLinearAlgebra: "a number is asked for",
     own_models.BranchOnTime: "a branch on a single value",
-    own_models.LoopOnState: "those of the batch among them",
     own_models.ChangesItsInput: "read-only",
-    own_models.ClearsItsInput: "read-only",
-    own_models.Random: "Random._random is of type Generator",
-    own_models.CountsCalls: "it sets the attribute _calls (tests/engine/own_models.py:",
-    own_models.CountsInItsClass: "it changes what it reads",
-    own_models.TakesTheLargest: "those of the batch among them",
-    own_models.Swallows: "it handles errors (tests/engine/own_models.py:",
-    own_models.AsksForATime: "it asks for a type (tests/engine/own_models.py:",
-    own_models.AsksForAnArray: "it asks for a type (tests/engine/own_models.py:",
-    own_models.LooksAtTheNext: "some members are picked out of the batch",
+    own_models.Swallows: "a number is asked for",
 }
+NOT_PURE = [
+    own_models.Random,
+    own_models.CountsCalls,
+    own_models.TakesTheLargest,
+    own_models.LooksAtTheNext,
+    own_models.AsksForATime,
+    own_models.AsksForAnArray,
+]
 
 
 @pytest.mark.parametrize("model", COMPILED, ids=lambda model: model.__name__)
@@ -96,39 +107,57 @@ def test_what_can_be_traced_is_compiled(model: type[Fading], filter: type) -> No
         assert difference(said, expected) < agreement.LIMIT
 
 
-FILTERS = {"ekf": ExtendedKalmanFilter, "ukf": SigmaPointFilter}
-#: Of the copies that sigma points are, nothing is kept.
-HARMLESS = [(model, "ukf") for model in (own_models.ChangesItsInput, own_models.ClearsItsInput)]
+@pytest.mark.parametrize("model", NOT_TRACED, ids=lambda model: model.__name__)
+def test_what_cannot_be_traced_is_computed_by_numpy(model: type[Fading]) -> None:
+    said, used = tracked(model(), "fused")
+    expected, _ = tracked(model(), "numpy")
+    assert NOT_TRACED[model] in used.why_numpy
+    assert used.of_pure
+    assert not used.differs
+    assert used.engine != "fused"
+    assert difference(said, expected) == 0.0
 
 
-@pytest.mark.parametrize("model", NOT_COMPILED, ids=lambda model: model.__name__)
-@pytest.mark.parametrize("filter", FILTERS)
-def test_what_cannot_be_traced_is_computed_by_numpy(model: type[Fading], filter: str) -> None:
-    said, used = tracked(model(), "fused", kind=FILTERS[filter])
-    expected, _ = tracked(model(), "numpy", kind=FILTERS[filter])
-    if (model, filter) in HARMLESS:
-        assert used == EngineUsed("fused")
-        assert difference(said, expected) < agreement.LIMIT
-    else:
-        assert NOT_COMPILED[model] in used.why_numpy
-        assert used.engine != "fused"
-        assert difference(said, expected) == 0.0
+@pytest.mark.parametrize("filter", [ExtendedKalmanFilter, SigmaPointFilter], ids=["ekf", "ukf"])
+@pytest.mark.parametrize("model", NOT_PURE, ids=lambda model: model.__name__)
+def test_what_says_wrongly_that_it_is_pure_is_found_to_differ(model: type[Fading], filter: type) -> None:
+    """With one reason, whatever the number of kernels that differ."""
+    _, used = tracked(model(), "fused", kind=filter)
+    assert used.differs
+    assert used.of_pure
+    assert used.engine != "fused"
+    assert used.why_numpy.count(f"{model.__name__} says pure = True, but machine code and NumPy give different") == 1
 
 
-def test_a_model_of_single_objects_is_computed_by_numpy() -> None:
-    """With a branch on a number, which a batch has not."""
-    scans = [member(scan, 0) for scan in drive(12, 1, ["lidar"], valid=1.0).scans]
-    said, used = tracked(own_models.BranchOnState(), "fused", scans)
-    expected, _ = tracked(own_models.BranchOnState(), "numpy", scans)
-    assert "a branch on a single value" in used.why_numpy
-    for one, two in zip(said, expected, strict=True):
-        np.testing.assert_array_equal(one.mean, two.mean)
+def test_a_class_says_for_itself_that_it_is_pure() -> None:
+    """Not for those that inherit from it."""
+    said, used = tracked(own_models.Silent(), "fused")
+    assert used.engine == "numpy"
+    assert "Silent does not say pure = True" in used.why_numpy
+    assert not used.of_pure
+    assert difference(said, tracked(own_models.Silent(), "numpy")[0]) == 0.0
 
 
-def test_a_trace_leaves_the_model_as_it_is() -> None:
-    model = own_models.CountsCalls()
-    fused_filter(ExtendedKalmanFilter(model)).predict(Belief(np.ones((4, 3)), np.stack([np.eye(4)] * 3, axis=-1)), 0.1)
-    assert model._calls == 1
+def test_so_does_a_model_within_another() -> None:
+    within = ConstantProcessNoise(motion=own_models.Silent(), variances=(1.0,) * 4)
+    assert "Silent does not say pure = True" in tracked(within, "fused")[1].why_numpy
+    within = ConstantProcessNoise(motion=own_models.Fading(), variances=(1.0,) * 4)
+    assert tracked(within, "fused")[1] == EngineUsed("fused")
+
+
+def test_a_kernel_is_compared_only_where_it_is_asked_for(kernels_of_process: Kernels) -> None:
+    kernels_of_process.compares = False
+    assert tracked(own_models.AsksForAnArray(), "fused")[1] == EngineUsed("fused")
+
+
+def test_kernels_of_a_users_model_are_not_kept_on_disk(tmp_path: Path) -> None:
+    kept = KernelCache(tmp_path)
+    belief = Belief(np.ones((4, 9)), np.stack([np.eye(4)] * 9, axis=-1))
+    for motion, count in ((Fading(), 0), (ConstantVelocity(acceleration_sigma_mps2=1.0), 1)):
+        filter = FusedFilter(ExtendedKalmanFilter(motion), Kernels(kept=kept))
+        filter.predict(belief, 0.1)
+        assert filter.used == EngineUsed("fused")
+        assert len([*tmp_path.iterdir()]) == count
 
 
 def test_the_line_that_cannot_be_traced_is_named() -> None:
@@ -138,19 +167,15 @@ def test_the_line_that_cannot_be_traced_is_named() -> None:
 
 
 MODULE = """
-from types import SimpleNamespace
 from typing import ClassVar
 from tests.engine.own_models import Fading, np
 
-FACTOR = 1.0
-SET = SimpleNamespace(factor=1.0)
-
 class Edited(Fading):
     linear: ClassVar[bool] = False
+    pure = True
 
     def left(self, x, dt):
-        within = lambda value: FACTOR * value
-        return SET.factor * within(np.exp(-{rate} * dt))
+        return np.exp(-{rate} * dt)
 """
 
 
@@ -174,18 +199,14 @@ def test_a_model_that_is_edited_has_its_new_equations(edited: Callable[[float], 
     found = []
     for rate in (0.1, 0.9):
         module = edited(rate)
-        for factor, other in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.7)):
-            module.FACTOR, module.SET.factor = factor, other
-            said, used = tracked(module.Edited(), "fused")
-            assert used == EngineUsed("fused")
-            assert difference(said, tracked(module.Edited(), "numpy")[0]) < agreement.LIMIT
-            found.append(said[-1].mean[2, 0])
-    assert len(set(found)) == 6
+        said, used = tracked(module.Edited(), "fused")
+        assert used == EngineUsed("fused")
+        assert difference(said, tracked(module.Edited(), "numpy")[0]) < agreement.LIMIT
+        found.append(said[-1].mean[2, 0])
+    assert found[0] != found[1]
 
 
-@pytest.mark.parametrize(
-    "model", [*COMPILED, own_models.BranchOnTime, own_models.Random], ids=lambda model: model.__name__
-)
+@pytest.mark.parametrize("model", [*COMPILED, own_models.BranchOnTime], ids=lambda model: model.__name__)
 def test_a_start_from_the_first_measurement(model: type[Fading]) -> None:
     start = InitialConfig.model_validate({"velocity_sigma_mps": 10})
     said, used = tracked(model(), "fused", start=start)
@@ -193,3 +214,44 @@ def test_a_start_from_the_first_measurement(model: type[Fading]) -> None:
     assert np.isfinite(said[-1].mean).all()
     assert used.engine == "fused" or model not in COMPILED
     assert difference(said, expected) < 1e-10
+
+
+def test_rounding_is_no_difference() -> None:
+    """However much the equations amplify it."""
+    mean = np.ones((4, 40)) * np.linspace(1.0, 50.0, 40)
+    belief = Belief(mean, np.stack([np.diag([1.0, 1.0, 9.0, 9.0])] * 40, axis=-1))
+    filter = FusedFilter(SigmaPointFilter(own_models.Amplifies(), scaled_points(1.0, 2.0, -1.0)), Kernels())
+    filter.predict(belief, 0.1)
+    assert filter.used == EngineUsed("fused")
+
+
+@pytest.mark.parametrize(("covariance", "alike"), [(1e-32, True), (1e-16, True), (1e-3, False)])
+def test_a_covariance_that_is_zero_for_all_members_is_compared_with_the_variances(
+    covariance: float, alike: bool
+) -> None:
+    def function(values: Values) -> Values:
+        return {"p": linalg.matrix([[values["x"], 0.0 * values["x"]], [0.0 * values["x"], values["x"]]])}
+
+    values = {"x": np.linspace(1.0, 2.0, 9)}
+    expected = function(values)
+    outputs = {"p": expected["p"] + covariance * np.array([[0.0, 1.0], [1.0, 0.0]])[..., None]}
+    assert agree(equations_of(function, {"x": 0}), values, outputs, expected) == alike
+
+
+@pytest.mark.parametrize("offset", [0.0, 5e6])
+def test_a_component_is_compared_by_itself(monkeypatch: pytest.MonkeyPatch, offset: float) -> None:
+    """A speed that is wrong by a millimetre a second, at coordinates of a map."""
+    run, wrong = kernels_module._run, [0.0]
+
+    def disturbed(*arguments: Any) -> Any:
+        outputs, held = run(*arguments)
+        outputs["mean"] = np.concatenate([outputs["mean"][:2], outputs["mean"][2:] + wrong[0]])
+        return outputs, held
+
+    monkeypatch.setattr(kernels_module, "_run", disturbed)
+    mean = np.linspace([offset, offset, 1.0, 2.0], [offset + 40.0, offset, 12.0, 3.0], 40, axis=-1)
+    belief = Belief(mean, np.stack([np.eye(4)] * 40, axis=-1))
+    filter = FusedFilter(ExtendedKalmanFilter(own_models.Nonlinear()), Kernels())
+    for wrong[0] in (0.0, 1e-3):
+        filter.predict(belief, 0.1)
+        assert filter.used.differs == (wrong[0] > 0.0)

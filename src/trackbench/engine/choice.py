@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from trackbench.base.errors import InputError, nearest_choices
@@ -11,8 +10,6 @@ from trackbench.engine.equations import Compute, EngineUsed, by_numpy
 from trackbench.engine.machine import unavailable
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from trackbench.engine.kernels import Kernels
     from trackbench.filters import Filter
 
@@ -86,42 +83,24 @@ def kernels_of(compute: Compute, members: int) -> Kernels | None:
     from trackbench.engine.kernels import Kernels
     from trackbench.engine.vector_code import WIDTH
 
-    return compute if isinstance(compute, Kernels) and compute.compiles and members >= WIDTH else None
+    return compute if isinstance(compute, Kernels) and members >= WIDTH else None
 
 
 def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
     """A filter as an engine computes it."""
     if engine == "numpy":
-        from trackbench.models.sensors import SENSOR_MODELS
-
-        models = [type(item) for motion in filter.motions for item in (motion, *vars(motion).values())]
-        if not _of_users([*models, *SENSOR_MODELS.found.values()]):
-            return filter
-        from trackbench.engine.filters import checked_filter
-
-        return checked_filter(filter)
+        return filter
     from trackbench.engine.filters import fused_filter
 
     return fused_filter(filter)
 
 
-def draw_comparisons(engine: Engine, random: np.random.Generator) -> None:
-    """Draw when, in the run that begins, equations of users are computed a second way, and of which members."""
-    from trackbench.models.motion import MOTION_MODELS
-    from trackbench.models.sensors import SENSOR_MODELS
+def compare_with_numpy(engine: Engine, compares: bool) -> None:
+    """Set whether kernels of users' models are compared with NumPy, as in the first block of a run."""
+    if engine == "fused":
+        from trackbench.engine.filters import kernels
 
-    if _of_users([*MOTION_MODELS.found.values(), *SENSOR_MODELS.found.values()]):
-        from trackbench.engine.filters import checks, kernels
-        from trackbench.engine.user_equations import Comparisons
-
-        (checks() if engine == "numpy" else kernels()).comparisons = Comparisons(random)
-
-
-def _of_users(kinds: Iterable[type]) -> bool:
-    """Whether one of them is a model or sensor that is none of the bench's own."""
-    from trackbench.base.config import Config
-
-    return any(issubclass(kind, Config) and not kind.__module__.startswith("trackbench.") for kind in kinds)
+        kernels().compares = compares
 
 
 def used(filter: Filter[Any]) -> EngineUsed:

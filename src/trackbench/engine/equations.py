@@ -18,13 +18,13 @@ class EngineUsed(NamedTuple):
 
     engine: ComputedBy
     why_numpy: str = ""
-    """Why the fused engine left some or all of them to NumPy, or what is wrong with a model by NumPy; else empty."""
+    """Why the fused engine left some or all of them to NumPy; else empty."""
     again: int = 0
-    """How many members of batches NumPy computed again, of which the trace did not hold."""
-    of_user: bool = False
-    """Whether ``why_numpy`` is of a model or sensor of the user's own."""
-    invalid: bool = False
-    """Whether machine code turned out to compute something else than NumPy, so that all has to be computed again."""
+    """Number of members of batches that NumPy computed again because their guard did not hold."""
+    of_pure: bool = False
+    """Whether ``why_numpy`` concerns a user's class that says ``pure = True``."""
+    differs: bool = False
+    """Whether a kernel of a user's class gave other numbers than NumPy, so that NumPy computes all runs again."""
 
 
 def joined_engines(parts: Iterable[EngineUsed]) -> EngineUsed | None:
@@ -35,8 +35,8 @@ def joined_engines(parts: Iterable[EngineUsed]) -> EngineUsed | None:
     engines = {part.engine for part in used}
     reasons = dict.fromkeys(part.why_numpy for part in used if part.why_numpy)
     engine = engines.pop() if len(engines) == 1 else "fused and numpy"
-    of_user, invalid = (any(getattr(part, name) for part in used) for name in ("of_user", "invalid"))
-    return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in used), of_user, invalid)
+    of_pure, differs = (any(getattr(part, name) for part in used) for name in ("of_pure", "differs"))
+    return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in used), of_pure, differs)
 
 
 #: Arrays by name; inside a function each is ``(components..., batch...)``, or without batch axes the same for all.
@@ -59,6 +59,8 @@ class Equations(NamedTuple):
     """Where ``function`` was made for something: for what, so that others of the same name are told apart."""
     modes: Mapping[str, str] = {}
     """Outputs that a sequence of calls does not write but adds up: how, as ``trackbench.engine.layout`` has it."""
+    user_types: tuple[type, ...] = ()
+    """Classes of motion models and sensors that the function calls and that are not the package's own."""
 
 
 class Compute(Protocol):
@@ -91,7 +93,8 @@ def by_numpy_alone(
         outputs: of all members, as far as there are any.
         places: numbers of the members that are asked for, all at once.
     """
-    if batch and len(places) == 1:
+    wanted = len(places)
+    if batch and wanted == 1:
         # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
         places = places.repeat(2)
     count, outcome = len(places), {}
@@ -104,7 +107,7 @@ def by_numpy_alone(
         components, missing = array.shape[:axes], axes + len(batch) - array.ndim
         full = array.reshape(components + (1,) * missing + array.shape[axes:])
         full = np.broadcast_to(full, components + _one_axis(len(batch), count))
-        outcome[name] = full.reshape(*components, count)
+        outcome[name] = full.reshape(*components, count)[..., :wanted]
     return outcome
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Hashable, Mapping
 from functools import cache, cached_property, partial
 from typing import Any, NamedTuple
 
@@ -24,10 +23,10 @@ from trackbench.engine.beliefs import (
     scan_values,
     sensor_values,
 )
-from trackbench.engine.constants import SourceFingerprint
 from trackbench.engine.equations import ComputedBy, EngineUsed, Equations, Values
-from trackbench.engine.kernels import CHANGED, Kernel, Kernels
-from trackbench.engine.user_equations import is_traced, is_user_type, user_sources
+from trackbench.engine.kernels import Kernel, Kernels
+from trackbench.engine.symbols import is_traced
+from trackbench.engine.user_types import is_user_type, says_pure, user_types
 from trackbench.filters import (
     AnyBelief,
     Belief,
@@ -66,7 +65,8 @@ class FusedFilter:
         self._equations: dict[Hashable, Equations] = {}
         self._scan: Any = None
         """The one that is taken in, of which kernels know but a part."""
-        self._by_kernels, self._again, self._invalid = False, 0, False
+        self._user_types = user_types(filter.motions)
+        self._by_kernels, self._again, self._of_pure, self._differs = False, 0, False, False
         self._untraced: dict[str, str] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -76,21 +76,13 @@ class FusedFilter:
     @property
     def used(self) -> EngineUsed:
         """What computed the steps so far."""
-        sources = {source for equations in self._equations.values() for source in user_sources(equations.key)}
-        if self._kernels.compiles and self._by_kernels and any(source.changed for source in sources):
-            self._untraced |= {} if CHANGED in self._untraced.values() else {"all steps": CHANGED}
-            self._invalid = True
-        if self._invalid:
-            # All runs begin once more.
-            for source in sources:
-                source.put_back()
         engine: ComputedBy = "fused and numpy" if self._untraced or self._again else "fused"
         if self._untraced and not self._by_kernels:
             engine = "numpy"
         # What is the same of several kinds of steps is said of the first.
         firsts = {why: name for name, why in reversed(self._untraced.items())}
         reasons = "; ".join(f"{name}: {why}" for name, why in self._untraced.items() if firsts[why] == name)
-        return EngineUsed(engine, reasons, self._again, bool(sources and reasons), self._invalid)
+        return EngineUsed(engine, reasons, self._again, self._of_pure, self._differs)
 
     @property
     def motions(self) -> tuple[MotionModel, ...]:
@@ -178,8 +170,9 @@ class FusedFilter:
 
     def _kernel(self, equations: Equations, values: Mapping[str, Any]) -> Kernel | None:
         every = {**values, **self.options}
-        # Users' equations are compared with NumPy step by step.
-        if any(user_sources(equations.key)) or equations.ranks.keys() != every.keys():
+        # Kernels of users' models are compared with NumPy step by step.
+        is_compared = bool(equations.user_types) and self._kernels.compares
+        if is_compared or equations.ranks.keys() != every.keys():
             return None
         return self._kernels.plan(equations, every).kernel
 
@@ -203,16 +196,17 @@ class FusedFilter:
         self._scan = scan
         equations = self._equations_of(name, function, values, scan, made_for)
         values = values | self.options
-        before, disagreements = self._kernels.members_by_numpy, self._kernels.disagreements
+        before = self._kernels.members_by_numpy
         try:
             return self._kernels(equations, values)
         finally:
             self._scan = None
             self._again += self._kernels.members_by_numpy - before
-            self._invalid |= self._kernels.disagreements > disagreements
+            self._differs |= equations.key in self._kernels.differing
             if equations.key in self._kernels.untraced:
                 title, why = self._kernels.untraced[equations.key]
                 self._untraced[title] = why
+                self._of_pure |= bool(equations.user_types) and all(map(says_pure, equations.user_types))
             else:
                 self._by_kernels = True
 
@@ -243,10 +237,10 @@ class FusedFilter:
             call_scan = scan_placeholder(kind, named) if is_traced(values) else self._scan
             return function(FilterCall(options.with_options(self.filter, values), self.modes, call_scan), values)
 
-        # Of a user's class its source counts too.
-        sources = [SourceFingerprint(kind) if is_user_type(kind) else kind for kind in sensors]
-        key = name, self.form, *sources, named, made_for, tuple(inputs)
-        equations = Equations(title, any_filter, inputs | dict.fromkeys(self.options, 0), symmetric, counted, key)
+        key = name, self.form, *sensors, named, made_for, tuple(inputs)
+        users = (*self._user_types, *filter(is_user_type, sensors))
+        ranks = inputs | dict.fromkeys(self.options, 0)
+        equations = Equations(title, any_filter, ranks, symmetric, counted, key, user_types=users)
         every = {**values, **self.options}
         if self.options and not self._per_member and self._kernels.why_numpy(equations, every) is not None:
             # A branch, or another library, needs the options as numbers.
@@ -275,51 +269,6 @@ class FilterCall(NamedTuple):
     """How many the beliefs have, 0 where they are of one motion model."""
     scan: Scan
     """The one on which it depends, without the arrays that are among the values."""
-
-
-class CheckedFilter:
-    """A filter with a user's model or sensor by NumPy, of which a member is now and then asked for by itself."""
-
-    def __init__(self, filter: Filter[Any], kernels: Kernels) -> None:
-        self.filter = filter
-        self._kernels, self._checked = kernels, FusedFilter(filter, kernels)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return checked_filter, (self.filter,)
-
-    @property
-    def used(self) -> EngineUsed:
-        """That NumPy computed the steps, and what it gave other numbers of."""
-        return self._checked.used._replace(engine="numpy", invalid=False)
-
-    def __getattr__(self, name: str) -> Any:
-        method = getattr(self.filter, name)
-        if name not in ("predict", "predict_measurement", "update", "step"):
-            return method
-
-        def computed(*arguments: Any) -> Any:
-            if self._kernels.comparisons.due((CheckedFilter, name)):
-                self._check(name, arguments)
-            return method(*arguments)
-
-        return computed
-
-    def _check(self, name: str, arguments: Sequence[Any]) -> None:
-        """Ask again, unless that would change what the models give."""
-        # What cannot be asked again has no other fault than that.
-        with suppress(Exception):
-            getattr(self._checked, name)(*arguments)
-
-
-@cache
-def checks() -> Kernels:
-    """Those of this process that compile nothing, and ask NumPy again."""
-    return Kernels(compiles=False)
-
-
-def checked_filter(filter: Filter[Any]) -> CheckedFilter:
-    """A filter by NumPy, with a check of its models."""
-    return CheckedFilter(filter, checks())
 
 
 def _filter_in_words(filter: Filter[Any]) -> str:

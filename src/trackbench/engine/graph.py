@@ -86,8 +86,6 @@ class Graph:
         """Left out, as of a product with zero: what must be finite for the graph to be right."""
         self.refused: str | None = None
         """Why the function cannot be traced, also where it caught the error."""
-        self.batch_axes = 0
-        """How many axes of the inputs count members; set where a user's function is traced, which might ask."""
         self._applied: dict[tuple[object, ...], Node] = {}
         self._leaves: dict[object, Node] = {}
         self._count = 0

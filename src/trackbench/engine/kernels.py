@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Hashable, Sequence
-from contextlib import ExitStack, suppress
 from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
@@ -13,30 +12,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.types import Array, Mask
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.user_code import place_of
 from trackbench.engine import vector_code
-from trackbench.engine.constants import CHANGES
 from trackbench.engine.equations import Equations, Values, batch_of, by_numpy, by_numpy_alone
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
 from trackbench.engine.layout import Input, KernelLayout, pack_kernel, source_key, unpack_kernel
 from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
-from trackbench.engine.user_equations import MEMBERS, MEMBERS_AT_FIRST, Comparisons, changes_itself, user_sources
+from trackbench.engine.user_types import agree, says_pure
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
 #: From how many members on a group is computed by itself: its last vector computes some members twice.
 LEAST_GROUP = 8 * vector_code.WIDTH
-OTHER_NUMBERS = "its machine code gives other numbers than NumPy"
-DEPENDENT = (
-    "the numbers of a member depend on the others in its batch "
-    "(np.all, np.any and a mean over the last axis mix members: write np.where)"
-)
-CHANGED = "what it reads changed during the run"
-#: How many members are compared beside those that NumPy computes in any case.
-BESIDE = 4
-NO_MEMBERS = np.zeros(0, dtype=np.intp)
 
 
 class Kernel(NamedTuple):
@@ -62,21 +51,16 @@ class CallPlan(NamedTuple):
     """In how many parts, one after the other, the kernel computes them."""
     inputs: list[tuple[str, Input, bool]]
     """Of each that the kernel reads; whether it is read as it is, if it lies in one piece."""
-    of_user: bool = False
-    """Whether the equations read a model or sensor of a user."""
 
 
 class Kernels:
     """Computes equations by machine code where they can be traced, and by NumPy where they cannot.
 
     A member for which the trace does not hold (a branch on data goes the other way, a value is not finite) is computed
-    again by NumPy.
+    again by NumPy. A kernel of a user's model is compared with NumPy while ``compares`` is set.
     """
 
-    def __init__(
-        self, processor: Processor | None = None, kept: KernelCache | None = None, compiles: bool = True
-    ) -> None:
-        self.compiles = compiles
+    def __init__(self, processor: Processor | None = None, kept: KernelCache | None = None) -> None:
         self._own_processor = processor
         self._kept = kept or KernelCache()
         self._kernels: dict[tuple[Any, ...], Kernel | None] = {}
@@ -84,14 +68,10 @@ class Kernels:
         """By the shapes of the inputs."""
         self._forms: dict[Hashable, CallPlan] = {}
         """By the shapes without the number of members, of one batch axis."""
-        self.comparisons = Comparisons(np.random.default_rng(0))
-        """Of users' equations, drawn anew for every run."""
-        self._compared: set[int] = set()
-        """The kernels that were compared before."""
-        self.disagreements = 0
-        """How often equations of a user turned out to be others than those that were compiled."""
-        self._distrusted: dict[Hashable, str] = {}
-        """Why, by the key of the equations."""
+        self.compares = True
+        """Whether kernels of users' models are compared with NumPy, as in the first block of a run."""
+        self.differing: set[Hashable] = set()
+        """The keys of equations whose kernels gave other numbers than NumPy."""
         self.untraced: dict[Hashable, tuple[str, str]] = {}
         """By the key of equations that NumPy computes, their name and why."""
         self.members_by_numpy = 0
@@ -101,36 +81,28 @@ class Kernels:
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
         """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
-        if not self.compiles:
-            return self._asked_again(equations, values)
         plan = self.plan(equations, values)
-        asked = plan.kernel is None and plan.of_user and equations.key not in self._distrusted
-        if asked and self.comparisons.due(equations.key):
-            # What cannot be asked again has no other fault than that.
-            with suppress(Exception):
-                self._asked_again(equations, values)
         if plan.kernel is None or plan.members == 0:
             return by_numpy(equations, values)
         outputs, held = _run(plan, plan.kernel, values)
-        count = 0
-        if plan.of_user and id(plan.kernel) not in self._compared:
-            count = MEMBERS_AT_FIRST
-            self._compared.add(id(plan.kernel))
-        elif plan.of_user and self.comparisons.due(id(plan.kernel)):
-            count = MEMBERS
-        if (count or held is not None) and not self._again(equations, plan, values, outputs, held, count):
-            return by_numpy(equations, values)
+        if held is not None:
+            self._compute_by_numpy(np.flatnonzero(~held), equations, plan, values, outputs)
+        if equations.user_types and self.compares:
+            expected = by_numpy(equations, values)
+            if not agree(equations, values, outputs, expected):
+                self._leave_to_numpy(equations)
+                return expected
         return outputs
 
     def why_numpy(self, equations: Equations, values: Values) -> str | None:
         """Why NumPy computes the equations of such values; None where a kernel does."""
-        if not self.compiles or self.plan(equations, values).kernel is not None:
+        if self.plan(equations, values).kernel is not None:
             return None
         return self.untraced[equations.key][1]
 
     def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
         """The machine code of equations for a sequence of calls; None where there is none."""
-        return self._kernel(equations, tuple(inputs)) if self.compiles else None
+        return self._kernel(equations, tuple(inputs))
 
     @cached_property
     def _processor(self) -> Processor:
@@ -188,8 +160,7 @@ class Kernels:
         # The equations are kept, so that no others have their id.
         grouped = any(item.level == GROUP for _, item, _ in ways)
         groups = prod(batch[:-1]) if grouped else 1
-        of_user = any(user_sources(equations.key))
-        plan = self._plans[key] = CallPlan(equations, kernel, batch, prod(batch), groups, ways, of_user)
+        plan = self._plans[key] = CallPlan(equations, kernel, batch, prod(batch), groups, ways)
         return plan
 
     def _kernel(self, equations: Equations, inputs: tuple[Input, ...]) -> Kernel | None:
@@ -201,10 +172,9 @@ class Kernels:
         return self._kernels[made_for]
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
-        refusals = (source.refusal for source in user_sources(equations.key))
-        refusal = self._distrusted.get(equations.key) or next(filter(None, refusals), None)
-        if refusal:
-            self.untraced[equations.key] = equations.name, refusal
+        reason = _why_not_traced(equations, equations.key in self.differing)
+        if reason is not None:
+            self.untraced[equations.key] = equations.name, reason
             return None
         own = source_key(equations, inputs)
         data = own and self._kept.find(self._key(own))
@@ -212,9 +182,9 @@ class Kernels:
         if kept is None:
             try:
                 kept = self._traced(equations, inputs, own)
-            except Untraceable as reason:
-                where = place_of(reason)
-                self.untraced[equations.key] = equations.name, f"{reason} ({where})" if where else str(reason)
+            except Untraceable as refusal:
+                where = place_of(refusal)
+                self.untraced[equations.key] = equations.name, f"{refusal} ({where})" if where else str(refusal)
                 return None
         layout, code = kept
         parts = [
@@ -232,11 +202,11 @@ class Kernels:
         Raises:
             Untraceable: there is none; says why.
         """
-        with ExitStack() as stack:
-            for source in user_sources(equations.key):
-                stack.enter_context(source.kept())
-            traced = trace(equations, inputs)
+        traced = trace(equations, inputs)
         text = vector_code.kernel_text(FUNCTION, traced.layout, traced.outputs, traced.guard)
+        if equations.user_types:
+            # A user's class may be another in the next process.
+            return traced.layout, self._processor.object_code(text)
         if not own:
             return traced.layout, self._code(text)
         code = self._processor.object_code(text)
@@ -255,88 +225,39 @@ class Kernels:
     def _key(self, what: str) -> str:
         return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
 
-    def _again(
-        self,
-        equations: Equations,
-        plan: CallPlan,
-        values: Values,
-        outputs: dict[str, Array],
-        held: Mask | None,
-        count: int,
-    ) -> bool:
-        """Compute those by NumPy of which the trace does not hold; whether a user's equations agree of some others.
-
-        These are computed beside them, since a user's function may look at all members together.
-        """
-        begin = time.perf_counter()
-        right, failed = np.arange(plan.members), NO_MEMBERS
-        if held is not None:
-            right, failed = np.flatnonzero(held), np.flatnonzero(~held)
-        compared = self.comparisons.drawn(right, count or BESIDE) if plan.of_user else NO_MEMBERS
-        self.members_by_numpy += len(failed)
-        places = np.union1d(failed, compared)
-        wrong, expected = "", {}
-        try:
-            expected = by_numpy_alone(equations, plan.batch, values, outputs, places)
-            if not self.comparisons.agree(equations, plan.batch, values, outputs, expected, places, compared):
-                wrong = OTHER_NUMBERS
-        except Exception:
-            # A user's function may fail for a batch of another size.
-            if not plan.of_user:
-                raise
-            wrong = OTHER_NUMBERS
-        if count and any(source.changed for source in user_sources(equations.key)):
-            wrong = CHANGED
-        if wrong:
-            self.disagreements += 1
-            self._distrusted[equations.key] = wrong
-            self.untraced[equations.key] = equations.name, wrong
-            self._kernels = {key: None if key[1] == equations.key else kernel for key, kernel in self._kernels.items()}
-            self._plans.clear()
-            self._forms.clear()
-            return False
-        for name, value in expected.items():
+    def _compute_by_numpy(
+        self, places: Indices, equations: Equations, plan: CallPlan, values: Values, outputs: dict[str, Array]
+    ) -> None:
+        """Compute some members by NumPy, and put them among the outputs."""
+        self.members_by_numpy += len(places)
+        for name, value in by_numpy_alone(equations, plan.batch, values, outputs, places).items():
             components = value.shape[:-1]
             if name not in outputs:
                 # Of the others there is nothing to be said.
                 outputs[name] = np.zeros(components + plan.batch, dtype=value.dtype)
-            outputs[name].reshape(*components, plan.members)[..., failed] = value[..., np.searchsorted(places, failed)]
-        if count:
-            self.comparisons.took(time.perf_counter() - begin)
-        return True
+            outputs[name].reshape(*components, plan.members)[..., places] = value
 
-    def _asked_again(self, equations: Equations, values: Values) -> dict[str, Array]:
-        """What NumPy gives; notes where a member by itself has other numbers, or where a user's code changes itself.
+    def _leave_to_numpy(self, equations: Equations) -> None:
+        """Use no kernel of some equations any more."""
+        self.differing.add(equations.key)
+        self.untraced[equations.key] = equations.name, _difference(equations)
+        self._kernels = {key: None if key[1] == equations.key else kernel for key, kernel in self._kernels.items()}
+        self._plans.clear()
+        self._forms.clear()
 
-        Raises:
-            Untraceable: to ask again would change what a user's code gives, or has changed it; that is put back.
-        """
-        begin, sources = time.perf_counter(), set(user_sources(equations.key))
-        try:
-            if any(source.refusal for source in sources):
-                raise Untraceable(changes_itself(sources))
-            # A function may write into its inputs.
-            copies = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in values.items()}
-            with ExitStack() as stack:
-                for source in sources:
-                    stack.enter_context(source.kept())
-                outputs = by_numpy(equations, copies)
-                batch = batch_of(equations.ranks, values)
-                own = {name: value for name, value in outputs.items() if np.shape(value)[-len(batch) :] == batch}
-                place = self.comparisons.drawn(np.arange(prod(batch)), 1)
-                expected = by_numpy_alone(equations, batch, values, own, place) if prod(batch) > 1 else {}
-                if expected and not self.comparisons.agree(equations, batch, values, own, expected, place, place):
-                    _, why = self.untraced.get(equations.key, ("", DEPENDENT))
-                    both = dict.fromkeys([*why.split("; "), DEPENDENT])
-                    self.untraced[equations.key] = equations.name, "; ".join(both)
-        except Untraceable as reason:
-            if str(reason):
-                why = CHANGED if str(reason) == CHANGES else f"{reason}: numbers may depend on the order of calls"
-                self.untraced.setdefault(equations.key, (equations.name, why))
-            raise
-        finally:
-            self.comparisons.took(time.perf_counter() - begin)
-        return outputs
+
+def _why_not_traced(equations: Equations, differs: bool) -> str | None:
+    """Say why a kernel of a user's classes is not to be made; None where it is."""
+    silent = [kind.__name__ for kind in equations.user_types if not says_pure(kind)]
+    if silent:
+        return f"{' and '.join(silent)} {'does' if len(silent) == 1 else 'do'} not say pure = True"
+    return _difference(equations) if differs else None
+
+
+def _difference(equations: Equations) -> str:
+    names = " and ".join(kind.__name__ for kind in equations.user_types)
+    says = "says" if len(equations.user_types) == 1 else "say"
+    return f"{names} {says} pure = True, but machine code and NumPy give different numbers"
 
 
 def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:

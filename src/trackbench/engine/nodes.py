@@ -46,12 +46,6 @@ def is_boolean(nodes: Nodes) -> bool:
     return nodes.size > 0 and bool(nodes.flat[0].boolean)
 
 
-def first_batch_axis(graph: Graph, nodes: Nodes) -> int:
-    """Where the axes of the batch begin in a user's function; behind the last axis where there are none."""
-    own = graph.batch_axes and not all(node.uniform for node in nodes.flat)
-    return max(0, nodes.ndim - graph.batch_axes) if own else nodes.ndim
-
-
 def cast(graph: Graph, nodes: Nodes, boolean: bool) -> Nodes:
     """The entries as truth values, or as numbers."""
     if is_boolean(nodes) == boolean:

@@ -14,7 +14,6 @@ from trackbench.engine.nodes import (
     cast,
     einsum,
     elementwise,
-    first_batch_axis,
     folded,
     is_boolean,
     nodes_of,
@@ -32,7 +31,7 @@ def _fold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Nodes:
     if axis is None and not all(node.uniform for node in nodes.flat):
         graph.refuse("one value of all axes, those of the batch among them; state the axis")
     nodes = cast(graph, nodes, False) if op in ("add", "mul") else nodes
-    return folded(graph, op, nodes, _axes(graph, nodes, axis), EMPTY[op])
+    return folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
 
 
 def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
@@ -42,7 +41,7 @@ def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
     way.
     """
     nodes = cast(graph, nodes_of(graph, values), True)
-    result = folded(graph, op, nodes, _axes(graph, nodes, axis), EMPTY[op])
+    result = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
     if axis is not None:
         return result
     node: Node = result.item()
@@ -60,13 +59,10 @@ def of_masks(node: Node) -> bool:
     return node.boolean and (all(map(of_masks, node.arguments)) if node.arguments else node.op == "input")
 
 
-def _axes(graph: Graph, nodes: Nodes, axis: Any) -> Sequence[int]:
+def _axes(nodes: Nodes, axis: Any) -> Sequence[int]:
     if axis is None:
         return range(nodes.ndim)
-    axes = axis if isinstance(axis, tuple) else (axis,)
-    if any(place % nodes.ndim >= first_batch_axis(graph, nodes) for place in axes):
-        graph.refuse("one value of all members of the batch")
-    return axes
+    return axis if isinstance(axis, tuple) else (axis,)
 
 
 def _operation(op: str) -> Callable[..., Nodes]:

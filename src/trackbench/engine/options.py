@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import fields, is_dataclass, replace
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
 
-from trackbench.engine.constants import SourceFingerprint
 from trackbench.engine.equations import Values
-from trackbench.engine.user_equations import is_user_type
+from trackbench.engine.user_types import is_user_type
 from trackbench.filters import Filter, InteractingMultipleModel
 from trackbench.models.motion import MotionModel
 
@@ -36,6 +36,9 @@ def with_options(filter: Any, values: Values) -> Any:
 def numbers(model: MotionModel, at: str) -> dict[str, Any]:
     """The numbers among the options of a motion model; ``at`` is put before each name."""
     result: dict[str, Any] = {}
+    if _kept_values(model):
+        # What the model computed of its options when it was made would not follow other options.
+        return result
     for name, value in _fields(model).items():
         result |= _numbers(value, f"{at} {name}", _each_has_its_own(model, name))
     return result
@@ -48,27 +51,57 @@ def with_numbers(model: M, at: str, values: Values) -> M:
         result = _replaced(value, f"{at} {name}", values)
         if result is not value:
             update[name] = result
-    return model.model_copy(update=update) if update else model
+    if not update:
+        return model
+    result = model.model_copy(update=update)
+    for name in filter(partial(_is_cached_property, type(model)), vars(model)):
+        del vars(result)[name]
+    return result
 
 
 def form(value: Any) -> Hashable:
-    """What a kernel of a filter or motion model depends on beside those options; of a user's model, all."""
+    """Return what a kernel of a filter or motion model depends on beside the options that are its inputs."""
     if isinstance(value, InteractingMultipleModel):
         # How the modes switch is an input.
         return tuple(map(form, value.filters))
     if isinstance(value, MotionModel):
-        if is_user_type(type(value)):
-            return SourceFingerprint(value)
+        kept_values = _kept_values(value)
+        if kept_values:
+            return type(value), tuple(
+                (name, _constant(item)) for name, item in {**_fields(value), **kept_values}.items()
+            )
         kept = [(name, _form(item, _each_has_its_own(value, name))) for name, item in _fields(value).items()]
         return type(value), tuple(kept)
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), tuple((item.name, form(getattr(value, item.name))) for item in fields(value))
+    return _constant(value)
+
+
+def _constant(value: Any) -> Hashable:
+    """Return a value, or its text where it cannot be part of a key."""
+    try:
+        hash(value)
+    except TypeError:
+        return repr(value.tolist() if isinstance(value, np.ndarray) else value)
     constant: Hashable = value
     return constant
 
 
 def _fields(model: MotionModel) -> Mapping[str, Any]:
     return {name: getattr(model, name) for name in type(model).model_fields}
+
+
+def _kept_values(model: MotionModel) -> Mapping[str, Any]:
+    """Return what a user's model keeps beside its options and cached properties, such as private attributes."""
+    kind = type(model)
+    if not is_user_type(kind):
+        return {}
+    others = {name for name in vars(model).keys() - kind.model_fields.keys() if not _is_cached_property(kind, name)}
+    return {name: vars(model)[name] for name in sorted(others)} | (model.__pydantic_private__ or {})
+
+
+def _is_cached_property(kind: type, name: str) -> bool:
+    return isinstance(getattr(kind, name, None), cached_property)
 
 
 def _each_has_its_own(model: MotionModel, name: str) -> bool:

@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from math import prod
 from typing import Any, NoReturn
 
 import numpy as np
 
-from trackbench.engine.graph import Graph, Untraceable
-from trackbench.engine.nodes import Nodes, cast, first_batch_axis, is_boolean, nodes_of
+from trackbench.engine.equations import Values
+from trackbench.engine.graph import Graph
+from trackbench.engine.nodes import Nodes, cast, is_boolean, nodes_of
 from trackbench.engine.numpy_functions import FUNCTIONS
 
 
 def _method(function: Any) -> Callable[..., Any]:
     return lambda self, *arguments, **options: function(self, *arguments, **options)
-
-
-def _compared(compare: Callable[[int, int], bool]) -> Callable[..., bool]:
-    """A comparison of the number of members, with itself or with none."""
-    return lambda self, other: compare(1, int(other)) if type(other) is Members or other == 0 else self._refuse()
-
-
-class Members(int):
-    """How many members a batch has: an array may have as many, and there are any; more is not said in a trace."""
-
-    def _refuse(self, *_: Any) -> NoReturn:
-        raise Untraceable("the number of members of the batch is asked for")
-
-    __hash__ = int.__hash__
-    __eq__, __ne__, __lt__ = _compared(operator.eq), _compared(operator.ne), _compared(operator.lt)
-    __le__, __gt__, __ge__ = _compared(operator.le), _compared(operator.gt), _compared(operator.ge)
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = _refuse
-    __floordiv__ = __rfloordiv__ = __truediv__ = __rtruediv__ = __mod__ = __rmod__ = __pow__ = _refuse
 
 
 class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
@@ -47,8 +29,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        shape, first = self.nodes.shape, first_batch_axis(self.graph, self.nodes)
-        return (*shape[:first], *map(Members, shape[first:]))
+        return self.nodes.shape
 
     @property
     def ndim(self) -> int:
@@ -67,8 +48,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         return Symbol(self.graph, self.nodes.T)
 
     def __len__(self) -> int:
-        size = self.shape[0]
-        return size._refuse() if isinstance(size, Members) else size
+        return self.shape[0]
 
     def __iter__(self) -> Iterator[Symbol]:
         return (self[i] for i in range(len(self)))
@@ -77,20 +57,9 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         keys = key if isinstance(key, tuple) else (key,)
         # With an ellipsis a single entry is a view too, as it is where there are batch axes.
         keys = keys if any(item is Ellipsis for item in keys) else (*keys, ...)
-        self._keep_members(keys)
         return Symbol(self.graph, self.nodes[keys])
 
-    def _keep_members(self, keys: Sequence[Any]) -> None:
-        """Refuse to pick some members out of the batch."""
-        own = [key for key in keys if key is not None]
-        place = next((number for number, key in enumerate(own) if key is Ellipsis), len(own))
-        own[place : place + 1] = [slice(None)] * (self.ndim - len(own) + (place < len(own)))
-        for key in own[first_batch_axis(self.graph, self.nodes) :]:
-            if not isinstance(key, slice) or key != slice(None):
-                self.graph.refuse("some members are picked out of the batch")
-
     def __setitem__(self, key: Any, value: Any) -> None:
-        self._keep_members(key if isinstance(key, tuple) else (key,))
         nodes = cast(self.graph, nodes_of(self.graph, _plain(self.graph, value)), is_boolean(self.nodes))
         self.nodes[key] = nodes if nodes.ndim else nodes[()]
 
@@ -101,15 +70,6 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         self.graph.refuse("a number is asked for, where the value is known only later")
 
     __float__ = __int__ = __index__ = __complex__ = __array__ = item = tolist = _not_a_number
-
-    def _not_an_array(self, *_: Any) -> NoReturn:
-        self.graph.refuse("the hash or the text of a value is asked for")
-
-    def __hash__(self) -> int:
-        # A user's function may look for a number that is equal.
-        return self._not_an_array() if self.graph.batch_axes else id(self)
-
-    __repr__ = __str__ = __format__ = _not_an_array
 
     def __getattr__(self, name: str) -> NoReturn:
         # By some of these NumPy asks what an object can do.
@@ -149,8 +109,6 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         return self._called(function, arguments, options)
 
     def _called(self, function: Any, arguments: Any, options: Any) -> Any:
-        if function in (np.shape, np.size) and len(arguments) == 1:
-            return getattr(arguments[0], function.__name__)
         if function not in FUNCTIONS:
             self.graph.refuse(f"numpy.{function.__name__}, which cannot be traced")
         plain = [_plain(self.graph, argument) for argument in arguments]
@@ -159,6 +117,11 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         if isinstance(result, tuple) and result and isinstance(result[0], np.ndarray):
             return tuple(Symbol(self.graph, nodes) for nodes in result)
         return Symbol(self.graph, result) if isinstance(result, np.ndarray) else result
+
+
+def is_traced(values: Values) -> bool:
+    """Return whether a function is called with symbols."""
+    return any(isinstance(value, Symbol) for value in values.values())
 
 
 def _plain(graph: Graph, value: Any) -> Any:

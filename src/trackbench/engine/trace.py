@@ -13,7 +13,6 @@ from trackbench.engine.graph import Graph, Node, Untraceable, ordered, with_fuse
 from trackbench.engine.layout import Input, KernelLayout, Output
 from trackbench.engine.nodes import Nodes, is_boolean
 from trackbench.engine.symbols import Symbol, nodes_of_output
-from trackbench.engine.user_equations import user_sources
 
 #: Operations that are not finite where an argument is not; of a quotient that holds of the first one.
 CARRYING = frozenset({"add", "sub", "mul", "neg", "abs", "sqrt", "floor", "ceil", "rint", "copysign", "div"})
@@ -108,7 +107,6 @@ def trace(equations: Equations, inputs: Sequence[Input]) -> Trace:
             graph.refuse(f"{item.name}, which is not given as doubles")
     symbols = {item.name: _symbol(graph, equations, item) for item in inputs}
     axes = max((item.batch_axes for item in inputs), default=0)
-    graph.batch_axes = axes if any(user_sources(equations.key)) else 0
     try:
         outputs: Any = equations.function(symbols)
         result = {

@@ -55,8 +55,8 @@ def log_left_to_numpy(where: str, name: str, used: EngineUsed) -> None:
     """Say of a tracker that the fused engine left it to NumPy, and why."""
     if used.why_numpy:
         how = "computed by NumPy" if used.engine == "numpy" else "computed by NumPy in part"
-        # Of a user's own model it is said without --verbose.
-        level = logging.WARNING if used.of_user else logging.INFO
+        # The author of a pure model expects machine code.
+        level = logging.WARNING if used.of_pure else logging.INFO
         log.log(level, "%s: %s was %s: %s", where, name, how, used.why_numpy)
     if used.again:
         members = counted(used.again, "member")

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.execution import Here, InProcess, Task
-from trackbench.base.streams import stream
 from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
 from trackbench.driving.processes import take_unshown
-from trackbench.engine.choice import draw_comparisons
+from trackbench.engine.choice import compare_with_numpy
 from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics.breakdown import sum_classes
 from trackbench.results import Failure
@@ -128,8 +127,7 @@ def run_blocks(
         on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
     """
     keep_freed_memory()
-    if group[0].scene == group[0].runs.start == 0:
-        draw_comparisons(work.engine_here, stream(work.seed, work.noise_of(0), 0, "comparisons"))
+    compare_with_numpy(work.engine_here, group[0].scene == group[0].runs.start == 0)
     if work.cutoff is not None:
         return _run_hidden(work, group, progress)
     return [_run_labelled(work, piece, progress, on_recorded_run) for piece in group]
@@ -314,7 +312,7 @@ class PendingBlocks:
             )
 
     def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
-        """The blocks in their order; all of them by NumPy where machine code of a user's model turned out to be wrong.
+        """The blocks in their order; all of them by NumPy where a kernel of a user's model differs from NumPy.
 
         Args:
             progress: called with the number of runs done and of all.
@@ -333,14 +331,14 @@ class PendingBlocks:
         for block in blocks:
             for name, used in block.engines.items():
                 before[name] = joined_engines([before.get(name, used), used]) or used
-        if any(used.invalid for used in before.values()):
+        if any(used.differs for used in before.values()):
             # Blocks of many runs are large.
             blocks.clear()
             self._futures.clear()
             blocks = self._by_numpy().collect(progress, on_recorded_run)
             for block in blocks:
                 for name, used in block.engines.items():
-                    first = before.get(name, used)._replace(engine="numpy", again=0, invalid=False)
+                    first = before.get(name, used)._replace(engine="numpy", again=0, differs=False)
                     block.engines[name] = joined_engines([first, used]) or used
         return blocks
 

@@ -70,6 +70,9 @@ class MotionModel(Config, ABC):
     """Whether the transition, its noise gain and the way to Cartesian are linear."""
     driving_noise: ClassVar[tuple[str, ...]]
     """For each column of the noise gain, the option that is the standard deviation of that noise."""
+    pure: ClassVar[bool] = False
+    """Whether the equations depend on their arguments and the options alone, so that the fused engine may compile them.
+    A class that inherits from one that says so has to say it again."""
     first_sigmas: ClassVar[Mapping[str, float]] = {}
     """Standard deviations at a track's start of components other than positions, velocities, accelerations (px, py, vx,
     vy, v, ax, ay, a), yaw and yaw_rate, for which a scenario has keys."""

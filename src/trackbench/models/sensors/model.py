@@ -46,6 +46,9 @@ class SensorModel(Config, ABC):
     """The unit of each in a measurement: "m", "rad", "m/s"."""
     sigma_options: ClassVar[tuple[str, ...]]
     """The option that is the standard deviation of each, its unit at the end: "azimuth_sigma_deg"."""
+    pure: ClassVar[bool] = False
+    """Whether the equations depend on their arguments alone, so that the fused engine may compile them. A class that
+    inherits from one that says so has to say it again."""
     unused: ClassVar[tuple[str, ...]] = ()
     """Options that a preset may give and this kind does not use."""
 

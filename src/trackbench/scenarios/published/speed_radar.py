@@ -24,6 +24,7 @@ class SpeedRadar(Polar):
     speed_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the speed, m/s.")
     speed_bias_mps: float = Field(0, description="Constant error of the speed, m/s.")
 
+    pure = True
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "speed")
     sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "azimuth_sigma_deg", "speed_sigma_mps")
 

@@ -21,7 +21,6 @@ from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import Metric
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure
-from trackbench.runner.assemble import log_left_to_numpy
 from trackbench.runner.block import run_block
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome
@@ -180,6 +179,15 @@ class Evaluator:
 
     @cached_property
     def _start(self) -> list[_Start]:
+        """What the tracker gives as it is; by NumPy, as all trials then, where a kernel of a user's model differs."""
+        starts = self._started()
+        if not any(start.engine is not None and start.engine.differs for start in starts):
+            return starts
+        self._work = [replace(work, engine="numpy") for work in self._work]
+        engines = [start.engine and start.engine._replace(engine="numpy", differs=False) for start in starts]
+        return [start._replace(engine=engine) for start, engine in zip(self._started(), engines, strict=True)]
+
+    def _started(self) -> list[_Start]:
         submitted = []
         for bench, work in zip(self.benches, self._work, strict=True):
             batch = _Batch((0,), (bench.scenario.config.driven(self.tracker),), ({},), ())
@@ -311,10 +319,6 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
         entry = combined(entry, columns)
     try:
         sums, available, engine = score_labelled(work, piece, entry, number, counted, scene.log_time)
-        if engine is not None and engine.invalid:
-            log_left_to_numpy(work.scenario, TRIAL, engine)
-            by_numpy = replace(work, engine="numpy")
-            sums, available, engine = score_labelled(by_numpy, piece, entry, number, counted, scene.log_time)
     except (KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
 from trackbench.driving.drive import TrackerDrive, scans_read
+from trackbench.engine.choice import compare_with_numpy
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.silence import Silence
@@ -121,6 +122,8 @@ def score_labelled(
         Exception: what the tracker raises.
     """
     keep_freed_memory()
+    # The start is what the first block is of a run.
+    compare_with_numpy(work.engine_here, counted is None)
     scene = work.scenes[piece.scene]
     measurements = sense_known(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
