@@ -16,7 +16,7 @@ import numpy as np
 from trackbench.base.execution import Here, InProcess, Task
 from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
 from trackbench.driving.processes import take_unshown
-from trackbench.engine.choice import compare_with_numpy
+from trackbench.engine.choice import users_kernels_compared
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.breakdown import sum_classes
 from trackbench.results import Failure
@@ -127,10 +127,10 @@ def run_blocks(
         on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
     """
     keep_freed_memory()
-    compare_with_numpy(work.engine_here, group[0].scene == group[0].runs.start == 0)
-    if work.cutoff is not None:
-        return _run_hidden(work, group, progress)
-    return [_run_labelled(work, piece, progress, on_recorded_run) for piece in group]
+    with users_kernels_compared(work.engine_here, group[0].scene == group[0].runs.start == 0):
+        if work.cutoff is not None:
+            return _run_hidden(work, group, progress)
+        return [_run_labelled(work, piece, progress, on_recorded_run) for piece in group]
 
 
 def _sensed_block(work: Work, piece: BlockRuns, measurements: Measurements | HiddenMeasurements) -> Block:
