@@ -13,6 +13,7 @@ import trackbench as tb
 from trackbench.engine import kernels as kernels_module
 from trackbench.engine.choice import Engine
 from trackbench.engine.equations import Equations
+from trackbench.engine.filters import kernels as kernels_of_this_process
 from trackbench.runner import work
 
 ENGINES: tuple[Engine, ...] = ("fused", "numpy")
@@ -147,3 +148,8 @@ def test_a_tuning_with_a_model_that_differs_is_numpys(
     tuned = [tb.tune(file, ["mine"], trials=4, engine=engine)["mine"].trials for engine in ENGINES]
     assert "Mine says pure = True, but machine code" in caplog.text
     assert tuned[0] == tuned[1]
+
+
+def test_after_a_run_kernels_are_compared_again(scenario: Callable[..., Path]) -> None:
+    mine(scenario(), "fused")
+    assert kernels_of_this_process().compares

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from trackbench.base.errors import InputError, nearest_choices
@@ -95,12 +97,19 @@ def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
     return fused_filter(filter)
 
 
-def compare_with_numpy(engine: Engine, compares: bool) -> None:
-    """Set whether kernels of users' models are compared with NumPy, as in the first block of a run."""
-    if engine == "fused":
-        from trackbench.engine.filters import kernels
+@contextmanager
+def users_kernels_compared(engine: Engine, compares: bool) -> Iterator[None]:
+    """Choose whether kernels of users' models are compared with NumPy; only the first block of a run needs it."""
+    if engine == "numpy":
+        yield
+        return
+    from trackbench.engine.filters import kernels
 
-        kernels().compares = compares
+    before, kernels().compares = kernels().compares, compares
+    try:
+        yield
+    finally:
+        kernels().compares = before
 
 
 def used(filter: Filter[Any]) -> EngineUsed:

@@ -22,6 +22,8 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     """An array of nodes, in all else like the array of NumPy that it stands for."""
 
     __array_priority__ = 1000
+    # A function that remembers its results may be given a symbol.
+    __hash__ = object.__hash__
 
     def __init__(self, graph: Graph, nodes: Nodes) -> None:
         self.graph = graph

@@ -16,8 +16,8 @@ import numpy as np
 from trackbench.base.execution import Here, InProcess, Task
 from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
 from trackbench.driving.processes import take_unshown
-from trackbench.engine.choice import compare_with_numpy
-from trackbench.engine.equations import EngineUsed, joined_engines
+from trackbench.engine.choice import users_kernels_compared
+from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.breakdown import sum_classes
 from trackbench.results import Failure
 from trackbench.runner.filed_run import FiledRun
@@ -127,10 +127,10 @@ def run_blocks(
         on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
     """
     keep_freed_memory()
-    compare_with_numpy(work.engine_here, group[0].scene == group[0].runs.start == 0)
-    if work.cutoff is not None:
-        return _run_hidden(work, group, progress)
-    return [_run_labelled(work, piece, progress, on_recorded_run) for piece in group]
+    with users_kernels_compared(work.engine_here, group[0].scene == group[0].runs.start == 0):
+        if work.cutoff is not None:
+            return _run_hidden(work, group, progress)
+        return [_run_labelled(work, piece, progress, on_recorded_run) for piece in group]
 
 
 def _sensed_block(work: Work, piece: BlockRuns, measurements: Measurements | HiddenMeasurements) -> Block:
@@ -327,19 +327,15 @@ class PendingBlocks:
             blocks += future.result()
             self._done += sum(len(piece.runs) for piece in group)
             self._progress(self._done, self._total)
-        before: dict[str, EngineUsed] = {}
-        for block in blocks:
-            for name, used in block.engines.items():
-                before[name] = joined_engines([before.get(name, used), used]) or used
-        if any(used.differs for used in before.values()):
+        if any(used.differs for block in blocks for used in block.engines.values()):
+            engines = [block.engines for block in blocks]
             # Blocks of many runs are large.
             blocks.clear()
             self._futures.clear()
             blocks = self._by_numpy().collect(progress, on_recorded_run)
-            for block in blocks:
-                for name, used in block.engines.items():
-                    first = before.get(name, used)._replace(engine="numpy", again=0, differs=False)
-                    block.engines[name] = joined_engines([first, used]) or used
+            for block, before in zip(blocks, engines, strict=True):
+                reasons = {name: used._replace(engine="numpy", again=0, differs=False) for name, used in before.items()}
+                block.engines |= reasons
         return blocks
 
     def _advance(self, done: float, _: float) -> None:

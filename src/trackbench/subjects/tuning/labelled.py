@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
 from trackbench.driving.drive import TrackerDrive, scans_read
-from trackbench.engine.choice import compare_with_numpy
+from trackbench.engine.choice import users_kernels_compared
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.silence import Silence
@@ -122,8 +122,6 @@ def score_labelled(
         Exception: what the tracker raises.
     """
     keep_freed_memory()
-    # The start is what the first block is of a run.
-    compare_with_numpy(work.engine_here, counted is None)
     scene = work.scenes[piece.scene]
     measurements = sense_known(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
@@ -139,7 +137,9 @@ def score_labelled(
         given=lambda scan: _tiled(scan, trials),
         each_measurement=scene.each_measurement,
     )
-    with np.errstate(all="ignore"), drive:
+    # The first trial is the tracker as it is.
+    is_first_trial = counted is None
+    with np.errstate(all="ignore"), users_kernels_compared(work.engine_here, is_first_trial), drive:
         for step in drive:
             estimate = step.answer
             if step.number is not None and estimate is not None:
