@@ -291,6 +291,43 @@ def test_in_process_for_a_debugger(cli: Any, tiny: Path, write_module: Any) -> N
     assert json.loads(done.out)["trackers"][0]["failed"]["cause"] == f"ValueError: {os.getpid()}"
 
 
+#: What a tracker may do with its own streams, as anywhere.
+STREAMS = {
+    "prints": "print('said')",
+    "prints in parts": "print('sa', end=''); print('id', flush=True)",
+    "reconfigures": "sys.stdout.reconfigure(encoding='utf-8', line_buffering=True); print('said')",
+    "writes bytes": "sys.stdout.buffer.write(b'said\\n'); sys.stdout.buffer.flush()",
+    "writes to the descriptor": "os.write(1, b'said\\n')",
+    "writes to standard error": "sys.stderr.write('said\\n')",
+    "reads to the end": "print('said', sys.stdin.read(), end='\\n')",
+    "warns": "import warnings; warnings.warn('said')",
+    "logs": "import logging; logging.getLogger('mine').warning('said')",
+    "starts a program": "import subprocess; subprocess.run(['echo', 'said'], check=True)",
+}
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_its_own_streams_work_as_anywhere(tiny: Path, write_module: Any, trackbench: str, name: str) -> None:
+    code = (
+        "import os, sys\nimport numpy as np\nclass T:\n    def step(self, state, scan):\n"
+        f"        {STREAMS[name]}\n        return 0, (np.zeros(4), np.eye(4))\n"
+    )
+    _use(tiny, f"{write_module(tiny.parent, code)}:T")
+    command = [trackbench, "run", "tiny.yaml", "--json", "--no-recording"]
+    done = subprocess.run(command, cwd=tiny.parent, capture_output=True, text=True, check=False, timeout=120)
+    assert json.loads(done.stdout)["trackers"][0]["failed"] is None
+    assert "said" in done.stderr
+
+
+def test_input_is_at_its_end(tiny: Path, cli: Any, write_module: Any) -> None:
+    code = "class T:\n    def step(self, state, scan):\n        return input(), None\n"
+    _use(tiny, f"{write_module(tiny.parent, code)}:T")
+    (failed, *_) = json.loads(cli("run", "tiny.yaml", "--json", "--no-recording").out)["trackers"]
+    assert failed["failed"]["cause"].startswith(
+        "EOFError: EOF when reading a line (a process of its own has no terminal"
+    )
+
+
 def test_nothing_is_left_behind(tiny: Path, write_module: Any, trackbench: str) -> None:
     code = (
         "import os, subprocess, sys, time\nclass T:\n    def step(self, state, scan):\n"

@@ -7,8 +7,6 @@ import faulthandler
 import io
 import os
 import pickle
-import resource
-import signal
 import socket
 import sys
 from collections.abc import Callable
@@ -222,9 +220,6 @@ def _arrays(estimate: Estimate | Tracks) -> Arrays:
 
 
 def _prepare(dump: int) -> None:
-    # A group of its own, which a tracker may kill.
-    os.setsid()
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     file = os.fdopen(dump, "w")
     faulthandler.enable(file)
     leave = os._exit
@@ -239,4 +234,3 @@ def _prepare(dump: int) -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # What a tracker printed before its process is killed is seen.
         sys.stdout.reconfigure(line_buffering=True)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

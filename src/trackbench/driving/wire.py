@@ -28,56 +28,18 @@ _TYPES = {"d": np.dtype(np.float64), "?": np.dtype(np.bool_), "l": np.dtype(np.i
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 
-class ProcessReport(NamedTuple):
-    """What the bench is told of the process that guards a tracker's."""
-
-    started: bool
-    """Whether it was started; else it has ended."""
-    process: int
-    """Its number."""
-    status: int = 0
-    """How the tracker's process ended, as of ``os.waitpid``."""
-    memory: int = 0
-    """What the tracker took when it was ended for that, bytes; else 0."""
-    unshown: int = 0
-    """Lines that it printed and that were not shown."""
-    lines: int = 0
-    """How many more would have been shown."""
-    last: bytes = b""
-    """The end of what a program printed."""
-
-    def packed(self) -> bytes:
-        """As bytes, of which there are always as many."""
-        return _REPORT.pack(*self)
-
-    @classmethod
-    def unpacked(cls, content: bytes) -> ProcessReport:
-        """From bytes.
-
-        Raises:
-            EOFError: they are not all there.
-        """
-        if len(content) < _REPORT.size:
-            raise EOFError
-        *numbers, last = _REPORT.unpack(content)
-        return cls(*numbers)._replace(last=last.rstrip(b"\0"))
-
-
-#: Bytes of a launch, and of the end of what a program printed.
-LONGEST_LAUNCH, LAST = 1 << 16, 400
-_REPORT = struct.Struct(f"<?iiQQQ{LAST}s")
-REPORT_SIZE = _REPORT.size
+#: What the bench is told of a process: whether it was started, or has ended; its number; its status as of
+#: ``os.waitpid``.
+REPORT = struct.Struct("<?ii")
+#: Bytes of a launch.
+LONGEST_LAUNCH = 1 << 16
 
 
 class Launch(NamedTuple):
-    """The process of a tracker that is to be started: what it may take and print, and the program if it is one."""
+    """The process of a tracker that is to be started."""
 
     name: str
-    """What its output is said to be of."""
-    memory: int = 0
-    """Bytes."""
-    lines: int = 0
-    """Shown ones."""
+    """Name of the tracker in messages."""
     command: list[str] | None = None
     """A program and its arguments; None of a tracker in Python."""
     folder: str = "."
@@ -86,12 +48,12 @@ class Launch(NamedTuple):
     """``PYTHONPATH`` as a program finds it."""
 
     def packed(self) -> bytes:
-        """As bytes, at most ``LONGEST_LAUNCH``."""
+        """Return it as bytes, at most ``LONGEST_LAUNCH``."""
         return json.dumps(self._replace(name=self.name[:500])).encode()
 
     @classmethod
     def unpacked(cls, content: bytes) -> Launch:
-        """From bytes."""
+        """Read it from bytes."""
         return cls(*json.loads(content))
 
 
