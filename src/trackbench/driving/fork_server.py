@@ -17,7 +17,7 @@ from typing import NoReturn
 from trackbench.driving import host
 from trackbench.driving.descendants import adopt_orphans, end_children, end_descendants, end_with_parent
 from trackbench.driving.frames import message_frame
-from trackbench.driving.wire import LONGEST_LAUNCH, REPORT, Launch
+from trackbench.driving.launch import LONGEST_LAUNCH, REPORT, Launch
 
 #: How often it looks whether the bench is still there, s.
 ORPHANED = 2.0

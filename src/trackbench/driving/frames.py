@@ -1,4 +1,4 @@
-"""The framing between the bench and a program in another language, version 1 (docs/any-language.md).
+"""The framing between the bench and the process of a tracker, version 1 (docs/any-language.md).
 
 A frame is its length, uint32 little-endian, and a MessagePack map. An array is [shape, bytes], the bytes those of
 float64, little-endian, the last axis running fastest.
@@ -10,12 +10,12 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import msgpack
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Scan, Tracks
+from trackbench.base.types import Array, Estimate, FieldOfView, Scan, Tracks
 from trackbench.trackers.answers import ASYMMETRY, TrackerFault
 
 VERSION = 1
@@ -23,9 +23,14 @@ LENGTH = struct.Struct("<I")
 #: Bytes of a frame. The length of a longer one would be that of printed text: a byte of text is 9 or more.
 LARGEST = 1 << 27
 FLOAT = np.dtype("<f8")
-_OPTIONAL = ("innovation", "innovation_covariance", "mode_probabilities", "repaired")
-_packer = msgpack.Packer()
-_pack = _packer.pack
+ANY_TEXT = "surrogatepass"
+_OPTIONAL = ("innovation", "innovation_covariance", "mode_probabilities", "repaired", "state")
+
+
+class Source(Protocol):
+    """Where bytes come from: a socket."""
+
+    def recv_into(self, buffer: memoryview) -> int: ...
 
 
 class NotAFrame(Exception):
@@ -36,6 +41,19 @@ def packed_array(value: Any) -> list[Any]:
     """An array as a message has it."""
     array = np.asarray(value, dtype=FLOAT)
     return [list(array.shape), array.tobytes()]
+
+
+def _packable(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return packed_array(value)
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{str(value)[:40]} ({type(value).__name__}) is no value of MessagePack")
+
+
+#: Half a character may be in the name of a file, or in an error of a tracker.
+_packer = msgpack.Packer(default=_packable, unicode_errors=ANY_TEXT)
+_pack = _packer.pack
 
 
 def message_frame(message: Mapping[str, Any]) -> bytes:
@@ -104,12 +122,81 @@ def frame_message(content: bytes | bytearray) -> dict[str, Any]:
         NotAFrame: it is no MessagePack map.
     """
     try:
-        message = msgpack.unpackb(content)
+        message = msgpack.unpackb(content, strict_map_key=False, unicode_errors=ANY_TEXT)
     except Exception as error:
         raise NotAFrame(f"no MessagePack ({type(error).__name__})") from error
     if type(message) is not dict:
         raise NotAFrame(f"no MessagePack map, but {type(message).__name__}")
     return message
+
+
+def receive_frame(source: Source) -> dict[str, Any]:
+    """Return the message of the next frame of a socket.
+
+    Raises:
+        EOFError: the other side has ended.
+        NotAFrame: the bytes received are none.
+    """
+    (size,) = LENGTH.unpack(_received(source, LENGTH.size))
+    if size > LARGEST:
+        raise NotAFrame(f"{size} bytes long")
+    return frame_message(_received(source, size))
+
+
+def _received(source: Source, size: int) -> bytearray:
+    content, done = bytearray(size), 0
+    view = memoryview(content)
+    while done < size:
+        number = source.recv_into(view[done:])
+        if number == 0:
+            raise EOFError
+        done += number
+    return content
+
+
+def with_arrays(value: Any) -> Any:
+    """Return a value of a message with NumPy's arrays, which are read-only, in place of ``[shape, bytes]``."""
+    match value:
+        case [[*shape], bytes(content)]:
+            return np.frombuffer(content, dtype=FLOAT).reshape(shape)[()]
+        case list():
+            return [with_arrays(item) for item in value]
+        case dict():
+            return {key: with_arrays(item) for key, item in value.items()}
+    return value
+
+
+def message_scan(message: Mapping[str, Any]) -> Scan:
+    """Return the scan of a message; its arrays are read-only."""
+    parts = {name: with_arrays(message[name]) for name in Scan._fields if name in message}
+    if "field_of_view" in parts:
+        half_angle, max_range, volume = parts["field_of_view"].tolist()
+        parts["field_of_view"] = FieldOfView(half_angle, max_range, None if math.isnan(volume) else volume)
+    scan = Scan(**parts)
+    valid = scan.valid != 0
+    if isinstance(valid, np.ndarray):
+        valid.setflags(write=False)
+    return scan._replace(valid=valid)
+
+
+def answer_frame(number: int, answer: Estimate | Tracks | None) -> bytes:
+    """Return the frame of a tracker's answer to a scan."""
+    if answer is None:
+        return message_frame({"type": "none", "id": number})
+    parts = {name: value for name, value in answer._asdict().items() if value is not None}
+    if isinstance(answer, Estimate) and "state" in parts and not _is_numeric(parts["state"]):
+        # A state of another form is the tracker's own affair.
+        del parts["state"]
+    kind = "tracks" if isinstance(answer, Tracks) else "estimate"
+    return message_frame({"type": kind, "id": number} | {name: packed_array(value) for name, value in parts.items()})
+
+
+def _is_numeric(value: Any) -> bool:
+    try:
+        np.asarray(value, dtype=FLOAT)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def message_array(message: Mapping[str, Any], name: str) -> Array:

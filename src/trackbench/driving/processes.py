@@ -18,18 +18,16 @@ from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO, Protocol
 from uuid import uuid4
 
-import numpy as np
-import numpy.typing as npt
-
 from trackbench.base import at_hand
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.exit_status import how_it_ended
-from trackbench.base.types import Progress, no_progress
+from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.descendants import descendants, end_marked, memory_of
 from trackbench.driving.faults import TrackFault, raise_reported
+from trackbench.driving.frames import NotAFrame, ScanFrames, id_of, message_frame, receive_frame
 from trackbench.driving.isolation import GIGABYTE, Isolation
-from trackbench.driving.wire import INSIDE, REPORT, Launch, Malformed, exchange_frame, receive_message
+from trackbench.driving.launch import INSIDE, REPORT, Launch
 
 FORK_SERVER = "trackbench.driving.fork_server"
 #: Whether messages keep their bounds, which macOS does not offer. Nothing here needs them: one launch is under way at a
@@ -43,9 +41,9 @@ DUMPING = 1.0
 STARTING, ENDING = 60.0, 10.0
 #: Variables of the environment that a tracker is not told.
 UNTOLD = ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
+#: Types of an answer.
+ANSWERS = ("done", "estimate", "tracks", "none")
 NO_ANSWER = "its process sent what is no answer"
-
-Answer = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
 
 
 class Closeable(Protocol):
@@ -236,7 +234,7 @@ class TrackerProcess(ChildProcess):
 
     def __init__(self, isolation: Isolation, name: str, members: int = 0) -> None:
         self._members = members
-        self._exchange = 0
+        self._is_told = False
         self._progress: Progress = no_progress
         self.dropped: list[int] = []
         """Numbers of trackers in it that are no longer needed."""
@@ -259,61 +257,70 @@ class TrackerProcess(ChildProcess):
         """
         self._progress = progress
         try:
-            values, _ = self.ask("work", function=function, arguments=arguments)
-            return pickle.loads(values["returned"])
+            return pickle.loads(self.ask("work", function=function, arguments=arguments)["returned"])
         except (InputError, TrackFault):
             raise
         except Exception:
             raise self._ended(NO_ANSWER) from None
 
-    def ask(self, do: str, **request: Any) -> Answer:
-        """What the process answers to a request.
+    def ask(self, kind: str, **request: Any) -> dict[str, Any]:
+        """Return what the process answers to a request.
 
         Raises:
             InputError: the tracker cannot be found or does not take its options.
             TrackFault: it failed, or its process has ended; then it is no longer asked.
         """
-        if self.fault is not None:
-            raise self.fault
-        self._exchange += 1
-        request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
-        if self._exchange == 1:
+        request["type"] = kind
+        if not self._is_told:
             request |= {"cwd": None, "path": sys.path, "classes": at_hand.pickled()}
             # It may have been deleted.
             with suppress(FileNotFoundError):
                 request["cwd"] = os.getcwd()
         try:
-            content = exchange_frame(request)
+            content = message_frame(request)
         except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"its process cannot be told this: {error}") from None
+        self._is_told = True
+        return self._exchange(content)
+
+    def step(self, number: int, scan: Scan) -> dict[str, Any]:
+        """Return what a tracker answers to a scan.
+
+        Raises:
+            TrackFault: as of ``ask``.
+        """
+        return self._exchange(ScanFrames(scan).of(id_of(number), scan))
+
+    def _exchange(self, content: bytes) -> dict[str, Any]:
+        if self.fault is not None:
+            raise self.fault
         self._until = time.monotonic() + self.timeout
+        ended = [message_frame({"type": "end", "id": number}) for number in self.dropped]
+        self.dropped = []
         try:
             if self.is_too_large:
                 raise EOFError
             self._socket.settimeout(self.timeout)
-            self._socket.sendall(content)
-            self.dropped = []
-            answer = receive_message(self)
-            while "progress" in answer["values"]:
-                done, expected = map(float, answer["values"]["progress"])
+            self._socket.sendall(b"".join((*ended, content)))
+            answer = receive_frame(self)
+            while answer.get("type") == "progress":
+                done, expected = float(answer["done"]), float(answer["expected"])
                 self._until = time.monotonic() + self.timeout
                 self._progress(done, expected)
-                answer = receive_message(self)
-            values, arrays = answer["values"], answer["arrays"]
-            if values["exchange"] != self._exchange or not all(
-                isinstance(each, np.ndarray | np.generic) for each in arrays.values()
-            ):
-                raise Malformed
-            raise_reported(values, self._members)
+                answer = receive_frame(self)
+            if answer.get("type") == "error":
+                raise_reported(answer, self._members)
+            if answer.get("type") not in ANSWERS:
+                raise NotAFrame(NO_ANSWER)
+            return answer
         except TimeoutError:
             text = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
             self._abort()
             raise self._ended(text) from None
         except (EOFError, OSError):
             raise self._ended(self._how_it_ended()) from None
-        except (Malformed, AttributeError, KeyError, TypeError, ValueError):
+        except (NotAFrame, AttributeError, KeyError, TypeError, ValueError):
             raise self._ended(NO_ANSWER) from None
-        return values, arrays
 
     def start(self, do: str, **request: Any) -> tuple[int, dict[str, Any]]:
         """The number of what a request starts, and what it says of itself.
@@ -322,8 +329,8 @@ class TrackerProcess(ChildProcess):
             InputError: the tracker cannot be found or does not take its options.
             TrackFault: it failed.
         """
+        values = self.ask(do, **request)
         try:
-            values, _ = self.ask(do, **request)
             return int(values["number"]), values
         except (KeyError, TypeError, ValueError):
             raise self._ended(NO_ANSWER) from None

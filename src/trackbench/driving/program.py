@@ -17,8 +17,8 @@ from trackbench.driving import frames
 from trackbench.driving.faults import Kind, TrackFault
 from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, message_frame
 from trackbench.driving.isolation import Isolation, lacking
+from trackbench.driving.launch import Launch
 from trackbench.driving.processes import GLANCE, ChildProcess
-from trackbench.driving.wire import Launch
 from trackbench.models.sensors import Sensor
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.foreign import Command
