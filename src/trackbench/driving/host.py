@@ -20,7 +20,7 @@ from trackbench.base import at_hand
 from trackbench.base.types import Progress
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import error_message, fault_of
-from trackbench.driving.frames import answer_frame, message_frame, message_scan, receive_frame, with_arrays
+from trackbench.driving.frames import FrameReader, answer_frame, message_frame, message_scan, with_arrays
 from trackbench.driving.printed import say_stray_errors
 from trackbench.driving.steppers import Stepper, local, refuse_truth
 from trackbench.trackers.answers import is_random
@@ -142,10 +142,11 @@ def serve_bench(connection: socket.socket, dump: int, name: str) -> NoReturn:
             os._exit(1)
         connection.sendall(content)
 
+    reader = FrameReader()
     host = Host(lambda done, expected: send(message_frame({"type": "progress", "done": done, "expected": expected})))
     while True:
         try:
-            request = receive_frame(connection)
+            request = reader.receive(connection.recv)
         except (EOFError, OSError):
             os._exit(0)
         except BaseException:

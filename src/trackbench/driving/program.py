@@ -15,7 +15,7 @@ from trackbench.base.errors import InputError, printable, shortened_text
 from trackbench.base.types import Scan
 from trackbench.driving import frames
 from trackbench.driving.faults import Kind, TrackFault
-from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, message_frame
+from trackbench.driving.frames import LARGEST, LENGTH, READ, NotAFrame, message_frame
 from trackbench.driving.isolation import Isolation, lacking
 from trackbench.driving.launch import Launch
 from trackbench.driving.processes import GLANCE, ChildProcess
@@ -25,8 +25,6 @@ from trackbench.trackers.foreign import Command
 
 #: Bytes that a pipe holds, so that a batch goes through it in few pieces, where the system allows it.
 PIPE = 1 << 20
-#: Bytes that are read at once: for more, each read gets its memory from the system, which takes 20 us.
-READ = 1 << 16
 #: The first byte of a MessagePack map.
 MAPS = frozenset([*range(0x80, 0x90), 0xDE, 0xDF])
 #: Of an answer that is no frame, characters that are shown.

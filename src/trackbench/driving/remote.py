@@ -12,10 +12,10 @@ from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.frames import message_array, plain_estimate
 from trackbench.driving.isolation import Isolation, is_program
-from trackbench.driving.processes import NO_ANSWER, TrackerProcess
 from trackbench.driving.program import Program
 from trackbench.driving.program_steppers import ProgramStepper, ProgramTracker, answer_of
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, Traits, local
+from trackbench.driving.tracker_process import NO_ANSWER, TrackerProcess
 from trackbench.models.sensors import Sensor
 from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, shaped_estimate
 from trackbench.trackers.config import FilterConfig, PluginConfig
