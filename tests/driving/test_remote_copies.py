@@ -1,4 +1,4 @@
-"""Copies of a tracker in a process of its own, which are made when they are first asked."""
+"""Copies of a tracker in a process of its own."""
 
 from __future__ import annotations
 
@@ -73,27 +73,3 @@ def test_a_call_of_a_method_changes_no_copy(tracker: RemoteTracker) -> None:
     twin = copy.deepcopy(tracker)
     tracker.forget()
     assert (steps(tracker), steps(twin)) == (1.0, 2.0)
-
-
-def test_a_walk_goes_up_to_the_step_that_fails(tracker: RemoteTracker) -> None:
-    estimates, fault = tracker.walk([SCAN] * 2)
-    assert [estimate is not None and estimate.mean[0] for estimate in estimates] == [1.0, 2.0]
-    assert fault is None
-    twin = copy.deepcopy(tracker)
-    estimates, fault = tracker.walk([SCAN] * 5)
-    assert [estimate is not None and estimate.mean[0] for estimate in estimates] == [3.0]
-    assert fault is not None
-    assert fault.cause == "KeyError: 'four'"
-    assert steps(twin) == 3.0
-
-
-def test_scans_tried_at_once_are_each_given_to_a_copy(tracker: RemoteTracker) -> None:
-    tracker.walk([SCAN] * 2)
-    estimates, fault = tracker.peeks([SCAN] * 3)
-    assert [estimate is not None and estimate.mean[0] for estimate in estimates] == [3.0, 3.0, 3.0]
-    assert fault is None
-    assert steps(tracker) == 3.0
-    estimates, fault = tracker.peeks([SCAN])
-    assert estimates == []
-    assert fault is not None
-    assert fault.cause == "KeyError: 'four'"

@@ -14,8 +14,8 @@ LARGEST_SHARE = 0.16
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 95_637
-MOST_FILES = 510
+MOST_LINES = 95_267
+MOST_FILES = 508
 
 
 def lines_of(file: Path) -> int:

@@ -89,11 +89,6 @@ class Alone(Stateful[Estimate | None]):
         self.given.append(scan)
         return self._latest
 
-    def took(self, scan: Scan, estimate: Estimate | None, state: Any) -> None:
-        """Note a scan that the tracker was given elsewhere, with its estimate and state after it."""
-        self.state, self._latest = state, estimate
-        self.given.append(scan)
-
     def copy(self) -> Alone:
         """An independent one with the same state.
 

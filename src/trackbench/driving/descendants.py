@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -46,9 +46,23 @@ def descendants(process: int) -> Iterator[int]:
         yield from descendants(child)
 
 
-def end_descendants(kept: Collection[int] = ()) -> None:
-    """Kill all that descends from this process, which adopts orphans, and wait for it; ``kept``: children to leave."""
-    while processes := [child for child in children(os.getpid()) if child not in kept]:
+def memory_of(processes: Sequence[int], most: int) -> int:
+    """Return the resident memory of processes, bytes; where that is above ``most``, what several share counts once."""
+    resident = sum(map(_resident, processes))
+    return resident if resident <= most else sum(map(_proportional, processes))
+
+
+def end_marked(mark: str) -> None:
+    """Kill all processes that were started with ``NAME=value`` in their environment."""
+    for place in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if mark.encode() in (place / "environ").read_bytes():
+                os.kill(int(place.name), signal.SIGKILL)
+
+
+def end_descendants() -> None:
+    """Kill all that descends from this process, which adopts orphans, and wait for it."""
+    while processes := children(os.getpid()):
         end_children(processes, signal.SIGKILL)
 
 
@@ -60,6 +74,22 @@ def end_children(processes: Collection[int], number: signal.Signals) -> None:
     for process in processes:
         with suppress(ChildProcessError):
             os.waitpid(process, 0)
+
+
+def _resident(process: int) -> int:
+    try:
+        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, IndexError):
+        return 0
+
+
+def _proportional(process: int) -> int:
+    """Return the resident memory of a process, with its share of what it shares with other processes, bytes."""
+    try:
+        text = Path(f"/proc/{process}/smaps_rollup").read_text()
+    except OSError:
+        return _resident(process)
+    return next((int(line.split()[1]) * 1024 for line in text.splitlines() if line.startswith("Pss:")), 0)
 
 
 def _prctl(option: int, value: int) -> None:

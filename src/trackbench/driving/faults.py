@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NoReturn, get_args
 
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError, printable, text_of
 from trackbench.base.user_code import place_of
@@ -62,19 +62,26 @@ def _cause(error: BaseException) -> str:
     return f"{name}: {text.strip()}" if text else name
 
 
-def raise_reported(values: dict[str, Any], members: int) -> None:
-    """Raise the error that an answer reports, if any.
+def error_message(error: BaseException) -> dict[str, Any]:
+    """Return the message by which the process of a tracker reports an error."""
+    if isinstance(error, InputError | InputErrors):
+        problems = error.errors if isinstance(error, InputErrors) else [error]
+        return {"type": "error", "input": [[each.message, each.key] for each in problems]}
+    fault = fault_of(error)
+    return {"type": "error", "message": fault.cause, "kind": fault.kind, "place": fault.place, "member": fault.member}
+
+
+def raise_reported(message: dict[str, Any], members: int) -> NoReturn:
+    """Raise the error that a message reports.
 
     Raises:
         InputError, TrackFault: the reported error.
-        TypeError, ValueError: the report is malformed.
+        KeyError, TypeError, ValueError: the report is malformed.
     """
-    problems, fault = values.get("input"), values.get("fault")
-    if problems:
+    if problems := message.get("input"):
         errors = [InputError(str(message), key=None if key is None else str(key)) for message, key in problems]
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
-    if fault:
-        cause, kind, place, member = fault
-        if kind not in KINDS or not (member is None or (isinstance(member, int) and 0 <= member < members)):
-            raise ValueError(fault)
-        raise TrackFault(str(cause), kind, None if place is None else str(place), member)
+    kind, place, member = (message[name] for name in ("kind", "place", "member"))
+    if kind not in KINDS or not (member is None or (isinstance(member, int) and 0 <= member < members)):
+        raise ValueError(message)
+    raise TrackFault(str(message["message"]), kind, None if place is None else str(place), member)

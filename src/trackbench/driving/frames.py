@@ -1,4 +1,4 @@
-"""The framing between the bench and a program in another language, version 1 (docs/any-language.md).
+"""The framing between the bench and the process of a tracker, version 1 (docs/any-language.md).
 
 A frame is its length, uint32 little-endian, and a MessagePack map. An array is [shape, bytes], the bytes those of
 float64, little-endian, the last axis running fastest.
@@ -8,24 +8,25 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
 import msgpack
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Scan, Tracks
+from trackbench.base.types import Array, Estimate, FieldOfView, Scan, Tracks
 from trackbench.trackers.answers import ASYMMETRY, TrackerFault
 
 VERSION = 1
 LENGTH = struct.Struct("<I")
 #: Bytes of a frame. The length of a longer one would be that of printed text: a byte of text is 9 or more.
 LARGEST = 1 << 27
+#: Bytes that are read at once: for more, each read gets its memory from the system, which takes 20 us.
+READ = 1 << 16
 FLOAT = np.dtype("<f8")
-_OPTIONAL = ("innovation", "innovation_covariance", "mode_probabilities", "repaired")
-_packer = msgpack.Packer()
-_pack = _packer.pack
+ANY_TEXT = "surrogatepass"
+_OPTIONAL = ("innovation", "innovation_covariance", "mode_probabilities", "repaired", "state")
 
 
 class NotAFrame(Exception):
@@ -36,6 +37,19 @@ def packed_array(value: Any) -> list[Any]:
     """An array as a message has it."""
     array = np.asarray(value, dtype=FLOAT)
     return [list(array.shape), array.tobytes()]
+
+
+def _packable(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return packed_array(value)
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{str(value)[:40]} ({type(value).__name__}) is no value of MessagePack")
+
+
+#: Half a character may be in the name of a file, or in an error of a tracker.
+_packer = msgpack.Packer(default=_packable, unicode_errors=ANY_TEXT)
+_pack = _packer.pack
 
 
 def message_frame(message: Mapping[str, Any]) -> bytes:
@@ -104,12 +118,97 @@ def frame_message(content: bytes | bytearray) -> dict[str, Any]:
         NotAFrame: it is no MessagePack map.
     """
     try:
-        message = msgpack.unpackb(content)
+        message = msgpack.unpackb(content, strict_map_key=False, unicode_errors=ANY_TEXT)
     except Exception as error:
         raise NotAFrame(f"no MessagePack ({type(error).__name__})") from error
     if type(message) is not dict:
         raise NotAFrame(f"no MessagePack map, but {type(message).__name__}")
     return message
+
+
+class FrameReader:
+    """The messages that come one after the other."""
+
+    def __init__(self) -> None:
+        self._content = bytearray()
+
+    def receive(self, read: Callable[[int], bytes]) -> dict[str, Any]:
+        """Return the next message.
+
+        Args:
+            read: gives at most so many bytes, as soon as there are some, and none at the end.
+
+        Raises:
+            EOFError: the other side has ended.
+            NotAFrame: the bytes received are none.
+        """
+        self._take(LENGTH.size, read)
+        (size,) = LENGTH.unpack_from(self._content)
+        if size > LARGEST:
+            raise NotAFrame(f"{size} bytes long")
+        end = LENGTH.size + size
+        self._take(end, read)
+        content = self._content[LENGTH.size : end]
+        del self._content[:end]
+        return frame_message(content)
+
+    def _take(self, size: int, read: Callable[[int], bytes]) -> None:
+        while len(self._content) < size:
+            content = read(READ)
+            if not content:
+                raise EOFError
+            self._content += content
+
+
+def with_arrays(value: Any) -> Any:
+    """Return a value of a message with NumPy's arrays, which are read-only, in place of ``[shape, bytes]``."""
+    match value:
+        case [[*shape], bytes(content)]:
+            return _read_only_array(shape, content)
+        case list():
+            return [with_arrays(item) for item in value]
+        case dict():
+            return {key: with_arrays(item) for key, item in value.items()}
+    return value
+
+
+def message_scan(message: Mapping[str, Any]) -> Scan:
+    """Return the scan of a message; its arrays are read-only."""
+    parts = {name: message[name] for name in Scan._fields if name in message}
+    for name in ("measurement", "valid", "noise_covariance", "sensor_pose", "sensor_velocity"):
+        parts[name] = _read_only_array(*parts[name])
+    parts["valid"] = parts["valid"] != 0
+    if isinstance(parts["valid"], np.ndarray):
+        parts["valid"].setflags(write=False)
+    if "field_of_view" in parts:
+        half_angle, max_range, volume = _read_only_array(*parts["field_of_view"]).tolist()
+        parts["field_of_view"] = FieldOfView(half_angle, max_range, None if math.isnan(volume) else volume)
+    return Scan(**parts)
+
+
+def _read_only_array(shape: Sequence[int], content: bytes) -> Any:
+    # The empty index makes a number of an array without axes.
+    return np.frombuffer(content, dtype=FLOAT).reshape(shape)[()]
+
+
+def answer_frame(number: int, answer: Estimate | Tracks | None) -> bytes:
+    """Return the frame of a tracker's answer to a scan."""
+    if answer is None:
+        return message_frame({"type": "none", "id": number})
+    parts = {name: value for name, value in answer._asdict().items() if value is not None}
+    if isinstance(answer, Estimate) and "state" in parts and not _is_numeric(parts["state"]):
+        # A state of another form is the tracker's own affair.
+        del parts["state"]
+    kind = "tracks" if isinstance(answer, Tracks) else "estimate"
+    return message_frame({"type": kind, "id": number} | {name: packed_array(value) for name, value in parts.items()})
+
+
+def _is_numeric(value: Any) -> bool:
+    try:
+        np.asarray(value, dtype=FLOAT)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def message_array(message: Mapping[str, Any], name: str) -> Array:

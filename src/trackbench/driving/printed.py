@@ -1,9 +1,8 @@
-"""What plug-ins print, and errors of theirs that nothing catches: its start, without what a terminal would obey."""
+"""Errors of a tracker that nothing catches, each said in one line."""
 
 from __future__ import annotations
 
 import logging
-import re
 import sys
 import threading
 import traceback
@@ -11,50 +10,6 @@ from contextlib import suppress
 from typing import Any
 
 from trackbench.base.errors import printable, text_of
-
-#: Lines that are shown of what a plug-in prints, and characters of one on average.
-LINES, LINE = 100, 200
-_LINE = re.compile(r"[^\n]*\n|[^\n]+")
-
-
-class Shown:
-    """So many lines of a text that comes in parts; the rest is counted.
-
-    Args:
-        name: who prints.
-        lines: how many are shown.
-    """
-
-    def __init__(self, name: str, lines: int = LINES) -> None:
-        self.unshown = 0
-        """Lines so far that are not."""
-        self.lines = lines
-        """Lines that are still to be shown."""
-        self._name, self._characters = name, lines * LINE
-
-    def admit(self, text: str) -> str:
-        """What is to be shown of the next part, with spaces for control characters."""
-        parts = []
-        for line in _LINE.findall(text):
-            whole = line.endswith("\n")
-            if not self._more:
-                self.unshown += whole
-                continue
-            parts.append(_visible(line[: self._characters]))
-            self._characters -= len(line)
-            self.lines -= whole
-            if not self._more:
-                start = "" if parts[-1].endswith("\n") else "\n"
-                parts.append(f"{start}{self._name}: what it prints from here on is not shown\n")
-        return "".join(parts)
-
-    @property
-    def _more(self) -> bool:
-        return self.lines > 0 and self._characters > 0
-
-
-def _visible(text: str) -> str:
-    return "".join(letter if letter.isprintable() or letter in "\n\t" else " " for letter in text)
 
 
 def say_stray_errors(name: str) -> None:
@@ -65,7 +20,6 @@ def say_stray_errors(name: str) -> None:
     Args:
         name: whose errors they are.
     """
-    shown = Shown("trackbench")
     threads, others, records = threading.excepthook, sys.unraisablehook, logging.Handler.handleError
 
     def say(error: BaseException | None) -> bool:
@@ -79,12 +33,7 @@ def say_stray_errors(name: str) -> None:
         text = ": ".join(filter(None, (type(error).__name__, printable(text_of(error)))))
         where = "" if place is None else f" ({place})"
         with suppress(OSError, ValueError, AttributeError):
-            print(
-                shown.admit(f"{name}: an error that nothing caught: {text}{where}\n"),
-                end="",
-                file=sys.stderr,
-                flush=True,
-            )
+            print(f"{name}: an error that nothing caught: {text}{where}", file=sys.stderr, flush=True)
         return True
 
     def in_thread(args: threading.ExceptHookArgs) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import select
-import signal
 import time
 from collections.abc import Mapping, Sequence, Sized
 from contextlib import suppress
@@ -16,25 +15,23 @@ from trackbench.base.errors import InputError, printable, shortened_text
 from trackbench.base.types import Scan
 from trackbench.driving import frames
 from trackbench.driving.faults import Kind, TrackFault
-from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, message_frame
+from trackbench.driving.frames import LARGEST, LENGTH, READ, NotAFrame, message_frame
 from trackbench.driving.isolation import Isolation, lacking
-from trackbench.driving.processes import ENDING, GLANCE, GuardedProcess
-from trackbench.driving.wire import Launch
+from trackbench.driving.launch import Launch
+from trackbench.driving.processes import GLANCE, ChildProcess
 from trackbench.models.sensors import Sensor
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.foreign import Command
 
 #: Bytes that a pipe holds, so that a batch goes through it in few pieces, where the system allows it.
 PIPE = 1 << 20
-#: Bytes that are read at once: for more, each read gets its memory from the system, which takes 20 us.
-READ = 1 << 16
 #: The first byte of a MessagePack map.
 MAPS = frozenset([*range(0x80, 0x90), 0xDE, 0xDF])
 #: Of an answer that is no frame, characters that are shown.
 SHOWN = 60
 
 
-class Program(GuardedProcess):
+class Program(ChildProcess):
     """A program that serves trackers, each with a number.
 
     Args:
@@ -113,6 +110,8 @@ class Program(GuardedProcess):
         if self.fault is not None:
             raise self.fault
         self._until = time.monotonic() + self.timeout
+        if self.is_too_large:
+            raise self._ended()
         content, self._unsent = b"".join((self._unsent, *messages)), b""
         try:
             sent = os.write(self._out, content)
@@ -154,10 +153,9 @@ class Program(GuardedProcess):
         return answer
 
     def failed(self, cause: str, kind: Kind = "answer") -> TrackFault:
-        """End it, where it has not ended, with its last words; return the fault."""
-        report = self._kill(signal.SIGTERM, ENDING)
+        """End it, where it has not ended; return the fault."""
         self._end()
-        self.fault = TrackFault(f"{self.name}: {cause}{'' if report is None else _last_words(report.last)}", kind)
+        self.fault = TrackFault(f"{self.name}: {cause}", kind)
         return self.fault
 
     def ask(self, number: int, scan: Scan) -> dict[str, Any]:
@@ -209,8 +207,8 @@ class Program(GuardedProcess):
         self._received += content
 
     def _look(self, ready: Sized) -> None:
-        """Raise where the program is late or, where nothing is ready, has ended."""
-        if not ready and self.has_ended:
+        """Raise where the program is late, takes too much memory or, where nothing is ready, has ended."""
+        if self.is_too_large or (not ready and self.has_ended):
             raise self._ended()
         if time.monotonic() >= self._until:
             stray = f"; it wrote {_text(self._received)}" if self._received else ""
@@ -270,8 +268,3 @@ def _text(content: bytes | bytearray) -> str:
 
 def _said(value: Any) -> str:
     return shortened_text(repr(value), SHOWN)
-
-
-def _last_words(content: bytes) -> str:
-    lines = [line for line in content.decode(errors="replace").splitlines() if any(map(str.isalnum, line))]
-    return f"; its last words: {_line(' / '.join(lines[-2:]))}" if lines else ""

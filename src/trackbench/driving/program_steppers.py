@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from trackbench.trackers.answers import KEPT_THERE, OF_ONE, OF_SEVERAL, TrackerF
 Message = dict[str, Any]
 
 
-def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
+def answer_of(message: Mapping[str, Any], several: bool) -> Estimate | Tracks | None:
     """What an answer says.
 
     Raises:

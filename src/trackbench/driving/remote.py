@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
-from weakref import WeakSet
 
-import numpy as np
-
-from trackbench.base.types import Array, Estimate, Indices, Scan
+from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks
 from trackbench.driving.faults import TrackFault
+from trackbench.driving.frames import message_array, plain_estimate
 from trackbench.driving.isolation import Isolation, is_program
-from trackbench.driving.processes import NO_ANSWER, TrackerProcess
 from trackbench.driving.program import Program
-from trackbench.driving.program_steppers import ProgramStepper, ProgramTracker
+from trackbench.driving.program_steppers import ProgramStepper, ProgramTracker, answer_of
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, Traits, local
+from trackbench.driving.tracker_process import NO_ANSWER, TrackerProcess
 from trackbench.models.sensors import Sensor
 from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, shaped_estimate
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -165,7 +163,10 @@ class RemoteStepper(Stepper):
         Raises:
             TrackFault: the tracker failed.
         """
-        return _step(self._process, self._number, scan, self._form)
+        message = self._process.step(self._number, scan)
+        if self._form is ESTIMATE_FORM and (estimate := plain_estimate([message], *scan.valid.shape)):
+            return estimate
+        return _checked(message, scan, self._form)
 
     def close(self) -> None:
         """End the process."""
@@ -186,11 +187,7 @@ class RemoteStepper(Stepper):
 
 
 class RemoteTracker:
-    """A tracker in a process of its own, which also has its state. A copy of it is one with the state of now.
-
-    Most copies are given one scan. So one is made as it is stepped, in the same request, or before what it is a copy of
-    is stepped.
-    """
+    """A tracker in a process of its own, which also has its state. A copy of it is one with the state of now."""
 
     def __init__(
         self, process: TrackerProcess, number: int, batched: bool, random: bool, methods: frozenset[str]
@@ -199,10 +196,6 @@ class RemoteTracker:
         self._number = number
         self.batched, self.random = batched, random
         self._methods = methods
-        self._origin: RemoteTracker | None = None
-        """What it is to be a copy of; None once it is one."""
-        self._copies: WeakSet[RemoteTracker] = WeakSet()
-        """Those of it that are not made yet."""
 
     @classmethod
     def fresh(cls, process: TrackerProcess, config: PluginConfig, folder: Path | None) -> RemoteTracker:
@@ -213,79 +206,34 @@ class RemoteTracker:
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Estimate | None]:
         """What stands for its state, and the estimate."""
-        self._make_copies()
-        if self._origin is None:
-            return KEPT_THERE, _step(self._process, self._number, scan, SHAPED_FORM)
-        values, arrays = self._process.ask("step", number=self._origin._number, scan=scan, copied=True)
-        self._becomes(values.get("number"))
-        return KEPT_THERE, _checked(values, arrays, scan, SHAPED_FORM)
-
-    def walk(self, scans: Sequence[Scan]) -> tuple[list[Estimate | None], TrackFault | None]:
-        """The estimates after each of some scans, and the fault of the step after them, where it fails.
-
-        Raises:
-            TrackFault: its process has ended, at one of the scans.
-        """
-        self._make_copies()
-        return self._several("walk", scans)
-
-    def peeks(self, scans: Sequence[Scan]) -> tuple[list[Estimate | None], TrackFault | None]:
-        """The estimate after each of some scans by a copy of its own; else as of ``walk``."""
-        return self._several("peeks", scans)
-
-    def _several(self, do: str, scans: Sequence[Scan]) -> tuple[list[Estimate | None], TrackFault | None]:
-        answer, arrays = self._process.ask(do, number=self._made(), scans=list(scans))
-        failed = answer.get("failed")
-        try:
-            estimates, there = [], zip(arrays["mean"], arrays["covariance"], strict=True)
-            for scan, given in zip(scans, answer["given"], strict=False):
-                estimates.append(shaped_estimate(Estimate(*next(there)), scan) if given else None)
-            return estimates, None if failed is None else TrackFault(*failed)
-        except (KeyError, StopIteration, TypeError, ValueError, TrackerFault) as error:
-            raise TrackFault(NO_ANSWER, "died") from error
+        message = self._process.step(self._number, scan)
+        return KEPT_THERE, _checked(message, scan, SHAPED_FORM)
 
     @property
     def not_copied(self) -> str | None:
         """Why its process repeats it on the same scans instead of copying it; None while it has not."""
-        reason = self._process.ask("traits", number=self._made())[0].get("not_copied")
+        reason = self._process.ask("traits", number=self._number).get("not_copied")
         return None if reason is None else str(reason)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
-        twin = RemoteTracker(self._process, self._made(), self.batched, self.random, self._methods)
-        twin._origin = self
-        self._copies.add(twin)
-        return twin
-
-    def _make_copies(self) -> None:
-        """Before its state may change."""
-        for waiting in [*self._copies]:
-            waiting._made()
-
-    def _made(self) -> int:
-        """Its number, after it was made."""
-        if self._origin is not None:
-            self._becomes(self._process.start("copy", number=self._origin._number)[0])
-        return self._number
-
-    def _becomes(self, number: Any) -> None:
-        if self._origin is None or not isinstance(number, int):
-            raise TrackFault(NO_ANSWER, "died")
-        self._origin._copies.discard(self)
-        self._number, self._origin = number, None
+        number, _ = self._process.start("copy", number=self._number)
+        return RemoteTracker(self._process, number, self.batched, self.random, self._methods)
 
     def __getattr__(self, name: str) -> Callable[..., Array]:
         if name.startswith("_") or name not in self._methods:
             raise AttributeError(name)
 
         def call(*arguments: Any) -> Array:
-            self._make_copies()
-            _, arrays = self._process.ask("call", number=self._made(), method=name, arguments=arguments)
-            return arrays.get("returned", np.full(0, np.nan))
+            message = self._process.ask("call", number=self._number, method=name, arguments=arguments)
+            try:
+                return message_array(message, "returned")
+            except TrackerFault as error:
+                raise TrackFault(NO_ANSWER, "died") from error
 
         return call
 
     def __del__(self) -> None:
-        if self._process.fault is None and self._origin is None:
+        if self._process.fault is None:
             self._process.dropped.append(self._number)
 
 
@@ -293,13 +241,9 @@ def _named(config: FilterConfig | PluginConfig, folder: Path | None) -> dict[str
     return {"config": config.model_dump(), "folder": "" if folder is None else str(folder)}
 
 
-def _step(process: TrackerProcess, number: int, scan: Scan, form: AnswerForm) -> Any:
-    return _checked(*process.ask("step", number=number, scan=scan), scan, form)
-
-
-def _checked(answer: Mapping[str, Any], arrays: Mapping[str, Any], scan: Scan, form: AnswerForm) -> Any:
+def _checked(message: Mapping[str, Any], scan: Scan, form: AnswerForm) -> Any:
     try:
-        return form.check(form.kind(**arrays) if answer.get("given") else None, scan)
-    except (TypeError, TrackerFault) as error:
+        return form.check(answer_of(message, form.kind is Tracks), scan)
+    except TrackerFault as error:
         # Its process has looked at it before.
         raise TrackFault(NO_ANSWER, "died") from error

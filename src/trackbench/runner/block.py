@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import itertools
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,6 @@ import numpy as np
 
 from trackbench.base.execution import Here, InProcess, Task
 from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
-from trackbench.driving.processes import take_unshown
 from trackbench.engine.choice import users_kernels_compared
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.breakdown import sum_classes
@@ -68,8 +66,6 @@ class Block:
     """As ``first_velocity`` has them, in the first block of each scene."""
     spreads: dict[str, list[Array]] = field(default_factory=dict)
     """Sums of ``RunSpread`` for each plug-in."""
-    unshown: Counter[str] = field(default_factory=Counter)
-    """Lines that plug-ins printed and that were not shown."""
 
     def add(self, tracker: TrackerRun[Any], outcome: Outcome, engine: EngineUsed | None) -> None:
         """Add what a tracker leaves, what computed it, and what it says of itself."""
@@ -162,7 +158,6 @@ def _run_labelled(work: Work, piece: BlockRuns, progress: Progress, on_recorded_
             if isinstance(outcome, LabelledOutcome):
                 sum_classes(outcome.scores)
             block.add(tracker, outcome, tracker.engine)
-    block.unshown = take_unshown()
     return block
 
 
@@ -188,7 +183,6 @@ def _run_hidden(work: Work, pieces: Sequence[BlockRuns], progress: Progress) -> 
                 own = engine if engine is None or place == 0 else engine._replace(again=0)
                 blocks[pieces.index(piece)].add(tracker, outcome, own)
         progress(next(taken) / len(work.trackers) * runs, runs)
-    blocks[0].unshown = take_unshown()
     return blocks
 
 

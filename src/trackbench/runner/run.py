@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -110,8 +109,6 @@ class PendingRun:
         """The result, once all runs are done; as ``run_scenario``."""
         blocks = self._blocks.collect(progress, on_recorded_run)
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
-        for name, lines in sum((block.unshown for block in blocks), Counter[str]()).items():
-            log.warning("%s printed %s more, which were not shown", name, counted(lines, "line"))
         return assemble(self._loaded, self._truths, self._work, blocks, command)
 
 

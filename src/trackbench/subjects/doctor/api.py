@@ -18,7 +18,7 @@ from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.processes import TrackerProcess
+from trackbench.driving.tracker_process import TrackerProcess
 from trackbench.results import EXAMINATION
 from trackbench.scenario import Scenario
 from trackbench.subjects.doctor.assumptions import require_known_checks

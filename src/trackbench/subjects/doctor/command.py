@@ -147,16 +147,14 @@ def prints_folded() -> Iterator[None]:
 
     with TemporaryFile() as file:
         try:
-            with printing_to(file) as unshown:
+            with printing_to(file):
                 yield
         finally:
             file.seek(0)
             lines = file.read().decode(errors="replace").splitlines()
-            # For each tracker with more, the last line says so.
-            count = len(lines) + sum(unshown.values()) - len(+unshown)
             if lines:
                 first = textwrap.shorten(next(filter(str.strip, lines), ""), FIRST, placeholder=" ...")
-                words = "a line" if count == 1 else f"{count:,} lines; the first"
+                words = "a line" if len(lines) == 1 else f"{len(lines):,} lines; the first"
                 click.echo(f"the tracker printed {words}: {first}", err=True)
 
 

@@ -11,16 +11,14 @@ import numpy as np
 from trackbench.base.types import Estimate, Scan, scan_of_member
 from trackbench.driving.alone import Alone
 from trackbench.driving.drive import empty_scan
-from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.faults import fault_of
 from trackbench.driving.remote import RemoteTracker
-from trackbench.trackers.answers import KEPT_THERE, TOO_LARGE, Tracker, TrackerFault
+from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
 LARGEST = 1e9
 #: Beyond this a track has diverged: no target of a probe or drive is so far or so fast, m and m/s.
 FAR = 1e4
-#: Scans that a tracker in a process of its own is given at once.
-AT_ONCE = 25
 #: Why a check is not made.
 NO_PREDICTION = (
     "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
@@ -156,32 +154,12 @@ class TrackerSession:
         return found
 
     def walk(self, scans: Sequence[Scan]) -> Iterator[Estimate | None]:
-        """The estimates after each of some scans, several at once where the tracker has a process of its own.
+        """Yield the estimates after each of some scans.
 
         Raises:
-            StepFailed: as of ``step``; where its process ended, at the first of those scans.
+            StepFailed: as of ``step``.
         """
-        tracker = self._own.tracker
-        if not isinstance(tracker, RemoteTracker) or self._batched or self._no_misses:
-            yield from (self.step(scan) for scan in scans)
-            return
-        for first in range(0, len(scans), AT_ONCE):
-            some = scans[first : first + AT_ONCE]
-            try:
-                answers, fault = tracker.walk(some)
-            except TrackFault as error:
-                raise StepFailed(error, some[0], self.given) from error
-            for scan, estimate in zip(some, answers, strict=False):
-                before = len(self.given)
-                self._own.took(scan, estimate, KEPT_THERE)
-                self._on_step()
-                try:
-                    _require_small(estimate)
-                except TrackerFault as error:
-                    raise StepFailed(error, scan, self.given[:before]) from error
-                yield estimate
-            if fault is not None:
-                raise StepFailed(fault, some[len(answers)], self.given)
+        yield from (self.step(scan) for scan in scans)
 
     def follow(self, scans: Sequence[Scan]) -> list[Estimate | None]:
         """The estimates after all of some scans.
@@ -202,8 +180,6 @@ class TrackerSession:
     @property
     def at_once(self) -> int:
         """How many scans of one sensor and instant ``peek_each`` may be given."""
-        if isinstance(self._own.tracker, RemoteTracker) and not self._batched:
-            return AT_ONCE
         return self.columns if self._alike else 1
 
     def peek_each(self, scans: Sequence[Scan]) -> list[Estimate | None]:
@@ -212,22 +188,8 @@ class TrackerSession:
         Raises:
             StepFailed: as of ``peek``, at any of them.
         """
-        tracker = self._own.tracker
-        if not isinstance(tracker, RemoteTracker) or self._batched:
-            more = [scans[0]] * (self.columns - len(scans))
-            return self._copied(scans[0]).step_each([*scans, *more])[: len(scans)]
-        if self._no_misses and not all(scan.valid for scan in scans):
-            raise MissGiven(scans[0])
-        try:
-            answers, fault = tracker.peeks(scans)
-            for estimate in answers:
-                self._on_step()
-                _require_small(estimate)
-        except (TrackFault, TrackerFault) as error:
-            raise StepFailed(error, scans[0], self.given) from error
-        if fault is not None:
-            raise StepFailed(fault, scans[len(answers)], self.given)
-        return answers
+        more = [scans[0]] * (self.columns - len(scans))
+        return self._copied(scans[0]).step_each([*scans, *more])[: len(scans)]
 
     @property
     def inside(self) -> tuple[Any, Any] | None:
