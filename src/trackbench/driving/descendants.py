@@ -33,9 +33,11 @@ def end_with_parent(parent: int, number: signal.Signals) -> None:
 def children(process: int) -> list[int]:
     """The processes that one has started or adopted, those that ended and were not waited for among them."""
     numbers: list[int] = []
-    for file in Path(f"/proc/{process}/task").glob("*/children"):
-        with suppress(OSError):
-            numbers += map(int, file.read_text().split())
+    # The process may end meanwhile, or one of its threads.
+    with suppress(OSError):
+        for thread in os.listdir(f"/proc/{process}/task"):
+            with suppress(OSError):
+                numbers += map(int, Path(f"/proc/{process}/task/{thread}/children").read_text().split())
     return numbers
 
 

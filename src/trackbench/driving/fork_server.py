@@ -95,6 +95,8 @@ def _become_tracker(server: int, descriptors: Sequence[int], launch: Launch) -> 
         os.execve(launch.command[0], launch.command, environment)
     except (OSError, ValueError) as error:
         os.write(1, message_frame({"type": "error", "message": f"it cannot be started: {error}"}))
+        # The bench speaks first; a pipe that nobody reads would hide the reason.
+        os.read(0, 1)
     os._exit(1)
 
 
