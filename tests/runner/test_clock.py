@@ -33,7 +33,8 @@ def test_a_run_while_the_clock_jumps(
     monkeypatch: pytest.MonkeyPatch,
     jump: str,
 ) -> None:
-    code = "import numpy as np\nclass T:\n    def step(self, state, scan): return 1, (np.ones(4), np.eye(4))\n"
+    code = "import numpy as np\nclass T:\n    def step(self, state, scan):\n"
+    code += "        return 1, (np.full(4, np.nansum(scan.measurement)), np.eye(4))\n"
     arguments = ["run", "tiny.yaml", "--json", "--tracker-timeout", "60", "--set"]
     arguments.append(f"trackers.own.use={write_module(tiny.parent, code)}:T")
     wanted = cli(*arguments)
