@@ -66,7 +66,7 @@ def expected_confirmation(rule: tuple[int, int], probability: float, density: fl
     needed, scans = rule
     noise = np.diag(NOISE["lidar"])
     f, h = np.eye(4) + dt * np.eye(4, k=2), np.eye(2, 4)
-    g = np.array([[dt**1, 0], [0, dt**1], [dt, 0], [0, dt]])
+    g = np.array([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
     total = 0.0
     for hits in product((True, False), repeat=scans - 1):
         p, chance, found, missed = np.diag([*NOISE["lidar"], VELOCITY_SIGMA**2, VELOCITY_SIGMA**2]), 1.0, 1, 0
