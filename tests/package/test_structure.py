@@ -14,7 +14,7 @@ LARGEST_SHARE = 0.16
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 95_271
+MOST_LINES = 95_255
 MOST_FILES = 508
 
 

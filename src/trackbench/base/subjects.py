@@ -62,30 +62,32 @@ class Subject:
     replays: Mapping[str, str] = field(default_factory=dict)
     """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
     blocks: Mapping[str, str] = field(default_factory=dict)
-    """By the key of a scenario at its top level: the class of what stands there, with an ``EXAMPLE``, or a
+    """Top-level keys of a scenario, each with the class of its value, which has an ``EXAMPLE``, or a
     :class:`FieldBlock`."""
     tuners: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a scenario and an executor that gives the scenario with tuned trackers."""
+    """Functions that take a scenario and an executor and return the scenario with tuned trackers. The names are free,
+    as are those of all functions below."""
     examiners: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a scenario and the name of a tracker in it that gives a sentence on what is wrong with
-    it; None where nothing is found."""
+    """Functions that take a scenario and the name of one of its trackers and return a sentence on what is wrong with
+    the tracker, or None."""
     metrics: Mapping[str, str] = field(default_factory=dict)
-    """By the key of a block: a function of the block and whether identities are hidden that gives metrics of a run."""
+    """Keys of blocks, each with a function that takes the block, and whether identities are hidden, and returns the
+    metrics of a run."""
     examples_of_metrics: Mapping[str, str] = field(default_factory=dict)
-    """By the heading in lists: a function that gives one metric of each kind."""
+    """Headings of lists, each with a function that returns one metric of each kind."""
     checks: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a scenario that gives the problems of its blocks."""
+    """Functions that take a scenario and yield the problems of the subject's blocks."""
     records: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a :class:`trackbench.runner.work.Work`, of the evaluated trackers and of what each
-    left of the recorded run that yields the name of a table and its records."""
+    """Functions that take the :class:`trackbench.runner.work.Work` of a run, its evaluated trackers, and what each
+    tracker left of the recorded run, and yield the name of a table with its records."""
     sections: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a result and the styles of its trackers that gives sections of the report."""
+    """Functions that take a result and the styles of its trackers and yield sections of the report."""
     tables: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a result that gives tables for the terminal."""
+    """Functions that take a result and yield tables for the terminal."""
     clauses: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a result that gives clauses of its verdict."""
+    """Functions that take a result and yield clauses of its verdict."""
     shown_metrics: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a function of a result that gives the paths of metrics which its sections show."""
+    """Functions that take a result and yield the paths of the metrics that the subject's sections show."""
     run_options: Mapping[str, str] = field(default_factory=dict)
     """By any name: a :class:`trackbench.cli.options.RunOptions`, for ``trackbench run``."""
 
@@ -108,8 +110,13 @@ def offered(kind: str) -> Iterator[tuple[str, Any]]:
         yield from getattr(subject, kind).items()
 
 
-def given(kind: str, *arguments: Any) -> Iterator[Any]:
-    """Yield what the functions that all subjects have of one kind give for some arguments, one after the other."""
+def collected(kind: str, *arguments: Any) -> Iterator[Any]:
+    """Yield what the functions of all subjects yield, one subject after the other.
+
+    Args:
+        kind: a field of :class:`Subject` whose functions yield something.
+        arguments: that each function is called with.
+    """
     for _, target in offered(kind):
         yield from resolve(target)(*arguments)
 

@@ -13,7 +13,7 @@ import click
 import yaml
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.subjects import TermPage, given, offered, resolve
+from trackbench.base.subjects import TermPage, collected, offered, resolve
 from trackbench.cli.answer import print_answer
 from trackbench.cli.listing import rows
 
@@ -71,7 +71,9 @@ def _metrics() -> Iterator[TermPage]:
     from trackbench.metrics.registry import METRICS, metric_paths
 
     own = list(METRICS.loaded().values())
-    fields = metric_paths([*given("examples_of_metrics"), *(metric for metric in own if metric.scores == "estimates")])
+    fields = metric_paths(
+        [*collected("examples_of_metrics"), *(metric for metric in own if metric.scores == "estimates")]
+    )
     of_tracks = metric_paths((metric for metric in own if metric.scores == "tracks"), hidden=True)
     of_tracks += metric_paths(hidden=True, truth=False)
     lines: dict[str, dict[str, str]] = {}

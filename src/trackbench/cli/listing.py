@@ -14,7 +14,7 @@ import click
 
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry
-from trackbench.base.subjects import given, offered, resolve
+from trackbench.base.subjects import collected, offered, resolve
 from trackbench.cli.answer import print_answer
 from trackbench.cli.options import NearestChoice, isolation_options, scenarios_argument
 from trackbench.cli.terminal import quiet_option
@@ -107,7 +107,7 @@ def _metrics() -> Iterator[Row]:
         yield name, f"failed: {reason}"
     own = METRICS.loaded().values()
     of_estimates = [metric for metric in own if metric.scores == "estimates"]
-    yield from of(metric_paths([*given("examples_of_metrics"), *of_estimates]))
+    yield from of(metric_paths([*collected("examples_of_metrics"), *of_estimates]))
     of_tracks = [metric for metric in own if metric.scores == "tracks"]
     yield from of(metric_paths(of_tracks, hidden=True), "hidden identities: ")
     yield from of(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")

@@ -107,11 +107,8 @@ def all_paired(
                 apart, intervals[first].in_time or intervals[first].of_stretches
             )
         varies = ~(constant[first] & constant[others])
-        unseen, by_one = (
-            np.array([share(intervals[first], intervals[other]) for other in others])
-            for share in (_unseen, _by_one_scene)
-        )
-        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen, by_one)
+        allowed = np.array([_allowed(intervals[first], intervals[other]) for other in others])
+        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, allowed)
     return contrasts
 
 
@@ -128,57 +125,39 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
         parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
         freedom = total**2 / sum(parts) if total > 0 else min(len(a.influence), len(b.influence)) - 1.0
         errors = np.array([np.sqrt(total)])
-    varies, *others = (
-        np.array([item]) for item in (not (a.constant and b.constant), margin, _unseen(a, b), _by_one_scene(a, b))
-    )
-    margins, unseen, by_one = others
-    return _tested(a.value, np.array([b.value]), errors, freedom, margins, varies, unseen, by_one)[0]
+    varies, margins, allowed = (np.array([item]) for item in (not (a.constant and b.constant), margin, _allowed(a, b)))
+    return _tested(a.value, np.array([b.value]), errors, freedom, margins, varies, allowed)[0]
 
 
-def _unseen(a: Interval, b: Interval) -> float:
-    """Return by how much the interval of a difference of two errors is widened for scenes that were not drawn.
+def _allowed(a: Interval, b: Interval) -> tuple[float, float]:
+    """Return what a difference of two errors allows for scenes that were not drawn: in its interval, and in a verdict.
 
     Two trackers may differ in one scene of a hundred alone. Where it is not drawn, their differences are small and the
-    interval of the mean is short: the differences themselves do not show what is missing. So this is a share of the
-    errors, and falls as a standard error does.
+    interval of the mean is short: the differences themselves do not show what is missing. So the interval allows for a
+    share of the errors, which falls as a standard error does. Where simulated vehicles hide others, one scene of a
+    hundred made up to 47 % of a mean square error, which makes the root without it 1.37 times smaller: a verdict allows
+    for more than that, and the interval leaves such a scene out.
     """
-    return UNSEEN * min(a.value, b.value) / len(a.influence) ** 0.5 if _errors_of_scenes(a, b) else 0.0
-
-
-def _by_one_scene(a: Interval, b: Interval) -> float:
-    """Return up to which difference one scene that was not drawn may have decided; the interval leaves it out.
-
-    Where simulated vehicles hide others, one scene of a hundred made up to 47 % of a mean square error, which makes the
-    root without it 1.37 times smaller.
-    """
-    few_decide = (a.few_decide or b.few_decide) and len(a.influence) < FEW_DECIDE_UNTIL
-    return SHARE_OF_ONE * min(a.value, b.value) if few_decide and _errors_of_scenes(a, b) else 0.0
-
-
-def _errors_of_scenes(*intervals: Interval) -> bool:
-    return all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in intervals)
+    if not all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in (a, b)):
+        return 0.0, 0.0
+    smaller, scenes = min(a.value, b.value), len(a.influence)
+    few_decide = (a.few_decide or b.few_decide) and scenes < FEW_DECIDE_UNTIL
+    return UNSEEN * smaller / scenes**0.5, SHARE_OF_ONE * smaller if few_decide else 0.0
 
 
 def _tested(
-    first: float,
-    others: Array,
-    errors: Array | None,
-    freedom: float,
-    margins: Array,
-    varies: Mask,
-    unseen: Array,
-    by_one: Array,
+    first: float, others: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask, allowed: Array
 ) -> list[Contrast]:
     """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors;
-    ``varies`` is whether the runs tell anything of the errors, ``unseen`` what is added to the reach, ``by_one`` what
-    one scene may have decided."""
+    ``varies`` is whether the runs tell anything of the errors, ``allowed`` ``(k, 2)`` as of ``_allowed``."""
     values = first - others
     margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(others)))
     if errors is None:
         return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
     # Two that do the same in every run are the same.
-    unseen = np.where(errors > ROUNDING * abs(first), unseen, 0.0)
-    reach, excess = stdtrit(freedom, 0.975) * errors + unseen, abs(values) - margins - np.maximum(unseen, by_one)
+    in_interval = np.where(errors > ROUNDING * abs(first), allowed[:, 0], 0.0)
+    reach = stdtrit(freedom, 0.975) * errors + in_interval
+    excess = abs(values) - margins - np.maximum(in_interval, allowed[:, 1])
     positive = errors > 0
     tails = stdtr(freedom, -excess / np.where(positive, errors, 1.0))
     p_values = np.where(positive, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
@@ -194,10 +173,8 @@ def _tested_by_ratio(first: float, others: Array, errors: Array, freedom: float,
     """
     smaller, larger = np.minimum(first, others), np.maximum(first, others)
     signs = np.where(others > first, -1.0, 1.0)
-    none = np.zeros_like(others)
-    tested = _tested(
-        0.0, -np.log(larger / smaller), errors, freedom, np.log1p(margins / smaller), none == 0, none, none
-    )
+    ratios, all_vary, nothing = -np.log(larger / smaller), np.ones(len(others), dtype=bool), np.zeros((len(others), 2))
+    tested = _tested(0.0, ratios, errors, freedom, np.log1p(margins / smaller), all_vary, nothing)
     contrasts = []
     for value, sign, least, own, item in zip(first - others, signs, smaller, margins, tested, strict=True):
         ends = sorted(sign * least * np.expm1(end) for end in item.ci95 or ())

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.base.errors import counted
-from trackbench.base.subjects import given
+from trackbench.base.subjects import collected
 from trackbench.document.terminal import STYLE, fitting, hanging, print_hanging, print_table
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named_verdicts, what_is_off
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
@@ -161,7 +161,7 @@ def print_summary(result: Result, console: Console) -> None:
     for note in filter(None, [*_notes(result), drawing_random(result)] if listed.scored else []):
         begin = len(note) - len(note.lstrip()) + 2
         print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))
-    for table in given("tables", result):
+    for table in collected("tables", result):
         print_table(table, console)
     _print_missed(result, console)
 

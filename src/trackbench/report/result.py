@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.base.subjects import given
+from trackbench.base.subjects import collected
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
@@ -140,7 +140,7 @@ def _sections(
         yield from comparisons(result)
     if summary.truth.scenes:
         yield Section("Scene by scene", tuple(scenes(result)))
-    yield from given("sections", result, shown)
+    yield from collected("sections", result, shown)
     if labelled:
         yield from _accuracy(result, shown, moments)
         yield from _figures("Modes", [modes_over_time(result)])

@@ -24,7 +24,6 @@ from trackbench.results import (
     TrackerResult,
 )
 from trackbench.results.metric_value import by_value
-from trackbench.results.tracker_result import LEAST_OVER_BOUND
 
 #: The parts of T-GOSPA, in words.
 PARTS = {
@@ -296,8 +295,7 @@ def missing_estimates(result: Result) -> list[str]:
 
 def below_the_bound(result: Result) -> list[str]:
     """Which contenders are shown to be below the reference."""
-    names = [tracker.name for tracker in result.contenders if tracker.most_over_reference < LEAST_OVER_BOUND]
-    label = result.summary.held_against.label
+    label, names = result.summary.held_against.label, [t.name for t in result.contenders if t.below_reference]
     why = "it expects this motion, or knows more than its measurements say"
     return [f"{name} is below the {label}: {why}" for name in names]
 

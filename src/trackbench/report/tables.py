@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TypeVar
 
-from trackbench.base.subjects import given
+from trackbench.base.subjects import collected
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
@@ -261,7 +261,7 @@ def other_metrics(result: Result) -> Table | None:
     """The metrics that no other table has, a column each; None if there are none."""
     shown = {
         *(_SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")),
-        *given("shown_metrics", result),
+        *collected("shown_metrics", result),
     }
     paths: dict[str, Column] = {}
     meanings = {field.name: field.meaning for field in metric_paths()}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 from trackbench.base.errors import counted
-from trackbench.base.subjects import given
+from trackbench.base.subjects import collected
 from trackbench.report.numbers import decimals, in_brackets, joined_names, meaningful, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.sentences import charged, divergence, expectations_met
@@ -31,7 +31,7 @@ def verdict_of_run(result: Result) -> str:
     failed = some_names([tracker.name for tracker in result.unscored if tracker.failed])
     met = all(item.passed for item in expectations)
     went_wrong = [beaten_bound(result), failed and f"{failed} failed", _diverged(result, NAMED), "" if met else outcome]
-    clauses = [*went_wrong, *given("clauses", result), _best(result)]
+    clauses = [*went_wrong, *collected("clauses", result), _best(result)]
     return f"{result.name}: {'; '.join(filter(None, [*clauses, outcome if met else '']))}"
 
 

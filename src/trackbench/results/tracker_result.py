@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Annotated
 
@@ -190,10 +189,10 @@ class TrackerResult(ResultModel):
         return bool(self.reference_kind)
 
     @property
-    def most_over_reference(self) -> float:
-        """Upper end of the 95 % interval of its position error over the reference; infinite without one."""
+    def below_reference(self) -> bool:
+        """Whether its position error is shown to be below the reference, by more than ``LEAST_OVER_BOUND`` allows."""
         ratio = self.metrics.get("position_over_reference")
-        return math.inf if ratio is None or ratio.ci95 is None else ratio.ci95[1]
+        return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
 
     def why_suspect(self, reference: ReferenceSummary | None, runs: int) -> str:
         """Why its estimates cannot come from its measurements alone; empty where nothing shows it.
@@ -210,7 +209,7 @@ class TrackerResult(ResultModel):
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
         """Whether it is no smoother, and shown to be below a Cramer-Rao bound of motion that no tracker can expect."""
         is_bound = reference is not None and reference.motion_is_drawn
-        return is_bound and self.most_over_reference < LEAST_OVER_BOUND and not self.is_reference
+        return is_bound and self.below_reference and not self.is_reference
 
     @property
     def marks(self) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ class TrafficScores:
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
     tracked: TrackedRun | None = None
-    """The recorded run, as metrics get it."""
+    """The recorded run, as metrics get it; None where there are no others than the built-in ones."""
     offset: Array | None = None
     """Of tracks made elsewhere, ``(5, P)``: the run, and the rows of :func:`offset_pairs`."""
     filed: Indices | None = None
@@ -230,6 +230,7 @@ class HiddenRun(TrackerRun[Tracks]):
         ends, counted = self._stretches()
         scope = TrackScope(self.name, len(counted) if ends else count, options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
+        bodies = EgoScene.of(scene.truth, scene.due.steps)
         for run in range(count):
             truth, history = histories(part, run)
             own = None if taken is None else _associations_of(taken, part.first + run, len(scene.truth.ids))
@@ -245,7 +246,7 @@ class HiddenRun(TrackerRun[Tracks]):
                     scores = scores.without_false_tracks()
             else:
                 scores = self._scored_without_truth(run, ends)
-            tracked = TrackedRun(truth, history, own, scores, outside, EgoScene.of(scene.truth, scene.due.steps))
+            tracked = TrackedRun(truth, history, own, scores, outside, bodies)
             pieces = in_stretches(tracked, ends) if ends else [tracked]
             for stretch in [pieces[number] for number in counted] if ends else pieces:
                 sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}
@@ -257,7 +258,7 @@ class HiddenRun(TrackerRun[Tracks]):
             if run == recorded:
                 outcome.taken = self._detections_taken(part.first + run)
                 outcome.predicted = self._predicted[part.first + run]
-                outcome.tracked = tracked
+                outcome.tracked = tracked if len(summing) > 1 else None
         outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return outcome
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackbench.base.subjects import given
+from trackbench.base.subjects import collected
 from trackbench.base.types import Array, Indices, Scan, Truth, of_runs
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate
 from trackbench.metrics.breakdown import cells
@@ -71,7 +71,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         ],
         "roads": road_records(truth),
         **_mode_records(work, blocks, list(evaluations)),
-        **dict(given("records", work, evaluated, recorded)),
+        **dict(collected("records", work, evaluated, recorded)),
     }
     if work.over_stretches:
         records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]

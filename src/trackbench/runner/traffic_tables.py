@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
-from scipy.special import gammaincinv
 
-from trackbench.base.subjects import given
+from trackbench.base.subjects import collected
 from trackbench.base.types import UNKNOWN_ORIGIN, Array, Indices, Scan, Truth
 from trackbench.metrics import Evaluation
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
@@ -26,6 +25,7 @@ from trackbench.runner.traffic_sums import TrafficSums, dearest, summed_existenc
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.multi.association import gate_threshold
 
 #: Points of the outline of a gate, of which the last is the first.
 CORNERS = 17
@@ -62,7 +62,7 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
             for number, name in enumerate(ids)
         ],
         "roads": road_records(scene.truth),
-        **dict(given("records", work, evaluated, kept)),
+        **dict(collected("records", work, evaluated, kept)),
     }
     # Those of the metrics, beside the declared ones.
     columns = list(records["runs"][0])[4:] if evaluations else []
@@ -203,7 +203,7 @@ def _gate_records(work: Work, name: str, outcome: TrafficScores, scans: Sequence
     edges = np.empty((2, len(number), CORNERS))
     for scan in {scan.sensor: scan for scan in scans}.values():
         own = np.flatnonzero(sensor == scan.sensor)
-        threshold = float(2 * gammaincinv(len(scan.measurement) / 2, config.associate.gate))
+        threshold = gate_threshold(config.associate.gate, len(scan.measurement))
         scan = scan._replace(sensor_pose=pose[:, own], sensor_velocity=velocity[:, own])
         edges[:, own] = outlines(scan, mean[:, own], covariance[..., own], threshold)
     keys = {"time_s": time, "scan": number.astype(float), "track": ids.astype(float)}

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import counted, nearest_choices, same_name
-from trackbench.base.subjects import given
+from trackbench.base.subjects import collected
 from trackbench.metrics import Field
 from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
@@ -39,7 +39,7 @@ def scenario_problems(scenario: ScenarioKeys) -> Iterator[Problem]:
     yield from _identities(scenario)
     yield from _made_elsewhere(scenario)
     yield from _scored_point(scenario)
-    yield from given("checks", scenario)
+    yield from collected("checks", scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())

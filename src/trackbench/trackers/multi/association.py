@@ -244,7 +244,7 @@ def associated(
         return decided(at, track, place % max(1, origin.shape[1]), np.zeros(len(track)))
     measured = at.filter.measured(at.detections.scan)
     belief, predicted, _ = at.expected
-    threshold = _threshold(config.gate, len(measured.value))
+    threshold = gate_threshold(config.gate, len(measured.value))
     pairs = gated(predicted, measured, at.detections, at.run, threshold, compute, at.filter.close)
     if isinstance(belief, MultiModelBelief):
         pairs = under_modes(pairs, predicted, measured, belief.probability, compute)
@@ -295,7 +295,7 @@ def _established(
 
 
 @lru_cache(maxsize=64)
-def _threshold(gate: float, components: int) -> float:
+def gate_threshold(gate: float, components: int) -> float:
     """The squared Mahalanobis distance that a detection of the object exceeds with probability ``1 - gate``."""
     return float(2 * gammaincinv(components / 2, gate))
 
