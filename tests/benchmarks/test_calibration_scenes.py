@@ -39,7 +39,7 @@ def test_no_tracker_is_often_called_better_than_its_equal(metric: str) -> None:
 
 
 def test_without_what_scenes_do_not_show_some_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contrasts, "_unseen", lambda *_: 0.0)
+    monkeypatch.setattr(contrasts, "_allowed", lambda *_: (0.0, 0.0))
     equal, _ = scenes.better(np.random.default_rng(3), "highway", "position", 10, TRIALS)
     assert float(equal.measured.split()[0]) > 7
 
