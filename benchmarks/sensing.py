@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmarks.table_cells import digits
 
-from trackbench.runner.block import keep_freed_memory
+from trackbench.runner.loop import keep_freed_memory
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing.detections import sense_hidden
