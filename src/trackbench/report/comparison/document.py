@@ -65,7 +65,8 @@ def comparison_document(
     Args:
         comparison: what was found.
         reports: path of the report of each result, relative to the document, by the result's label.
-        times: whether times of computing are in it, which are others on each machine.
+        times: whether it is shown once: with times of computing, which are others on each machine, and the parts of
+            metrics, which the page that is kept leaves to the data beside it.
     """
     styles = tracker_styles(comparison.places or comparison.trackers)
     parts = [_group_text(group, styles, reports or {}, times=times) for group in comparison.groups]
