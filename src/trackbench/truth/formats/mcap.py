@@ -12,7 +12,7 @@ from trackbench.truth.formats import osi
 from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
 from trackbench.truth.recorded import foxglove
 from trackbench.truth.recorded.mcap import LogPart, Message, decoded, messages_of, of_topic
-from trackbench.truth.recorded.rows import Rows
+from trackbench.truth.recorded.rows import rows_of_columns
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
 
@@ -36,7 +36,8 @@ def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message
 def _rows(columns: Mapping[str, Sequence[Any]], file: Path) -> TrackRows:
     """The rows of a table that is called as ours is."""
     columns_of_keys = {name: name for name in QUANTITIES if name in columns}
-    return table_rows(Rows(file, columns, None), ColumnLayout(columns_of_keys, {}), dict.fromkeys(QUANTITIES, 1.0))
+    layout = ColumnLayout(columns_of_keys, {})
+    return table_rows(rows_of_columns(file, columns), layout, dict.fromkeys(QUANTITIES, 1.0))
 
 
 #: What has tracks, by schema; of those in a file the first is read.

@@ -23,7 +23,7 @@ from trackbench.base.files import LARGE, SCENARIO, read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
 from trackbench.truth.config.logs import BAG
-from trackbench.truth.formats.tables import FROM_ZERO_S
+from trackbench.truth.recorded.rows import FROM_ZERO_S
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
 #: In YAML, where the reader of bags would follow it without a limit.
