@@ -18,7 +18,7 @@ from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
-from trackbench.truth.recorded.rows import read_table
+from trackbench.truth.recorded.table_files import read_table
 from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import (
     LONGEST_GAP_S,

@@ -18,16 +18,14 @@ from trackbench.truth.audit import audited_truth
 from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.traffic import Smoothing, TrafficOptions
-from trackbench.truth.frames import Frames, bodies_near, fixed_observer, target_bodies
+from trackbench.truth.frames import Frames, bodies_near, fixed_observer, overlaps, target_bodies
 from trackbench.truth.motion_audit import (
     SMOOTHER,
     MotionFigures,
     motion_figures,
-    overlaps,
-    recorded_noise,
     refuse_impossible,
 )
-from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks
+from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks, recorded_noise
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks, start_of
 
 #: The arrays of ``Frames`` with a column for each body.
@@ -160,7 +158,7 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
     used = motion_figures(inside, dt, start, raw=False)
     if recording.refuses:
         together = frames if recording.drove_together else None
-        refuse_impossible(used, inside, together, dt, start, smoothing is not None)
+        refuse_impossible(used, inside, together, dt, smoothing is not None)
     raw, error = motion_figures(inside, dt, start, raw=True), recorded_noise(inside)
     return RecordedVehicles(frames, raw, used, error, len(tracks), gaps(tracks, dt), clock + start)
 
@@ -303,9 +301,9 @@ def _note(traffic: RecordedVehicles) -> str:
     raw, used, error = traffic.raw, traffic.used, traffic.error
     parts = [
         f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",
-        f"as recorded, change of speed to {raw.acceleration_max_mps2:.3g} m/s^2, jerk to {raw.jerk_max_mps3:.3g} "
-        f"m/s^3, displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
-        f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2, jerk to {used.jerk_max_mps3:.3g} m/s^3",
+        f"as recorded, change of speed to {raw.acceleration_max_mps2:.3g} m/s^2, "
+        f"displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
+        f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2",
     ]
     if error.position_m > 0:
         parts.append(f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)")

@@ -22,7 +22,7 @@ from trackbench.subjects.score.sequences import paired_sequences
 from trackbench.truth.config.traffic import AUTO, format_of
 from trackbench.truth.formats.tables import QUANTITIES, column_layout
 from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
-from trackbench.truth.recorded.rows import read_header
+from trackbench.truth.recorded.table_files import read_header
 from trackbench.truth.tracks import TRAFFIC_FORMATS, read_rows
 
 #: Into how many stretches the scores of boxes are cut, for intervals.

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.truth.recorded.rows import read_table
+from trackbench.truth.recorded.table_files import read_table
 from trackbench.truth.tracks import RowsFormat, TrackRows
 
 TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.csv"

@@ -20,7 +20,8 @@ from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
 from trackbench.truth.formats.geographic import GeographicOrigin
-from trackbench.truth.recorded.rows import Rows, read_header, read_table
+from trackbench.truth.recorded.rows import Rows
+from trackbench.truth.recorded.table_files import read_header, read_table
 from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
 
 #: What cannot be meant: the least, the most, and why.

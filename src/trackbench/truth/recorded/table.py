@@ -40,7 +40,7 @@ from trackbench.truth.recorded.drive import (
 )
 from trackbench.truth.recorded.mcap import LogPart, log_columns
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
-from trackbench.truth.recorded.rows import Labels, Rows, read_table, require_columns, rows_of_columns, with_rows
+from trackbench.truth.recorded.rows import Labels, Rows, rows_of_columns, with_rows
 from trackbench.truth.recorded.scans import (
     column_measurements,
     columns_of,
@@ -48,6 +48,7 @@ from trackbench.truth.recorded.scans import (
     scan_notes,
     scans_of,
 )
+from trackbench.truth.recorded.table_files import read_table, require_columns
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
