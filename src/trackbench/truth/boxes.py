@@ -27,7 +27,6 @@ from trackbench.truth.tracks import (
     TrackRows,
     TrafficTrack,
     read_rows,
-    require_possible_tracks,
     tracks_of_rows,
 )
 
@@ -54,7 +53,6 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
     time = _without_rounding(rows.time)
     first = float(time[~dont_care].min())
     tracks = tracks_of_rows(_only(rows, time - first, ~dont_care), file)
-    require_possible_tracks(tracks, file)
     if len(np.unique(time)) * len(tracks) > LARGEST:
         what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
         raise InputError(f"{what} are too many; take a shorter time", file=file)

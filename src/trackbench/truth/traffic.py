@@ -26,7 +26,7 @@ from trackbench.truth.motion_audit import (
     refuse_impossible,
 )
 from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks, recorded_noise
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks, start_of
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks
 
 #: The arrays of ``Frames`` with a column for each body.
 OF_BODIES = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
@@ -122,8 +122,7 @@ def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
 @lru_cache(maxsize=2)
 def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> tuple[list[TrafficTrack], float]:
     """The tracks of a file from 0 s on, and when its clock says that this is, s."""
-    tracks = form.read(file)
-    return moving_tracks(tracks, file), start_of(tracks)
+    return moving_tracks(form.read(file), file)
 
 
 @lru_cache(maxsize=2)

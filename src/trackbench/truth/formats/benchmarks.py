@@ -20,7 +20,7 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth.recorded.rows import Rows, rows_of_columns
 from trackbench.truth.recorded.table_files import log_text
-from trackbench.truth.tracks import RowsFormat, TrackRows
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 
 def _read_cells(file: Path, separator: str | None, layout: Sequence[str]) -> Rows:
@@ -55,7 +55,7 @@ def _lengths(rows: Rows, *places: int) -> list[Array]:
 MOT_COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
 
 
-class MotChallenge(RowsFormat):
+class MotChallenge(TrafficFormat):
     """MOTChallenge with positions on the ground: frame, id, left, top, width, height, confidence, x, y, z.
 
     Of boxes, a confidence of 0 says don't care.
@@ -81,7 +81,7 @@ NO_OBJECT = "DontCare"
 NOWHERE = -1000.0
 
 
-class Kitti(RowsFormat):
+class Kitti(TrafficFormat):
     """KITTI tracking: labels, or tracks with a score after them; x is forward and y left of the camera."""
 
     endings: ClassVar[tuple[str, ...]] = (".txt",)

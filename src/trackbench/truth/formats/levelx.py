@@ -13,12 +13,12 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.truth.recorded.table_files import read_table
-from trackbench.truth.tracks import RowsFormat, TrackRows
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.csv"
 
 
-class _LevelX(RowsFormat):
+class _LevelX(TrafficFormat):
     """What the recordings have in common."""
 
     endings: ClassVar[tuple[str, ...]] = (TRACKS,)

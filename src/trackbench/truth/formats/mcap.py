@@ -13,7 +13,7 @@ from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
 from trackbench.truth.recorded import foxglove
 from trackbench.truth.recorded.mcap import LogPart, Message, decoded, messages_of, of_topic
 from trackbench.truth.recorded.rows import rows_of_columns
-from trackbench.truth.tracks import RowsFormat, TrackRows
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 
 def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
@@ -48,7 +48,7 @@ READERS: dict[str, Callable[[Sequence[Message], Path, Sequence[Message]], TrackR
 }
 
 
-class Mcap(RowsFormat):
+class Mcap(TrafficFormat):
     """MCAP with trackbench.Tracks, foxglove.SceneUpdate (JSON), or messages of OSI. Needs `trackbench[mcap]`."""
 
     endings: ClassVar[tuple[str, ...]] = (".mcap",)

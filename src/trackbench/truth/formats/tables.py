@@ -22,7 +22,7 @@ from trackbench.truth.config.columns import UNITS, Units
 from trackbench.truth.formats.geographic import GeographicOrigin
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table_files import read_header, read_table
-from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
+from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
 #: What cannot be meant: the least, the most, and why.
 _NO_SIZE = (np.nextafter(0, 1), np.inf, "which is no size; leave it empty where it is not known")
@@ -240,7 +240,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
     )
 
 
-class TableFormat(RowsFormat):
+class TableFormat(TrafficFormat):
     """What CSV and Parquet have in common."""
 
     form: ClassVar[Literal["csv", "parquet"]]
@@ -306,7 +306,7 @@ I80_FILE = Path(__file__).parent / "i80.parquet"
 I80_FACTORS = {**dict.fromkeys(("time", "x", "y", "speed", "length", "width"), 1e-3), "heading": 1e-4}
 
 
-class InterstateI80(RowsFormat):
+class InterstateI80(TrafficFormat):
     """NGSIM I-80, which comes with the package: 200 vehicles, 10 s of each. No path is needed."""
 
     endings: ClassVar[tuple[str, ...]] = ()
