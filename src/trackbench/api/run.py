@@ -15,7 +15,7 @@ from trackbench.base.execution import executor
 from trackbench.base.subjects import offered
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.launch import INSIDE
+from trackbench.driving.processes import INSIDE
 from trackbench.engine.choice import EngineName
 from trackbench.scenario import Scenario
 
