@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,7 +13,7 @@ from trackbench import results
 from trackbench.api.plan import Listener, Prepared, RunPlan, command_of
 from trackbench.api.provenance import provenance_of
 from trackbench.base.errors import InputError
-from trackbench.base.execution import InProcess, Task
+from trackbench.base.execution import Executor
 from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress
 from trackbench.results import Result
@@ -188,7 +187,7 @@ class _Computed(NamedTuple):
 
     place: str
     result: Result
-    pages: Future[dict[str, str]] | None
+    pages: Iterator[dict[str, str]] | None
 
 
 class _Batch:
@@ -205,7 +204,7 @@ class _Batch:
         self._prepared, self._plan, self._executor, self._listener = prepared, plan, executor, listener
         self._alone = len(prepared) == 1
         # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
-        one_by_one = isinstance(executor, InProcess) or listener.observes
+        one_by_one = (plan.workers == 1 and plan.cluster is None) or listener.observes
         cores = os.cpu_count() or 1
         self._ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or cores
 
@@ -263,8 +262,8 @@ class _Batch:
             advance(result.summary.runs, result.summary.runs)
         if self._plan.out is None:
             return _Computed(place, result, None)
-        executor = InProcess() if self._alone else self._executor
-        return _Computed(place, result, executor.submit(Task(pages, result, None)))
+        executor = Executor() if self._alone else self._executor
+        return _Computed(place, result, executor.map(pages, [(result,)]))
 
     def _ended(self, computed: _Computed) -> Result:
         place, result, made = computed
@@ -273,6 +272,6 @@ class _Batch:
             name = result.summary.scenario.name
             folder = self._plan.out / name
             with self._listener.progress(f"{place}writing {name}", "files") as advance:
-                result = _save(result, folder, made.result(), advance, self._plan.left_out)
+                result = _save(result, folder, next(made), advance, self._plan.left_out)
         self._listener.end(result, folder)
         return result

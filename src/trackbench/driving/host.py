@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from trackbench.base import at_hand
+from trackbench.base import notebook_classes
 from trackbench.base.types import Progress
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import error_message, fault_of
@@ -45,7 +45,7 @@ class Host:
         arguments = {key: with_arrays(value) for key, value in request.items() if key not in PROCESS_KEYS}
         if "path" in request:
             sys.path[:] = request["path"]
-            at_hand.receive_classes(request["classes"])
+            notebook_classes.loads(request["classes"])
             with suppress(OSError):
                 os.chdir(request["cwd"] or ".")
         answer: dict[str, Any] = getattr(self, request["type"])(**arguments)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from trackbench.base import at_hand
+from trackbench.base import notebook_classes
 from trackbench.base.errors import InputError
 from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.base.user_code import place_in_dump
@@ -77,7 +77,7 @@ class TrackerProcess(ChildProcess):
         """
         request["type"] = kind
         if not self._is_told:
-            request |= {"cwd": None, "path": sys.path, "classes": at_hand.pickled()}
+            request |= {"cwd": None, "path": sys.path, "classes": notebook_classes.dumps(None)}
             # It may have been deleted.
             with suppress(FileNotFoundError):
                 request["cwd"] = os.getcwd()

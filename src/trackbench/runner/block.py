@@ -5,14 +5,13 @@ from __future__ import annotations
 import ctypes
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from trackbench.base.execution import Here, InProcess, Task
+from trackbench.base.execution import Executor
 from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
 from trackbench.engine.choice import users_kernels_compared
 from trackbench.engine.equations import EngineUsed
@@ -41,8 +40,6 @@ Outcome = LabelledOutcome | TrafficScores | Failure
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 #: The largest that glibc takes, bytes.
 LARGEST = 32 * 2**20
-#: Steps of single objects from which a run takes some seconds.
-LONG = 20_000_000
 
 
 @dataclass
@@ -291,19 +288,18 @@ class PendingBlocks:
         self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
         self._progress: Progress = no_progress
         self._on_recorded_run: OnRecordedRun | None = None
-        folder = own_folder(loaded)
-        self._groups, here = work.groups(pieces), InProcess()
-        self._futures = []
-        tasks: dict[tuple[int, ...], Task] = {}
+        self._groups = work.groups(pieces)
+        of_scenes, is_here = cache(work.of_scenes), []
+        here: list[tuple[Work, list[BlockRuns]]] = []
+        there: list[tuple[Work, list[BlockRuns]]] = []
         for group in self._groups:
-            scenes = tuple(dict.fromkeys(piece.scene for piece in group))
-            if scenes not in tasks:
-                tasks[scenes] = Task(run_blocks, work.of_scenes(scenes), folder, long=work.steps > LONG)
-            local = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
-            observe = Here(self._observe) if observed else None
-            self._futures.append(
-                (here if local else executor).submit(tasks[scenes], group, Here(self._advance), observe)
-            )
+            call = of_scenes(tuple(dict.fromkeys(piece.scene for piece in group))), group
+            is_here.append((alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group))))
+            (here if is_here[-1] else there).append(call)
+        observers = self._advance, self._observe if observed else None
+        blocks_here = Executor().map(run_blocks, here, observers=observers)
+        blocks_there = executor.map(run_blocks, there, own_folder(loaded), observers)
+        self._blocks = (next(blocks_here if is_local else blocks_there) for is_local in is_here)
 
     def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
         """The blocks in their order; all of them by NumPy where a kernel of a user's model differs from NumPy.
@@ -317,15 +313,14 @@ class PendingBlocks:
         """
         self._progress, self._on_recorded_run = progress, on_recorded_run
         blocks: list[Block] = []
-        for group, future in zip(self._groups, self._futures, strict=True):
-            blocks += future.result()
+        for group, made in zip(self._groups, self._blocks, strict=True):
+            blocks += made
             self._done += sum(len(piece.runs) for piece in group)
             self._progress(self._done, self._total)
         if any(used.differs for block in blocks for used in block.engines.values()):
             engines = [block.engines for block in blocks]
             # Blocks of many runs are large.
             blocks.clear()
-            self._futures.clear()
             blocks = self._by_numpy().collect(progress, on_recorded_run)
             for block, before in zip(blocks, engines, strict=True):
                 reasons = {name: used._replace(engine="numpy", again=0, differs=False) for name, used in before.items()}

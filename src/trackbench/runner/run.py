@@ -6,11 +6,10 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 
 from trackbench.base.errors import InputError, counted
-from trackbench.base.execution import InProcess
+from trackbench.base.execution import Executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
@@ -66,7 +65,7 @@ def run_scenario(
     pending = PendingRun(
         loaded,
         truths,
-        executor or InProcess(),
+        executor or Executor(),
         isolation=isolation,
         engine=engine,
         observed=on_recorded_run is not None,
@@ -161,7 +160,7 @@ def run_until(
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         made = {block.piece: block for block in blocks}
         missing = [piece for piece in work.pieces() if piece not in made]
-        pending = PendingBlocks(loaded, work, missing, executor or InProcess(), observed=on_recorded_run is not None)
+        pending = PendingBlocks(loaded, work, missing, executor or Executor(), observed=on_recorded_run is not None)
         made |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
         blocks = [made[piece] for piece in work.pieces()]
         on_recorded_run = None
