@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from trackbench.base.user_code import place_of
 from trackbench.engine import vector_code
 from trackbench.engine.equations import Equations, Values, batch_of, by_numpy, by_numpy_alone
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
-from trackbench.engine.layout import Input, KernelLayout, pack_kernel, source_key, unpack_kernel
+from trackbench.engine.layout import Input, KernelLayout, source_key
 from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
 from trackbench.engine.user_types import agree, says_pure
@@ -94,12 +94,6 @@ class Kernels:
                 return expected
         return outputs
 
-    def why_numpy(self, equations: Equations, values: Values) -> str | None:
-        """Why NumPy computes the equations of such values; None where a kernel does."""
-        if self.plan(equations, values).kernel is not None:
-            return None
-        return self.untraced[equations.key][1]
-
     def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
         """The machine code of equations for a sequence of calls; None where there is none."""
         return self._kernel(equations, tuple(inputs))
@@ -110,7 +104,8 @@ class Kernels:
 
     def code(self, text: str, arrays: int) -> MachineCode:
         """The machine code of LLVM's text, of a function of two numbers and of so many arrays."""
-        return self._processor.function(self._code(text), arrays)
+        code = self._kept_or_made(text, lambda: self._processor.object_code(text))
+        return self._processor.function(code, arrays)
 
     def plan(self, equations: Equations, values: Values) -> CallPlan:
         """What is to be done with such inputs."""
@@ -176,17 +171,14 @@ class Kernels:
         if reason is not None:
             self.untraced[equations.key] = equations.name, reason
             return None
-        own = source_key(equations, inputs)
-        data = own and self._kept.find(self._key(own))
-        kept = unpack_kernel(data) if data else None
-        if kept is None:
-            try:
-                kept = self._traced(equations, inputs, own)
-            except Untraceable as refusal:
-                where = place_of(refusal)
-                self.untraced[equations.key] = equations.name, f"{refusal} ({where})" if where else str(refusal)
-                return None
-        layout, code = kept
+        try:
+            layout, code = self._kept_or_made(
+                source_key(equations, inputs), lambda: self._layout_and_code(equations, inputs)
+            )
+        except Untraceable as refusal:
+            where = place_of(refusal)
+            self.untraced[equations.key] = equations.name, f"{refusal} ({where})" if where else str(refusal)
+            return None
         parts = [
             (output.name, output.shape, slice(first, first + output.size), output.boolean)
             for output, first in zip(layout.outputs, layout.first_rows, strict=True)
@@ -196,34 +188,26 @@ class Kernels:
         masks = 1 + sum(output.size for output in layout.outputs if output.boolean)
         return Kernel(layout, function, parts, (numbers, masks))
 
-    def _traced(self, equations: Equations, inputs: Sequence[Input], own: str | None) -> tuple[KernelLayout, bytes]:
-        """The code of equations, kept by their source ``own``; without it by what the trace says.
+    def _layout_and_code(self, equations: Equations, inputs: Sequence[Input]) -> tuple[KernelLayout, bytes]:
+        """Trace and compile equations.
 
         Raises:
-            Untraceable: there is none; says why.
+            Untraceable: it cannot be done; says why.
         """
         traced = trace(equations, inputs)
         text = vector_code.kernel_text(FUNCTION, traced.layout, traced.outputs, traced.guard)
-        if equations.user_types:
-            # A user's class may be another in the next process.
-            return traced.layout, self._processor.object_code(text)
-        if not own:
-            return traced.layout, self._code(text)
-        code = self._processor.object_code(text)
-        self._kept.put(self._key(own), pack_kernel(traced.layout, code))
-        return traced.layout, code
+        return traced.layout, self._processor.object_code(text)
 
-    def _code(self, text: str) -> bytes:
-        """The object file of a text, kept by it."""
-        key = self._key(text)
-        code = self._kept.find(key)
-        if code is None:
-            code = self._processor.object_code(text)
-            self._kept.put(key, code)
-        return code
-
-    def _key(self, what: str) -> str:
-        return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
+    def _kept_or_made(self, source: str | None, make: Callable[[], Any]) -> Any:
+        """Return what is kept of a source, or make and keep it; without a source it is made by every process."""
+        if source is None:
+            return make()
+        key = hashlib.sha256(f"{self._processor.key}\n{source}".encode()).hexdigest()
+        value = self._kept.find(key)
+        if value is None:
+            value = make()
+            self._kept.put(key, value)
+        return value
 
     def _compute_by_numpy(
         self, places: Indices, equations: Equations, plan: CallPlan, values: Values, outputs: dict[str, Array]
