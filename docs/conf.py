@@ -55,7 +55,6 @@ MENU = {
         "api",
         "glossary",
         "sensors",
-        "sensor-presets",
         "sensor-effects",
         "traffic-sensing",
         "motion-models",

@@ -66,8 +66,6 @@ class Kernels:
         self._kernels: dict[tuple[Any, ...], Kernel | None] = {}
         self._plans: dict[Hashable, CallPlan] = {}
         """By the shapes of the inputs."""
-        self._forms: dict[Hashable, CallPlan] = {}
-        """By the shapes without the number of members, of one batch axis."""
         self.compares = True
         """Whether kernels of users' models are compared with NumPy, as in the first block of a run."""
         self.differing: set[Hashable] = set()
@@ -94,10 +92,6 @@ class Kernels:
                 return expected
         return outputs
 
-    def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
-        """The machine code of equations for a sequence of calls; None where there is none."""
-        return self._kernel(equations, tuple(inputs))
-
     @cached_property
     def _processor(self) -> Processor:
         return self._own_processor or Processor()
@@ -119,32 +113,12 @@ class Kernels:
                 # NumPy would make an array of the number to say so.
                 looks.append((kind, () if kind is float else np.shape(value)))
         key = equations.key or id(equations), equations.name, *looks
-        return self._plans.get(key) or self._resized(key, looks, equations, values)
+        return self._plans.get(key) or self._planned(key, equations, values)
 
-    def _resized(
-        self, key: Hashable, looks: Sequence[tuple[Any, tuple[int, ...]]], equations: Equations, values: Values
-    ) -> CallPlan:
-        """As ``_planned``; with one batch axis the plan of another number of members serves."""
+    def _planned(self, key: Hashable, equations: Equations, values: Values) -> CallPlan:
         batch = batch_of(equations.ranks, values)
-        if len(batch) != 1:
-            return self._planned(key, equations, values, batch)
-        forms = []
-        for (kind, shape), rank in zip(looks, equations.ranks.values(), strict=True):
-            forms.append((kind, shape[:rank], shape[rank:] == batch or len(shape) - rank))
-        form = equations.key or id(equations), equations.name, batch[0] >= LEAST_GROUP, batch[0] == 1, *forms
-        plan = self._forms.get(form)
-        if plan is None or plan.equations is not equations:
-            plan = self._forms[form] = self._planned(key, equations, values, batch)
-        elif plan.batch != batch:
-            plan = plan._replace(batch=batch, members=batch[0])
-        if len(self._plans) >= PLANS:
-            self._plans.clear()
-        self._plans[key] = plan
-        return plan
-
-    def _planned(self, key: Hashable, equations: Equations, values: Values, batch: tuple[int, ...]) -> CallPlan:
-        inputs = tuple(_input(name, values[name], rank, batch) for name, rank in equations.ranks.items())
-        kernel = self._kernel(equations, inputs)
+        inputs = [_input(name, values[name], rank, batch) for name, rank in equations.ranks.items()]
+        kernel = self.kernel(equations, inputs)
         ways = []
         for item in kernel.layout.inputs if kernel else ():
             value, kind = values[item.name], bool if item.boolean else float
@@ -158,8 +132,9 @@ class Kernels:
         plan = self._plans[key] = CallPlan(equations, kernel, batch, prod(batch), groups, ways)
         return plan
 
-    def _kernel(self, equations: Equations, inputs: tuple[Input, ...]) -> Kernel | None:
-        made_for = equations.name, equations.key, inputs
+    def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
+        """Return the machine code of equations for certain inputs; None where NumPy computes them."""
+        made_for = equations.name, equations.key, tuple(inputs)
         if made_for not in self._kernels:
             begin = time.perf_counter()
             self._kernels[made_for] = self._made(equations, inputs)
@@ -227,7 +202,6 @@ class Kernels:
         self.untraced[equations.key] = equations.name, _difference(equations)
         self._kernels = {key: None if key[1] == equations.key else kernel for key, kernel in self._kernels.items()}
         self._plans.clear()
-        self._forms.clear()
 
 
 def _why_not_traced(equations: Equations, differs: bool) -> str | None:
