@@ -1,8 +1,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md docs/glossary.md \
-	docs/doctor-reference.md
+GENERATED := docs/scenario-file.md docs/command-line.md docs/glossary.md docs/doctor-reference.md
 
 .PHONY: help demo quick test test-all test-long fuzz doctor-rates real-faults calibration calibrated-worlds radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
@@ -106,9 +105,6 @@ recorded: $(VENV)/.installed
 
 docs/scenario-file.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.scenario.docs > $@
-
-docs/sensor-presets.md: $(VENV)/.installed
-	$(BIN)/python -m trackbench.sensing.docs > $@
 
 docs/command-line.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.cli.docs > $@

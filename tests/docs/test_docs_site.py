@@ -21,7 +21,6 @@ from tests.support.places import DOCS, ROOT
 
 from trackbench.cli.docs import command_line_markdown
 from trackbench.cli.explain import glossary
-from trackbench.sensing.docs import presets_markdown
 from trackbench.subjects.doctor.docs import doctor_reference
 
 LOADED = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "object": "data"}
@@ -216,7 +215,6 @@ def test_every_equation_is_drawn(some_pages: Path, page: str) -> None:
     [
         ("command-line", command_line_markdown, "cli.docs"),
         ("glossary", glossary, "cli.explain"),
-        ("sensor-presets", presets_markdown, "sensing.docs"),
         ("doctor-reference", doctor_reference, "subjects.doctor.docs"),
     ],
 )

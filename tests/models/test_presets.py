@@ -1,6 +1,9 @@
 """Every figure of a preset has a source, or is named assumed with the reason."""
 
+from importlib.resources import files
+
 import pytest
+import yaml
 
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.presets import Preset, list_presets, presets
@@ -20,9 +23,12 @@ def test_preset(preset: Preset) -> None:
     assert {key: sensor.model_dump()[key] for key in preset.values} == preset.values
     assert preset.title
     assert preset.source
-    assert set(preset.sources) | set(preset.assumed) == set(preset.values)
-    assert not set(preset.sources) & set(preset.assumed)
-    assert all(len(reason) > 10 for reason in (*preset.sources.values(), *preset.assumed.values()))
+    text = files("trackbench.models.sensors").joinpath("presets.yaml").read_text(encoding="utf-8")
+    figures = yaml.safe_load(text)[preset.name]["values"]
+    sources = {key: figure["source"] for key, figure in figures.items() if "source" in figure}
+    assert set(sources) | set(preset.assumed) == set(preset.values)
+    assert not set(sources) & set(preset.assumed)
+    assert all(len(reason) > 10 for reason in (*sources.values(), *preset.assumed.values()))
 
 
 def test_a_key_that_is_given_wins() -> None:

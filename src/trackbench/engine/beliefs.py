@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.types import Scan
 from trackbench.engine.equations import Values
-from trackbench.engine.graph import Untraceable
 from trackbench.filters import AnyBelief, Belief, MultiModelBelief, PredictedMeasurement
 
 #: What a filter can make again of the rest of a belief.
@@ -106,23 +105,7 @@ def scan_of(values: Values, of: Scan) -> Scan:
 
 
 def scan_placeholder(kind: str, sensor: str | None) -> Scan:
-    """A scan of which nothing is known but its kind, and its sensor if stated, so that more of it cannot be traced."""
-    known = {"kind": kind} if sensor is None else {"kind": kind, "sensor": sensor}
-    fields: list[Any] = [known.get(name) or _NoInput(name) for name in Scan._fields]
+    """Return a scan of which nothing is known but its kind, and its sensor if stated, so that no more can be traced."""
+    known = {"kind": kind, "sensor": sensor}
+    fields: list[Any] = [known.get(name) for name in Scan._fields]
     return Scan(*fields)
-
-
-class _NoInput:
-    """A field of a scan that is no input of a kernel: raises whatever is done with it."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        raise Untraceable(f"{self._name} of a scan is read, which is no input of a kernel")
-
-    __array__ = __array_ufunc__ = __getattr__ = __getitem__ = __iter__ = __len__ = __contains__ = _refuse
-    __bool__ = __float__ = __int__ = __index__ = __str__ = __format__ = _refuse
-    __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = __hash__ = __neg__ = __abs__ = _refuse
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __pow__ = __rpow__ = _refuse
-    __truediv__ = __rtruediv__ = __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = _refuse

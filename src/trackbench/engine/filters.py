@@ -6,8 +6,6 @@ from collections.abc import Callable, Hashable, Mapping
 from functools import cache, cached_property, partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.engine import options
 from trackbench.engine.beliefs import (
@@ -57,7 +55,6 @@ class FusedFilter:
         self._kernels = kernels
         self.modes = len(filter.motions) if isinstance(filter, InteractingMultipleModel) else 0
         self.options = options.options(filter)
-        self._per_member = any(np.ndim(value) > 0 for value in self.options.values())
         self.form = options.form(filter)
         # Nothing is to be computed where the state begins with px, py, vx, vy.
         self._cartesian_state = type(filter.motions[0]).cartesian_belief is MotionModel.cartesian_belief
@@ -222,7 +219,7 @@ class FusedFilter:
         scan: Scan | None = None,
         made_for: Hashable = None,
     ) -> Equations:
-        """The equations, with the options of the motion models as inputs, or else as constants; made once."""
+        """The equations, with the options of the motion models as inputs; made once."""
         kind, named = "" if scan is None else scan.kind, self._sensor_of(scan)
         sensors = () if scan is None else (SENSOR_MODELS[kind],)
         place = name, sensors, named, made_for, tuple(values)
@@ -241,11 +238,6 @@ class FusedFilter:
         users = (*self._user_types, *filter(is_user_type, sensors))
         ranks = inputs | dict.fromkeys(self.options, 0)
         equations = Equations(title, any_filter, ranks, symmetric, counted, key, user_types=users)
-        every = {**values, **self.options}
-        if self.options and not self._per_member and self._kernels.why_numpy(equations, every) is not None:
-            # A branch, or another library, needs the options as numbers.
-            stated = tuple((item, repr(value)) for item, value in self.options.items())
-            equations = equations._replace(ranks=inputs, key=(*key, stated))
         self._equations[place] = equations
         return equations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from trackbench.base.user_code import place_of
 from trackbench.engine import vector_code
 from trackbench.engine.equations import Equations, Values, batch_of, by_numpy, by_numpy_alone
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
-from trackbench.engine.layout import Input, KernelLayout, pack_kernel, source_key, unpack_kernel
+from trackbench.engine.layout import Input, KernelLayout, source_key
 from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
 from trackbench.engine.user_types import agree, says_pure
@@ -66,8 +66,6 @@ class Kernels:
         self._kernels: dict[tuple[Any, ...], Kernel | None] = {}
         self._plans: dict[Hashable, CallPlan] = {}
         """By the shapes of the inputs."""
-        self._forms: dict[Hashable, CallPlan] = {}
-        """By the shapes without the number of members, of one batch axis."""
         self.compares = True
         """Whether kernels of users' models are compared with NumPy, as in the first block of a run."""
         self.differing: set[Hashable] = set()
@@ -94,23 +92,14 @@ class Kernels:
                 return expected
         return outputs
 
-    def why_numpy(self, equations: Equations, values: Values) -> str | None:
-        """Why NumPy computes the equations of such values; None where a kernel does."""
-        if self.plan(equations, values).kernel is not None:
-            return None
-        return self.untraced[equations.key][1]
-
-    def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
-        """The machine code of equations for a sequence of calls; None where there is none."""
-        return self._kernel(equations, tuple(inputs))
-
     @cached_property
     def _processor(self) -> Processor:
         return self._own_processor or Processor()
 
     def code(self, text: str, arrays: int) -> MachineCode:
         """The machine code of LLVM's text, of a function of two numbers and of so many arrays."""
-        return self._processor.function(self._code(text), arrays)
+        code = self._kept_or_made(text, lambda: self._processor.object_code(text))
+        return self._processor.function(code, arrays)
 
     def plan(self, equations: Equations, values: Values) -> CallPlan:
         """What is to be done with such inputs."""
@@ -124,32 +113,12 @@ class Kernels:
                 # NumPy would make an array of the number to say so.
                 looks.append((kind, () if kind is float else np.shape(value)))
         key = equations.key or id(equations), equations.name, *looks
-        return self._plans.get(key) or self._resized(key, looks, equations, values)
+        return self._plans.get(key) or self._planned(key, equations, values)
 
-    def _resized(
-        self, key: Hashable, looks: Sequence[tuple[Any, tuple[int, ...]]], equations: Equations, values: Values
-    ) -> CallPlan:
-        """As ``_planned``; with one batch axis the plan of another number of members serves."""
+    def _planned(self, key: Hashable, equations: Equations, values: Values) -> CallPlan:
         batch = batch_of(equations.ranks, values)
-        if len(batch) != 1:
-            return self._planned(key, equations, values, batch)
-        forms = []
-        for (kind, shape), rank in zip(looks, equations.ranks.values(), strict=True):
-            forms.append((kind, shape[:rank], shape[rank:] == batch or len(shape) - rank))
-        form = equations.key or id(equations), equations.name, batch[0] >= LEAST_GROUP, batch[0] == 1, *forms
-        plan = self._forms.get(form)
-        if plan is None or plan.equations is not equations:
-            plan = self._forms[form] = self._planned(key, equations, values, batch)
-        elif plan.batch != batch:
-            plan = plan._replace(batch=batch, members=batch[0])
-        if len(self._plans) >= PLANS:
-            self._plans.clear()
-        self._plans[key] = plan
-        return plan
-
-    def _planned(self, key: Hashable, equations: Equations, values: Values, batch: tuple[int, ...]) -> CallPlan:
-        inputs = tuple(_input(name, values[name], rank, batch) for name, rank in equations.ranks.items())
-        kernel = self._kernel(equations, inputs)
+        inputs = [_input(name, values[name], rank, batch) for name, rank in equations.ranks.items()]
+        kernel = self.kernel(equations, inputs)
         ways = []
         for item in kernel.layout.inputs if kernel else ():
             value, kind = values[item.name], bool if item.boolean else float
@@ -163,8 +132,9 @@ class Kernels:
         plan = self._plans[key] = CallPlan(equations, kernel, batch, prod(batch), groups, ways)
         return plan
 
-    def _kernel(self, equations: Equations, inputs: tuple[Input, ...]) -> Kernel | None:
-        made_for = equations.name, equations.key, inputs
+    def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
+        """Return the machine code of equations for certain inputs; None where NumPy computes them."""
+        made_for = equations.name, equations.key, tuple(inputs)
         if made_for not in self._kernels:
             begin = time.perf_counter()
             self._kernels[made_for] = self._made(equations, inputs)
@@ -176,17 +146,14 @@ class Kernels:
         if reason is not None:
             self.untraced[equations.key] = equations.name, reason
             return None
-        own = source_key(equations, inputs)
-        data = own and self._kept.find(self._key(own))
-        kept = unpack_kernel(data) if data else None
-        if kept is None:
-            try:
-                kept = self._traced(equations, inputs, own)
-            except Untraceable as refusal:
-                where = place_of(refusal)
-                self.untraced[equations.key] = equations.name, f"{refusal} ({where})" if where else str(refusal)
-                return None
-        layout, code = kept
+        try:
+            layout, code = self._kept_or_made(
+                source_key(equations, inputs), lambda: self._layout_and_code(equations, inputs)
+            )
+        except Untraceable as refusal:
+            where = place_of(refusal)
+            self.untraced[equations.key] = equations.name, f"{refusal} ({where})" if where else str(refusal)
+            return None
         parts = [
             (output.name, output.shape, slice(first, first + output.size), output.boolean)
             for output, first in zip(layout.outputs, layout.first_rows, strict=True)
@@ -196,34 +163,26 @@ class Kernels:
         masks = 1 + sum(output.size for output in layout.outputs if output.boolean)
         return Kernel(layout, function, parts, (numbers, masks))
 
-    def _traced(self, equations: Equations, inputs: Sequence[Input], own: str | None) -> tuple[KernelLayout, bytes]:
-        """The code of equations, kept by their source ``own``; without it by what the trace says.
+    def _layout_and_code(self, equations: Equations, inputs: Sequence[Input]) -> tuple[KernelLayout, bytes]:
+        """Trace and compile equations.
 
         Raises:
-            Untraceable: there is none; says why.
+            Untraceable: it cannot be done; says why.
         """
         traced = trace(equations, inputs)
         text = vector_code.kernel_text(FUNCTION, traced.layout, traced.outputs, traced.guard)
-        if equations.user_types:
-            # A user's class may be another in the next process.
-            return traced.layout, self._processor.object_code(text)
-        if not own:
-            return traced.layout, self._code(text)
-        code = self._processor.object_code(text)
-        self._kept.put(self._key(own), pack_kernel(traced.layout, code))
-        return traced.layout, code
+        return traced.layout, self._processor.object_code(text)
 
-    def _code(self, text: str) -> bytes:
-        """The object file of a text, kept by it."""
-        key = self._key(text)
-        code = self._kept.find(key)
-        if code is None:
-            code = self._processor.object_code(text)
-            self._kept.put(key, code)
-        return code
-
-    def _key(self, what: str) -> str:
-        return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
+    def _kept_or_made(self, source: str | None, make: Callable[[], Any]) -> Any:
+        """Return what is kept of a source, or make and keep it; without a source it is made by every process."""
+        if source is None:
+            return make()
+        key = hashlib.sha256(f"{self._processor.key}\n{source}".encode()).hexdigest()
+        value = self._kept.find(key)
+        if value is None:
+            value = make()
+            self._kept.put(key, value)
+        return value
 
     def _compute_by_numpy(
         self, places: Indices, equations: Equations, plan: CallPlan, values: Values, outputs: dict[str, Array]
@@ -243,7 +202,6 @@ class Kernels:
         self.untraced[equations.key] = equations.name, _difference(equations)
         self._kernels = {key: None if key[1] == equations.key else kernel for key, kernel in self._kernels.items()}
         self._plans.clear()
-        self._forms.clear()
 
 
 def _why_not_traced(equations: Equations, differs: bool) -> str | None:

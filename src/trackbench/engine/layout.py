@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Hashable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -94,7 +93,8 @@ PACKAGE = Path(__file__).parent.parent
 def source_key(equations: Equations, inputs: Sequence[Input]) -> str | None:
     """What equations of the package compute of certain inputs, as text; None of others, whose source may change."""
     source = package_source()
-    if source is None or not equations.function.__module__.startswith("trackbench."):
+    of_package = equations.function.__module__.startswith("trackbench.") and not equations.user_types
+    if source is None or not of_package:
         return None
     key = _key_text(equations.key)
     return None if key is None else repr((source, equations.name, key, tuple(inputs)))
@@ -131,23 +131,3 @@ def _key_text(value: Hashable) -> str | None:
         return repr(value)
     own = _key_text(type(value))
     return None if own is None or "object at 0x" in repr(value) else repr(value)
-
-
-def pack_kernel(layout: KernelLayout, code: bytes) -> bytes:
-    """A layout and its code as one."""
-    return json.dumps(layout).encode() + b"\n" + code
-
-
-def unpack_kernel(data: bytes) -> tuple[KernelLayout, bytes] | None:
-    """What ``packed`` made; None of anything else."""
-    head, _, code = data.partition(b"\n")
-    try:
-        inputs, outputs, same = json.loads(head)
-        layout = KernelLayout(
-            tuple(Input(name, tuple(shape), *more) for name, shape, *more in inputs),
-            tuple(Output(name, tuple(shape), *more) for name, shape, *more in outputs),
-            same,
-        )
-    except (ValueError, TypeError, RecursionError):
-        return None
-    return layout, code

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import logging
 import mmap
 import os
+import pickle
 import stat
+from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from trackbench.base.files import cache_folder, write_whole
 from trackbench.engine.vector_code import HEAD, WIDTH
 
 #: In every name of a kept file, so that a change of the code's own form finds none of before.
-FORM = "10"
+FORM = "11"
 FUNCTION = "kernel"
 #: To open a file without waiting for another process, and no link to another; Windows has neither.
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
@@ -64,27 +65,12 @@ def _no_executable_memory() -> str | None:
     return "this machine lets no memory be made executable" if refused else None
 
 
-log = logging.getLogger(__name__)
-
-
 @cache
 def _set_option() -> None:
     """LLVM takes an option but once."""
     import llvmlite.binding as llvm
 
     llvm.set_option("trackbench", OPTION)
-
-
-@cache
-def _say_not_kept(folder: str, why: str) -> None:
-    log.info("kernels are not kept, and made anew by every process: %s cannot be written (%s)", folder, why)
-
-
-@cache
-def _say_refused(folder: str) -> None:
-    log.warning(
-        "kernels in %s were not used, and are made anew: they belong to another user, or others may write them", folder
-    )
 
 
 class Processor:
@@ -150,36 +136,33 @@ class MachineCode:
 
 
 class KernelCache:
-    """Object files on disk, by what they were made from.
+    """Kernels on disk, by what they were made from.
 
     Each file begins with a checksum of its key and of itself: what is damaged, or is of another key, counts as not
-    there. A file that belongs to another user, or that others may write, is refused, and the log says so once: machine
-    code runs with the rights of whoever loads it. Where nothing can be written, nothing is kept.
+    there. So does a file that belongs to another user, or that others may write: machine code runs with the rights of
+    whoever loads it. Where nothing can be written, nothing is kept.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder or cache_folder() / "kernels"
 
-    def find(self, key: str) -> bytes | None:
-        """What was kept under a key."""
+    def find(self, key: str) -> Any:
+        """Return what was kept under a key; None where there is nothing."""
         try:
             # The owner is that of what is read, even if another file takes its name meanwhile. A pipe would wait.
             with open(self._place(key), "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE)) as file:
-                if not _is_own(file.fileno()):
-                    _say_refused(str(self._folder))
-                    return None
-                data = file.read()
+                data = file.read() if _is_own(file.fileno()) else b""
         except OSError:
             return None
-        code = data[CHECKSUM_BYTES:]
-        return code if data[:CHECKSUM_BYTES] == _checksum(key, code) else None
+        packed = data[CHECKSUM_BYTES:]
+        # Who could put a harmful object here could put harmful machine code here as well.
+        return pickle.loads(packed) if data[:CHECKSUM_BYTES] == _checksum(key, packed) else None
 
-    def put(self, key: str, code: bytes) -> None:
-        """Keep an object file under a key."""
-        try:
-            write_whole(self._place(key), _checksum(key, code) + code)
-        except OSError as error:
-            _say_not_kept(str(self._folder), error.strerror or str(error))
+    def put(self, key: str, value: Any) -> None:
+        """Keep a value under a key."""
+        packed = pickle.dumps(value)
+        with suppress(OSError):
+            write_whole(self._place(key), _checksum(key, packed) + packed)
 
     def _place(self, key: str) -> Path:
         return self._folder / f"{key}.o"
@@ -193,5 +176,5 @@ def _is_own(file: int) -> bool:
     return own and stat.S_ISREG(status.st_mode)
 
 
-def _checksum(key: str, code: bytes) -> bytes:
-    return hashlib.sha256(key.encode() + code).digest()
+def _checksum(key: str, packed: bytes) -> bytes:
+    return hashlib.sha256(key.encode() + packed).digest()

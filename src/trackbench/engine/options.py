@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import fields, is_dataclass, replace
-from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -34,14 +33,12 @@ def with_options(filter: Any, values: Values) -> Any:
 
 
 def numbers(model: MotionModel, at: str) -> dict[str, Any]:
-    """The numbers among the options of a motion model; ``at`` is put before each name."""
-    result: dict[str, Any] = {}
-    if _kept_values(model):
-        # What the model computed of its options when it was made would not follow other options.
-        return result
-    for name, value in _fields(model).items():
-        result |= _numbers(value, f"{at} {name}", _each_has_its_own(model, name))
-    return result
+    """Return the numbers among the options of a motion model of the package; ``at`` is put before each name."""
+    if is_user_type(type(model)):
+        # What the model computes of its options by other means would not follow other options.
+        return {}
+    parts = [_numbers(value, f"{at} {name}") for name, value in _fields(model).items()]
+    return {name: value for part in parts for name, value in part.items()}
 
 
 def with_numbers(model: M, at: str, values: Values) -> M:
@@ -51,12 +48,7 @@ def with_numbers(model: M, at: str, values: Values) -> M:
         result = _replaced(value, f"{at} {name}", values)
         if result is not value:
             update[name] = result
-    if not update:
-        return model
-    result = model.model_copy(update=update)
-    for name in filter(partial(_is_cached_property, type(model)), vars(model)):
-        del vars(result)[name]
-    return result
+    return model.model_copy(update=update) if update else model
 
 
 def form(value: Any) -> Hashable:
@@ -65,13 +57,8 @@ def form(value: Any) -> Hashable:
         # How the modes switch is an input.
         return tuple(map(form, value.filters))
     if isinstance(value, MotionModel):
-        kept_values = _kept_values(value)
-        if kept_values:
-            return type(value), tuple(
-                (name, _constant(item)) for name, item in {**_fields(value), **kept_values}.items()
-            )
-        kept = [(name, _form(item, _each_has_its_own(value, name))) for name, item in _fields(value).items()]
-        return type(value), tuple(kept)
+        of_item = _constant if is_user_type(type(value)) else _form
+        return type(value), tuple((name, of_item(item)) for name, item in _fields(value).items())
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), tuple((item.name, form(getattr(value, item.name))) for item in fields(value))
     return _constant(value)
@@ -91,37 +78,17 @@ def _fields(model: MotionModel) -> Mapping[str, Any]:
     return {name: getattr(model, name) for name in type(model).model_fields}
 
 
-def _kept_values(model: MotionModel) -> Mapping[str, Any]:
-    """Return what a user's model keeps beside its options and cached properties, such as private attributes."""
-    kind = type(model)
-    if not is_user_type(kind):
-        return {}
-    others = {name for name in vars(model).keys() - kind.model_fields.keys() if not _is_cached_property(kind, name)}
-    return {name: vars(model)[name] for name in sorted(others)} | (model.__pydantic_private__ or {})
-
-
-def _is_cached_property(kind: type, name: str) -> bool:
-    return isinstance(getattr(kind, name, None), cached_property)
-
-
-def _each_has_its_own(model: MotionModel, name: str) -> bool:
-    """Whether an array is an option of each member, and not one that is the same for all."""
-    return name in getattr(model, "driving_noise", ()) or not is_user_type(type(model))
-
-
-def _numbers(value: Any, at: str, arrays: bool) -> dict[str, Any]:
+def _numbers(value: Any, at: str) -> dict[str, Any]:
     if isinstance(value, MotionModel):
         return numbers(value, at)
     if isinstance(value, tuple | list):
-        parts = [_numbers(item, f"{at} {i}", arrays) for i, item in enumerate(value)]
+        parts = [_numbers(item, f"{at} {i}") for i, item in enumerate(value)]
         return {name: item for part in parts for name, item in part.items()}
-    return {at: value} if _numeric(value, arrays) else {}
+    return {at: value} if _is_numeric(value) else {}
 
 
-def _numeric(value: Any, arrays: bool) -> bool:
-    if isinstance(value, np.ndarray):
-        return arrays
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _is_numeric(value: Any) -> bool:
+    return isinstance(value, int | float | np.ndarray) and not isinstance(value, bool)
 
 
 def _replaced(value: Any, at: str, values: Values) -> Any:
@@ -133,7 +100,7 @@ def _replaced(value: Any, at: str, values: Values) -> Any:
     return values.get(at, value)
 
 
-def _form(value: Any, arrays: bool) -> Hashable:
+def _form(value: Any) -> Hashable:
     if isinstance(value, tuple | list):
-        return tuple(_form(item, arrays) for item in value)
-    return None if _numeric(value, arrays) else form(value)
+        return tuple(map(_form, value))
+    return None if _is_numeric(value) else form(value)

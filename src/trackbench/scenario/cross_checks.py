@@ -146,10 +146,10 @@ def _tracker_sensors(scenario: ScenarioKeys) -> Iterator[Problem]:
             yield from _assumed(scenario, name, tracker)
             yield from _start(scenario, name, tracker)
             yield from _lag(scenario, name, tracker)
-        for key in ("detection_probability", "clutter_density"):
-            for sensor in getattr(getattr(tracker, "associate", None), key, {}):
-                if sensor not in scenario.sensors:
-                    yield Problem(("trackers", name, "associate", key, sensor), _no_sensor(scenario, sensor))
+        for sensor in getattr(getattr(tracker, "associate", None), "detection_probability", {}):
+            if sensor not in scenario.sensors:
+                at = ("trackers", name, "associate", "detection_probability", sensor)
+                yield Problem(at, _no_sensor(scenario, sensor))
 
 
 def _assumed(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator[Problem]:

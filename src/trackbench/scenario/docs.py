@@ -221,7 +221,13 @@ def _presets() -> str:
         for preset in list_presets()
     ]
     table = _markdown(("preset", "type", "sensor", "assumed, where no figure is published"), rows)
-    return f"### Presets\n\n{table}\n\nEvery figure with its source: [sensor presets](sensor-presets.md)."
+    notes = (
+        "A key that the scenario writes itself wins over the preset's. Every figure stands with its source in "
+        "`trackbench/models/sensors/presets.yaml`. Where a maker does not say what accuracy means, the figure is taken "
+        "as a standard deviation. A lidar's figure is that of a single point; the position of a whole vehicle is less "
+        "certain: set `position_sigma_m` where that matters."
+    )
+    return f"### Presets\n\n{table}\n\n{notes}"
 
 
 def _metrics() -> str:

@@ -178,14 +178,6 @@ class AssociateConfig(Config):
         default_factory=dict,
         description="For a sensor's name, the detection probability that the tracker takes in place of the stated one.",
     )
-    clutter_density: Annotated[
-        dict[str, Positive],
-        _only(lambda value: isinstance(value, dict), "one for each sensor's name, such as {radar: 0.001},"),
-    ] = Field(
-        default_factory=dict,
-        description="For a sensor's name, the false alarms per unit volume of its measurement space (m, rad, m/s) and "
-        "scan that the tracker takes in place of the stated ones.",
-    )
 
     @property
     def confirms_by(self) -> list[int] | Literal["score", "existence"]:

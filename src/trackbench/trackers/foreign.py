@@ -61,8 +61,7 @@ def _executable(name: str, folder: Path) -> Path:
         program = shutil.which(name)
         if program is not None:
             return Path(program)
-        here = f"did you mean {'./' + name!r}?" if (folder / name).is_file() else _nearest_on_path(name)
-        raise InputError(f"there is no program {name!r} on PATH: {here}")
+        raise InputError(f"there is no program {name!r} on PATH: a path has a /, such as ./{name}")
     path = folder / name
     if not path.is_file():
         raise InputError(_not_there(path))
@@ -83,9 +82,3 @@ def _not_there(path: Path) -> str:
 
 def _can_run(file: Path) -> bool:
     return file.is_file() and os.access(file, os.X_OK)
-
-
-def _nearest_on_path(name: str) -> str:
-    places = (Path(place) for place in os.get_exec_path() if place)
-    hint = nearest_choices(name, {file.name for place in places if place.is_dir() for file in place.iterdir()})
-    return hint if hint.startswith("did you mean") else "a path has a /, such as ./my_tracker"

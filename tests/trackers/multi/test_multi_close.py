@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Array, Scan
-from trackbench.trackers.multi.gate import RunDetections, close_pairs, run_detections
+from trackbench.base.units import difference
+from trackbench.engine.equations import by_numpy
+from trackbench.filters import Measured, PredictedMeasurement
+from trackbench.trackers.multi.gate import RunDetections, close_pairs, gated, run_detections
 
 
 def scan_of(random: np.random.Generator, runs: int, most: int, decimals: int | None = None) -> Scan:
@@ -81,3 +84,28 @@ def test_angles_are_close_across_the_turn() -> None:
     value, mean = np.array([3.1, -3.1]), np.array([3.13, -3.0])
     track, detection = close_pairs(mean, np.array([0.15, 0.15]), np.zeros(2, int), value, detections, angular=True)
     assert list(zip(track, detection, strict=True)) == [(0, 0), (0, 1), (1, 1)]
+
+
+@pytest.mark.parametrize("noise_of_each", [False, True])
+@pytest.mark.parametrize("angular", [(), (1,), (0, 1)])
+def test_no_pair_in_a_gate_is_left_out(angular: tuple[int, ...], noise_of_each: bool) -> None:
+    random = np.random.default_rng(len(angular))
+    counts, tracks, threshold = np.array([12, 0, 70]), 40, 4.0
+    value, mean = random.uniform(-3.1, 3.1, (2, counts.sum())), random.uniform(-3.1, 3.1, (2, tracks))
+    noise = 0.1 * np.eye(2)
+    if noise_of_each:
+        noise = noise[..., None] * random.uniform(0.1, 2.0, counts.sum())
+    root = random.normal(0.0, 0.5, (2, 2, tracks))
+    predicted = PredictedMeasurement(mean, np.einsum("ik...,jk...->ij...", root, root), np.zeros((2, 4, tracks)))
+    scan = Scan(0.0, "a", "lidar", value, np.ones(len(value[0]), bool), np.eye(2), np.zeros(3), np.zeros(2), 0.0)
+    run, group = np.repeat(np.arange(3), counts), np.sort(random.integers(0, 3, tracks))
+    detections = RunDetections(scan, run, run, np.concatenate([[0], counts.cumsum()]))
+    pairs = gated(predicted, Measured(value, noise, angular), detections, group, threshold, by_numpy)
+    expected = []
+    for i, j in zip(*np.nonzero(group[:, None] == run), strict=True):
+        apart = difference(value[:, j], mean[:, i], angular)
+        spread = predicted.covariance[..., i] + (noise[..., j] if noise_of_each else noise)
+        if apart @ np.linalg.solve(spread, apart) <= threshold:
+            expected.append((i, j))
+    assert len(expected) > 20
+    assert list(zip(pairs.track, pairs.detection, strict=True)) == expected

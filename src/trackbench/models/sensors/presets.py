@@ -30,8 +30,6 @@ class Preset:
     """Where the published figures are from."""
     values: Mapping[str, Any]
     """Defaults for the keys of the sensor's configuration."""
-    sources: Mapping[str, str]
-    """For each published value: the place in the source, and how it was converted."""
     assumed: Mapping[str, str]
     """For each value for which the maker gives no figure: the reason for the one used."""
 
@@ -56,7 +54,6 @@ def _preset(name: str, entry: dict[str, Any]) -> Preset:
         title=entry["title"],
         source=entry["source"],
         values={key: value["value"] for key, value in values.items()},
-        sources={key: value["source"] for key, value in values.items() if "source" in value},
         assumed={key: value["assumed"] for key, value in values.items() if "assumed" in value},
     )
 

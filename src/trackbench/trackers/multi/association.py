@@ -245,7 +245,7 @@ def associated(
     measured = at.filter.measured(at.detections.scan)
     belief, predicted, _ = at.expected
     threshold = gate_threshold(config.gate, len(measured.value))
-    pairs = gated(predicted, measured, at.detections, at.run, threshold, compute, at.filter.close)
+    pairs = gated(predicted, measured, at.detections, at.run, threshold, compute)
     if isinstance(belief, MultiModelBelief):
         pairs = under_modes(pairs, predicted, measured, belief.probability, compute)
     # What is in a gate was in view, whatever the sensor states.

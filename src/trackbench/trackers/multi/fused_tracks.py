@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from trackbench.base.types import Array, FieldOfView, Indices, Scan
-from trackbench.base.units import wrap_angle
 from trackbench.engine.beliefs import (
     any_scan,
     belief_of,
@@ -19,12 +18,10 @@ from trackbench.engine.beliefs import (
     scan_values,
     sensor_values,
 )
-from trackbench.engine.equations import Equations, Values
-from trackbench.engine.filters import FilterCall, FusedFilter, fused_filter, kernels, predicted_belief
-from trackbench.engine.pairs import PairSearch
-from trackbench.filters import AnyBelief, Filter, Measured, PredictedMeasurement, bare, choose
+from trackbench.engine.equations import Values
+from trackbench.engine.filters import FilterCall, FusedFilter, fused_filter, predicted_belief
+from trackbench.filters import AnyBelief, Filter, bare, choose
 from trackbench.trackers.initial import InitialConfig
-from trackbench.trackers.multi.gate import RunDetections
 from trackbench.trackers.multi.mixture import of_slots
 from trackbench.trackers.multi.table import (
     NONE,
@@ -36,42 +33,6 @@ from trackbench.trackers.multi.table import (
     selected_detections,
 )
 
-#: By how much the box about a gate is larger in variance, so that rounding leaves out no pair.
-MARGIN = 1e-6
-
-
-def close_in_all(
-    predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
-) -> tuple[Indices, Indices]:
-    """Pairs that are in the box about the gate."""
-    values = {
-        "value": measured.value,
-        "noise": measured.noise,
-        "expected": predicted.mean,
-        "spread": predicted.covariance,
-        "threshold": threshold,
-    }
-    return _box(len(measured.value), measured.angular, measured.noise.ndim > 2)(values, run, detections.first)
-
-
-@cache
-def _box(components: int, angular: tuple[int, ...], noise_of_each: bool) -> PairSearch:
-    def function(values: Values) -> Values:
-        close = np.ones((), dtype=bool)
-        for i in range(components):
-            apart = values["value"][i] - values["expected"][i]
-            apart = wrap_angle(apart) if i in angular else apart
-            variance = values["spread"][i, i] + values["noise"][i, i]
-            close = close & (apart * apart <= values["threshold"] * variance * (1.0 + MARGIN))
-        return {"close": close}
-
-    vector, matrix = (components,), (components, components)
-    shapes = {"value": vector, "noise": matrix, "expected": vector, "spread": matrix, "threshold": ()}
-    equations = Equations("detection in a box", function, {name: len(shape) for name, shape in shapes.items()})
-    own = {"value", "noise"} if noise_of_each else {"value"}
-    return PairSearch(kernels(), equations, shapes, {"expected", "spread"}, own)
-
-
 #: Most detections of a track for which there are kernels.
 MOST_SLOTS = 6
 
@@ -79,7 +40,6 @@ MOST_SLOTS = 6
 class FusedTrackFilter(TrackFilter):
     """Each of its methods one kernel."""
 
-    close = staticmethod(close_in_all)
     filter: FusedFilter
 
     def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -87,10 +86,6 @@ def close_pairs(
     return track, first[run[track]] + pair - track * most
 
 
-#: Finds tracks and detections, sorted by both, among which are all that are in the gate; arguments as of ``gated``.
-Close = Callable[[PredictedMeasurement, Measured, RunDetections, Indices, float], tuple[Indices, Indices]]
-
-
 class GatedPairs(NamedTuple):
     """Tracks and detections of the same run that are in each other's gate, sorted by track and detection."""
 
@@ -116,7 +111,6 @@ def gated(
     run: Indices,
     threshold: float,
     compute: Compute,
-    close: Close,
 ) -> GatedPairs:
     """The pairs whose squared Mahalanobis distance is at most ``threshold``.
 
@@ -127,9 +121,8 @@ def gated(
         run: ``(L,)`` of each track.
         threshold: of chi-square with ``m`` degrees of freedom.
         compute: how equations are computed.
-        close: how pairs are found among which those in the gate are.
     """
-    track, detection = close(predicted, measured, detections, run, threshold)
+    track, detection = _in_reach(predicted, measured, detections, run, threshold)
     distance, log_likelihood = _likelihood(predicted, measured, track, detection, compute)
     return GatedPairs(track, detection, distance, log_likelihood).select(distance <= threshold)
 
@@ -177,10 +170,10 @@ def _of_pair(angular: tuple[int, ...]) -> Equations:
     return Equations("distance of a detection from a track", function, ranks, frozenset({"spread"}), key=angular)
 
 
-def close_in_one(
+def _in_reach(
     predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
 ) -> tuple[Indices, Indices]:
-    """Pairs that are close in one component: a gate lies within the box about it, and that is quickly asked."""
+    """Return the pairs that are close in one component, among which are all that are in the gate."""
     free = [i for i in range(len(measured.value)) if i not in measured.angular]
     axis = free[0] if free else 0
     noise = measured.noise[axis, axis]

@@ -119,16 +119,15 @@ def intensity(
     Args:
         scan: says what the sensor states.
         as_measured: whether the filter compares the measurements as they are; else it converts them to positions.
-        config: may override what the sensor states.
+        config: says where objects without a track are expected.
         undetected: expected number of objects in view that no scan has found, ``(N,)`` where it differs.
         detection: probability that an object is detected, ``(N,)`` where each detection is if it differs.
         velocity_sigma: standard deviation of an object's velocity, m/s.
     """
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
     measured, positions = volumes(scan.kind, view, velocity_sigma)
-    stated = config.clutter_density.get(scan.sensor, scan.clutter_density or 0.0)
     volume = view.volume or measured
-    false_alarms = max(stated * volume, FEWEST_FALSE_ALARMS)
+    false_alarms = max((scan.clutter_density or 0.0) * volume, FEWEST_FALSE_ALARMS)
     births, sensor = config.birth_density, SENSOR_MODELS[scan.kind]
     new_objects = undetected / (measured if as_measured else positions) * detection
     if isinstance(births, GaussianBirths) and sensor.measures_position():

@@ -20,7 +20,7 @@ from trackbench.filters import (
 )
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.initial import InitialConfig, first_measurement
-from trackbench.trackers.multi.gate import close_in_one, in_field_of_view
+from trackbench.trackers.multi.gate import in_field_of_view
 from trackbench.trackers.multi.mixture import of_pairs
 
 #: The id of a track that is not confirmed, and what stands for "none" wherever an index is expected.
@@ -144,8 +144,6 @@ class PredictedTracks(NamedTuple):
 
 class TrackFilter:
     """A filter on the beliefs of the L tracks that take in the N detections of a scan."""
-
-    close = staticmethod(close_in_one)
 
     def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:
         self.filter = filter
