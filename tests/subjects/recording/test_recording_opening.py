@@ -69,6 +69,8 @@ def test_a_recording_without_its_folder_opens_at_the_worst_moment(folder: Path, 
     (moment,) = worst(load_recorded_run(Result.load(folder)), ["ekf"], 1)
     with playable(alone, Opening(worst=1)) as ready:
         assert ready == (alone, moment.time_s)
+    with pytest.raises(InputError, match="name the folder of the run"), playable(alone, Opening(1.0, vehicle="v1")):
+        pass
 
 
 def test_a_vehicle_that_is_not_there_yet_is_said(result: Result) -> None:

@@ -224,6 +224,8 @@ def playable(path: Path, opening: Opening) -> Iterator[tuple[Path, float | None]
         return
     run = read(path)
     focus = focus_of(run.result, opening)
+    if not run.is_whole and opening.worst is None and (focus.vehicle is not None or focus.tracker is not None):
+        raise InputError("a recording without its folder is shown as it is: name the folder of the run", file=path)
     time_s = moment_of(run.result).time_s if focus == Focus() else focus.time_s
     if run.recording is not None and (not run.is_whole or (focus.vehicle is None and focus.tracker is None)):
         yield run.recording, time_s
