@@ -28,10 +28,9 @@ def main(folder: Path) -> None:
         ("traffic/truck_hides_car", Opening(worst=1, tracker="gnn"), "traffic-recording"),
     ):
         result = trackbench.run(scenario, out=folder)
-        with playable([folder / result.name], opening) as ready:
-            moment = ready.time_s
+        with playable(folder / result.name, opening) as (file, moment):
             times = [moment, *(moment + np.arange(-BEFORE_S, AFTER_S, 1 / RATE) if name == "recording" else ())]
-            shown = pictures(ready.files, times, SIZE, ZOOM)
+            shown = pictures(file, times, SIZE, ZOOM)
             still, *frames = (Image.open(io.BytesIO(png)).convert("RGB") for png in shown)
         still.save(IMAGES / f"{name}.png", optimize=True)
         if frames:

@@ -34,7 +34,7 @@ def whole(tried: Tried, tiny: Path, tmp_path: Path) -> Path:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_mutated_results(whole: Path, tried: Tried, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(viewer, "pictures", lambda files, times: [b"".join(file.read_bytes() for file in files)])
+    monkeypatch.setattr(viewer, "pictures", lambda file, times: [file.read_bytes()])
     files = sorted(file for file in whole.rglob("*") if file.suffix in (".json", ".parquet", ".rrd"))
     # Each recording takes a process of its own to be read.
     weights = [8 if file.suffix == ".json" else 1 if file.suffix == ".rrd" else 3 for file in files]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import warnings
 from collections.abc import Callable, Iterator
@@ -20,7 +21,7 @@ from tests.support.results import with_tables
 from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import TrackEvent, events_of
 from trackbench.results import Result, Tables
-from trackbench.subjects.recording.contents import contents_of, ranking_text
+from trackbench.subjects.recording.contents import contents_of
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of, moment_of
 from trackbench.subjects.recording.layout import track_blueprint
@@ -43,7 +44,7 @@ def lengths(recording: ReadRecording, entity: str, component: str) -> list[int]:
 
 def test_the_tables_come_back(traffic_folder: Path, traffic_result: Result) -> None:
     tables = read(traffic_folder / "recording.rrd").result.tables
-    for name in ("truth", "measurements", "tracks", "taken", "due", "steps", "objects", "association", "existence"):
+    for name in ("truth", "measurements", "tracks", "due", "objects"):
         ours, theirs = (source[name].to_pandas() for source in (traffic_result.tables, tables))
         assert len(ours) == len(theirs), name
         for column in ours.select_dtypes("number"):
@@ -121,22 +122,6 @@ def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp
     assert lengths(sent, "/world/associations/gnn/gates", "LineStrips2D:colors") == [count]
 
 
-def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
-    plain = ranking_text(traffic_result)
-    assert "95 % intervals" not in plain
-    assert "| oracle (reference) |" in plain
-    metrics = traffic_result["pmb"].metrics
-    assert metrics["gospa"].reason == "no interval holds with fewer than 50 runs"
-    metrics = {**metrics, "gospa": metrics["gospa"].model_copy(update={"ci95": (1.234, 5.678), "reason": None})}
-    trackers = [
-        tracker.model_copy(update={"metrics": metrics}) if tracker.name == "pmb" else tracker
-        for tracker in traffic_result.summary.trackers
-    ]
-    text = ranking_text(traffic_result.updated(trackers=trackers))
-    assert "±" not in text
-    assert "| pmb | n/a | 1.23 to 5.68 | n/a |" in text
-
-
 def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Result) -> None:
     rows = traffic_result.tables.events.to_pylist()
     own = [row for row in rows if (row["tracker"], row["run"]) == ("pmb", 0)]
@@ -181,7 +166,7 @@ def is_of_trackers(each: Any) -> bool:
 
 def test_the_event_is_in_the_middle_of_the_view_of_gates(traffic_result: Result) -> None:
     event = events_of(traffic_result, "pmb", 0)[0]
-    focus = focus_of([traffic_result], Opening(worst=1, tracker="pmb"))
+    focus = focus_of(traffic_result, Opening(worst=1, tracker="pmb"))
     truth = traffic_result.to_pandas("truth")
     row = truth[(truth["object"] == focus.vehicle) & np.isclose(truth["time_s"], event.time_s)].iloc[0]
     assert (row["px_m"] + focus.beside[0], row["py_m"] + focus.beside[1]) == pytest.approx((event.x_m, event.y_m))
@@ -190,13 +175,13 @@ def test_the_event_is_in_the_middle_of_the_view_of_gates(traffic_result: Result)
 def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
     events = [event for event in events_of(traffic_result, "naive", 0) if event.cost_m2 > 0]
     for number in (1, 2):
-        focus = focus_of([traffic_result], Opening(worst=number, tracker="naive"))
+        focus = focus_of(traffic_result, Opening(worst=number, tracker="naive"))
         assert (focus.time_s, focus.tracker) == (events[number - 1].time_s, "naive")
         assert focus.vehicle in ("slow", "fast", "leaving", "observer")
     with pytest.raises(InputError, match=f"only {len(events)} such events"):
-        focus_of([traffic_result], Opening(worst=len(events) + 1, tracker="naive"))
+        focus_of(traffic_result, Opening(worst=len(events) + 1, tracker="naive"))
     with pytest.raises(InputError, match="did you mean 'naive'"):
-        focus_of([traffic_result], Opening(worst=1, tracker="naiv"))
+        focus_of(traffic_result, Opening(worst=1, tracker="naiv"))
 
 
 def test_a_late_start_comes_after_what_else_costs(traffic_result: Result) -> None:
@@ -239,7 +224,7 @@ def test_a_tracker_that_failed_says_so(cli: Callable[..., Any], failing_folder: 
     for arguments in ((), ("--worst", "2"), ("--at", "1")):
         done = cli("inspect", failing_folder, *arguments)
         assert done.status == 0
-        assert "failing failed: ValueError: out of order" in done.out.replace("\n", " ")
+        assert re.search(r"failing +(failed|FAILED): ValueError: out of order", done.out.replace("\n", " "))
     for command in (("inspect", failing_folder), ("snapshot", failing_folder, "worst.png")):
         done = cli(*command, "--worst", "1", "--tracker", "failing")
         assert (done.status, done.out) == (2, "")
@@ -247,12 +232,12 @@ def test_a_tracker_that_failed_says_so(cli: Callable[..., Any], failing_folder: 
 
 
 def test_a_tracker_is_chosen_at_a_time(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
-    focus = focus_of([traffic_result], Opening(at_s=3.1, tracker="naive"))
+    focus = focus_of(traffic_result, Opening(at_s=3.1, tracker="naive"))
     assert (focus.time_s, focus.tracker) == (3.1, "naive")
     moment = json.loads(cli("inspect", traffic_folder, "--at", "5", "--tracker", "naive", "--json").out)["at"]
     assert {track["tracker"] for track in moment["tracks"]} == {"naive"}
     with pytest.raises(InputError, match="did you mean 'naive'"):
-        focus_of([traffic_result], Opening(at_s=3.1, tracker="naiv"))
+        focus_of(traffic_result, Opening(at_s=3.1, tracker="naiv"))
 
 
 def test_inspect_reads_a_folder_without_a_recording(
@@ -273,12 +258,9 @@ def test_a_picture_of_the_worst(cli: Callable[..., Any], traffic_folder: Path, t
     assert (tmp_path / "worst.png").stat().st_size > 20_000
 
 
-@pytest.mark.parametrize("option", [("--live",), ("--serve",), ("--connect", "rerun+http://localhost:9876/proxy")])
-def test_live_is_refused_with_one_message(
-    cli: Callable[..., Any], traffic_text: str, tmp_path: Path, option: tuple[str, ...]
-) -> None:
+def test_live_is_refused_with_one_message(cli: Callable[..., Any], traffic_text: str, tmp_path: Path) -> None:
     (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
-    done = cli("run", "three_cars.yaml", *option)
+    done = cli("run", "three_cars.yaml", "--live")
     message = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"
     assert done.status == 2
     assert done.err.startswith("three_cars.yaml:")

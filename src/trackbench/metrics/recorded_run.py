@@ -9,7 +9,6 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array, Mask
-from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import Result
@@ -26,8 +25,6 @@ class RecordedTrack:
 
     mean: Array
     """``(4, instants, objects)``, NaN where there is none."""
-    covariance: Array
-    """``(4, 4, instants, objects)``"""
     position_error: Array
     """``(instants, objects)`` m."""
     velocity_error: Array
@@ -47,20 +44,10 @@ class RecordedRun:
     objects: tuple[str, ...]
     time: Array
     """``(instants,)`` s."""
-    state: Array
-    """``(4, instants, objects)`` the true px, py, vx, vy."""
     alive: Mask
     """``(instants, objects)``"""
-    divergence: float
-    """m"""
     tracks: dict[str, RecordedTrack]
     """By tracker, those that did not fail."""
-
-    def target(self, tracker: str) -> Target:
-        """What a tracker is held against; without a reference, which needs the sensors' models."""
-        due, no_reference = self.tracks[tracker].due[..., None], np.zeros((2, len(self.time), 1, 1))
-        state, starting = self.state[..., None], np.zeros_like(due)
-        return Target(self.time, state, self.alive, due, starting, self.divergence, no_reference)
 
 
 def load_recorded_run(result: Result) -> RecordedRun:
@@ -74,11 +61,10 @@ def load_recorded_run(result: Result) -> RecordedRun:
     every = [rows["time_s"] for track in tracks.values() for rows in track.values()]
     time = every[0] if every else np.unique(table_columns(tables.measurements)["time_s"])
     at = np.searchsorted(truth[objects[0]]["time_s"], time)
-    state = np.stack([np.stack([truth[name][column][at] for name in objects], axis=1) for column in STATE])
     alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)
     start = max(0.0, FIRST - score.settle_s)
     by_tracker = {tracker: _track(rows, objects, time, start) for tracker, rows in tracks.items()}
-    return RecordedRun(objects, time, state, alive, score.divergence_m, by_tracker)
+    return RecordedRun(objects, time, alive, by_tracker)
 
 
 def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array, start: float) -> RecordedTrack:
@@ -94,10 +80,8 @@ def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array, star
     due = column("due") > 0
     begins = due & ~np.vstack([np.zeros_like(due[:1]), due[:-1]])
     since = np.maximum.accumulate(np.where(begins, time[:, None], -np.inf), axis=0)
-    covariance = [[column(f"p_{min(a, b)}{max(a, b)}") for b in range(4)] for a in range(4)]
     return RecordedTrack(
         mean=np.stack([column(name) for name in STATE]),
-        covariance=np.stack([np.stack(row) for row in covariance]),
         position_error=column("position_error_m"),
         velocity_error=column("velocity_error_mps"),
         nees=column("nees"),
@@ -243,15 +227,6 @@ def worst(
         moments.append(_estimate(recorded, trackers[tracker], instant, i))
         errors[:, np.abs(time - time[instant]) <= APART, i] = np.nan
     return moments
-
-
-def distinct(moments: Iterable[EstimateMoment]) -> list[EstimateMoment]:
-    """In the order of :func:`worst`; of one vehicle's moments that are not told apart only the first."""
-    kept: list[EstimateMoment] = []
-    for moment in sorted(moments, key=lambda each: (each.starting, -(each.position_error_m or 0.0))):
-        if not any(moment.object == other.object and abs(moment.time_s - other.time_s) <= APART for other in kept):
-            kept.append(moment)
-    return kept
 
 
 def _estimates(recorded: RecordedRun, time: float, present: set[str]) -> list[EstimateMoment]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,9 +21,9 @@ from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of
-from trackbench.subjects.recording import live, painter
+from trackbench.subjects.recording import live
 from trackbench.subjects.recording.live import Live, LiveRun
-from trackbench.subjects.recording.painter import Painter
+from trackbench.subjects.recording.live_scene import LiveRuns
 from trackbench.truth import LoadedTruth
 
 
@@ -51,8 +50,9 @@ def stop(viewer: Live) -> None:
 
 @pytest.mark.parametrize("url", [None, ABSENT])
 def test_a_run_hands_over_what_it_finds_and_never_waits(
-    scene: tuple[Scenario, LoadedTruth], deaf: str, url: str | None
+    scene: tuple[Scenario, LoadedTruth], deaf: str, url: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(live, "PATIENCE", 2)
     loaded, truth = scene
     viewer = Live(url or deaf)
     try:
@@ -68,19 +68,21 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
         stop(viewer)
 
 
-def test_what_waits_is_bounded_and_the_oldest_goes_first(
-    scene: tuple[Scenario, LoadedTruth], monkeypatch: pytest.MonkeyPatch
+def test_what_waits_is_bounded_and_begins_and_ends(
+    scene: tuple[Scenario, LoadedTruth], run_tiny: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live, "WAITING", 3)
+    monkeypatch.setattr(live, "WAITING", 4)
     monkeypatch.setattr(threading.Thread, "start", lambda self: None)
     viewer = Live(ABSENT)
     try:
         viewer.begin(Prepared(scene[0], [scene[1]]))
         for instant in range(10):
             viewer.observe(RecordedInstant(instant, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))}))
-        about, *kept = viewer._batch()
+        viewer.end(run_tiny())
+        about, *kept, result = viewer._waiting
         assert isinstance(about, LiveRun)
-        assert [item.number for item in kept] == [7, 8, 9]
+        assert [item.number for item in kept if isinstance(item, RecordedInstant)] == [0, 1, 2]
+        assert isinstance(result, Result), "the whole recording is sent however much waits"
     finally:
         stop(viewer)
         # Which otherwise the thread does.
@@ -99,23 +101,18 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, Load
     assert result.summary.trackers[0].failed is None
 
 
-def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
+def test_a_viewer_that_takes_nothing_is_given_up(
     scene: tuple[Scenario, LoadedTruth], deaf: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rerun itself would wait for ever."""
-    code = f"from trackbench.subjects.recording import painter; painter.STALLED = 2; painter.paint({deaf!r})"
-    assert painter.STALLED > 2
-    begin = subprocess.Popen
-    monkeypatch.setattr(live.subprocess, "Popen", lambda command, **rest: begin([command[0], "-c", code], **rest))
+    assert live.PATIENCE > 3
+    monkeypatch.setattr(live, "PATIENCE", 3)
     viewer = Live(deaf)
-    monkeypatch.undo()
-    try:
-        viewer.begin(Prepared(scene[0], [scene[1]]))
-        viewer.end(run_scenario(scene[0], [scene[1]]))
-        viewer.close()
-        assert viewer._process.wait(timeout=30) != 0
-    finally:
-        stop(viewer)
+    viewer.begin(Prepared(scene[0], [scene[1]]))
+    viewer.end(run_scenario(scene[0], [scene[1]]))
+    viewer.close()
+    assert viewer.lost
+    assert viewer._process.poll() is not None
 
 
 def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
@@ -127,9 +124,9 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     result = run_scenario(loaded, [truth], on_recorded_run=seen.append)
 
     def draw(name: str, batches: list[list[Any]]) -> Any:
-        drawing = Painter(name)
+        drawing = LiveRuns(name)
         for batch in batches:
-            drawing.take(batch)
+            drawing.draw(batch)
         drawing.finish()
         return ReadRecording(tmp_path / f"{name}.rrd")
 
@@ -166,8 +163,8 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
     run_scenario(scene[0], [scene[1]], on_recorded_run=seen.append)
     for item in seen[4:]:
         del item.estimates["ekf"]
-    drawing = Painter("failing")
-    drawing.take([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
+    drawing = LiveRuns("failing")
+    drawing.draw([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
     drawing.finish()
     read = ReadRecording(tmp_path / "failing.rrd")
     raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))
@@ -181,12 +178,12 @@ def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., 
     several = np.repeat(truth.px, 5, axis=2) + np.arange(5.0)
     from dataclasses import replace
 
-    sent = live._of_run(replace(truth, px=several), 3)
+    sent = live.truth_of_run(replace(truth, px=several), 3)
     assert sent.px.shape[2] == sent.py.shape[2] == 1
     np.testing.assert_array_equal(sent.px[..., 0], several[..., 3])
 
 
-def test_painter_leaves_out_what_has_no_beginning(tmp_path: Path) -> None:
-    drawing = painter.Painter(ABSENT)
-    drawing.take([RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))})])
+def test_what_has_no_beginning_is_left_out(tmp_path: Path) -> None:
+    drawing = LiveRuns(ABSENT)
+    drawing.draw([RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))})])
     drawing.finish()

@@ -69,14 +69,14 @@ def test_lanes_log_and_rings_are_in_the_file(result: Result, file: Path) -> None
 
 def test_events_are_read_back_from_the_file(result: Result, file: Path) -> None:
     recorded = read(file)
-    from_file = inspect(recorded, count=5, function="fcw").of_function
+    from_file = inspect(recorded, Opening(worst=5, function="fcw")).worst
     assert from_file
     assert from_file[0].word == "late"
-    assert inspect(recorded, count=5, function="fcw", tracker="ekf").of_function != from_file
+    assert inspect(recorded, Opening(worst=5, function="fcw", tracker="ekf")).worst != from_file
 
 
 def test_a_recording_opens_at_the_worst_event(result: Result) -> None:
-    focus = focus_of([result], Opening(worst=1, function="fcw", tracker="slow"))
+    focus = focus_of(result, Opening(worst=1, function="fcw", tracker="slow"))
     assert (focus.vehicle, focus.time_s) == ("lead", pytest.approx(5.0))
     with pytest.raises(InputError, match="1 event of fcw went wrong"):
-        focus_of([result], Opening(worst=2, function="fcw", tracker="slow"))
+        focus_of(result, Opening(worst=2, function="fcw", tracker="slow"))

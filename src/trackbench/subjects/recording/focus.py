@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted
 from trackbench.metrics.function_events import TrackEvent, events_of, function_events
-from trackbench.metrics.recorded_run import distinct, load_recorded_run, require_name, require_time, worst
+from trackbench.metrics.recorded_run import load_recorded_run, require_name, require_time, worst
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
 
@@ -29,6 +29,9 @@ class Opening:
     """At the worst event of this one in the recorded run."""
 
 
+WHOLE = Opening()
+
+
 @dataclass(frozen=True)
 class Focus:
     """What is looked at first; unless stated, the whole scene from the start."""
@@ -45,52 +48,48 @@ class Focus:
     """Where identities are hidden, the place of the event from the vehicle in the middle, m in x and y."""
 
 
-def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
-    """What runs of the same traffic open with.
+def focus_of(result: Result, opening: Opening) -> Focus:
+    """Return what a run opens with.
 
     Raises:
-        InputError: a vehicle, tracker, time or moment that they do not have.
+        InputError: a vehicle, tracker, time or moment that it does not have.
     """
-    summary = results[0].summary
-    for result in results:
-        require_worst(result, opening.worst, opening.tracker)
+    summary, worst_number = result.summary, opening.worst
+    require_worst(result, worst_number, opening.tracker)
     if opening.vehicle is not None:
         require_name(opening.vehicle, summary.truth.objects, "vehicle")
-    if opening.worst is not None and opening.function is not None:
-        return _function_focus(results[0], opening, opening.function, opening.worst)
-    if opening.worst is not None and summary.identities == "hidden":
-        events = costly_events(results[0], opening.tracker, opening.vehicle)
-        if len(events) < opening.worst:
+    if worst_number is not None and opening.function is not None:
+        return _function_focus(result, opening, opening.function, worst_number)
+    if worst_number is not None and summary.identities == "hidden":
+        events = costly_events(result, opening.tracker, opening.vehicle)
+        if len(events) < worst_number:
             raise InputError(f"only {len(events)} such events: no other costs anything", key="--worst")
-        event = events[opening.worst - 1]
-        vehicle, beside = _vehicle_at(results[0], event)
+        event = events[worst_number - 1]
+        vehicle, beside = _vehicle_at(result, event)
         return Focus(vehicle, event.time_s, tracker=event.tracker, beside=beside)
-    if opening.worst is not None:
-        runs = [load_recorded_run(result) for result in results]
-        names = list(dict.fromkeys(name for run in runs for name in run.tracks))
-        trackers = [tracker.name for result in results for tracker in result.filtering] or names
+    if worst_number is not None:
+        run = load_recorded_run(result)
+        trackers = [tracker.name for tracker in result.filtering if tracker.name in run.tracks] or list(run.tracks)
         if opening.tracker is not None:
-            trackers = [require_name(opening.tracker, names, "tracker")]
-        moments = distinct(
-            moment
-            for run in runs
-            for moment in worst(run, [name for name in run.tracks if name in trackers], opening.worst, opening.vehicle)
-        )
-        if len(moments) < opening.worst:
+            trackers = [require_name(opening.tracker, run.tracks, "tracker")]
+        moments = worst(run, trackers, worst_number, opening.vehicle)
+        if len(moments) < worst_number:
             raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
-        moment = moments[opening.worst - 1]
+        moment = moments[worst_number - 1]
         return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
     if opening.at_s is not None:
-        for result in results:
-            require_time(0.0, result.summary.truth.duration_s, opening.at_s)
+        require_time(0.0, summary.truth.duration_s, opening.at_s)
         if opening.vehicle is not None:
-            rows = split(results[0].tables.truth, "object")[opening.vehicle,]
-            present = rows["time_s"][rows["alive"].astype(bool)]
-            if not len(present) or not present[0] - 1e-9 <= opening.at_s <= present[-1] + 1e-9:
-                when = f"from {present[0]:g} s to {present[-1]:g} s" if len(present) else "at no time"
-                problem = f"{opening.vehicle} is not there at {opening.at_s:g} s: it is there {when}"
-                raise InputError(problem, key="--at")
+            _require_present(result, opening.vehicle, opening.at_s)
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
+
+
+def _require_present(result: Result, vehicle: str, time_s: float) -> None:
+    rows = split(result.tables.truth, "object")[vehicle,]
+    present = rows["time_s"][rows["alive"].astype(bool)]
+    if not len(present) or not present[0] - 1e-9 <= time_s <= present[-1] + 1e-9:
+        when = f"from {present[0]:g} s to {present[-1]:g} s" if len(present) else "at no time"
+        raise InputError(f"{vehicle} is not there at {time_s:g} s: it is there {when}", key="--at")
 
 
 #: Over so long a time the difference of two trackers is averaged, and so far it is from the ends of a track, s.

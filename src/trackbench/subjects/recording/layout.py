@@ -14,7 +14,7 @@ from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER
 from trackbench.document.replay import Chart, ChartLine, NamedColour
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.recording import functions
-from trackbench.subjects.recording.contents import Contents, all_runs
+from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.scene import MEASUREMENTS, TRAIL_S, TRUE
 from trackbench.subjects.recording.series import NOTHING, AllCharts, Charts, recorded_run
@@ -57,7 +57,7 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
 
 def entries_of(contents: Contents) -> list[NamedColour]:
     """Those of a recording."""
-    shown = entries(contents.colours, list(contents.sensors), contents.unlabelled is not None)
+    shown = entries(contents.colours, list(contents.sensors), contents.hidden)
     active = [NamedColour("function active", BOUND_COLOUR, "ring")] if contents.decisions.num_rows else []
     return [*shown, *active, *(contents.errors.legend if contents.errors else [])]
 
@@ -197,8 +197,8 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     """The layout of a recording: a tab for all runs, one for the recorded run, and one for each vehicle."""
     vehicles = _shown(contents.vehicles, focus)
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus, contents.moment.vehicle)
-    runs = _page(charts.all_runs, all_runs(contents.runs))
-    recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
+    runs = _page(charts.all_runs, contents.runs)
+    recorded = _page(charts.recorded, f"Run {contents.result.summary.recorded_run}, all vehicles")
     own: list[rrb.Container] = [
         _page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles
     ]

@@ -1,8 +1,7 @@
 """A run shown while it goes on: its recorded run is sent to another process, which draws it in the viewer.
 
 Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it is in another
-process, to which a thread of this one writes. The run only appends to a queue of limited length, which drops the oldest
-entries: the run never waits for the thread, the process or the viewer.
+process, to which a thread of this one writes. The run only appends to a queue of limited length: it never waits.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ import threading
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 from trackbench.api.plan import Listener, Prepared
 from trackbench.base.types import Scan, Truth
@@ -27,12 +26,12 @@ from trackbench.runner.recorded import RecordedInstant
 if TYPE_CHECKING:
     from trackbench.runner.block import OnRecordedRun
 
-#: Instants of one run that wait to be sent at most; at a few kilobytes each, some tens of megabytes.
+#: Instants that wait to be sent at most; what comes later is in the whole recording alone, which is sent at the end.
 WAITING = 10_000
 #: Pause between two deliveries, s.
 PERIOD = 0.05
-#: How long :meth:`Live.close` waits until everything is sent, s.
-PARTING = 2.0
+#: How long :meth:`Live.close` waits until everything is drawn, and the drawing process for the viewer, s.
+PATIENCE = 20
 
 
 @dataclass(frozen=True)
@@ -47,28 +46,23 @@ class LiveRun:
     """Of the recorded run alone."""
 
 
-@dataclass
-class _Show:
-    """One run on its way to the viewer."""
-
-    scene: LiveRun
-    begun: bool = False
-    observed: deque[list[Scan] | RecordedInstant] = field(default_factory=lambda: deque(maxlen=WAITING))
-    result: Result | None = None
+#: The start of a run, its measurements, its estimates at an instant, and at the end all of it.
+Part = LiveRun | list[Scan] | RecordedInstant | Result
 
 
 class Live(Listener):
-    """Sends the recorded run of one scenario after another; never waits and never raises."""
+    """The connection to a viewer, to which one run after another is sent.
+
+    Attributes:
+        lost: whether the drawing process ended or did not end in time.
+    """
 
     def __init__(self, url: str) -> None:
-        """``url``: of the viewer, ``rerun+http://HOST:PORT/proxy``."""
         self.lost = False
-        """Whether the other process ended before everything was sent."""
-        self._shows: deque[_Show] = deque()
-        self._latest: _Show | None = None
+        self._waiting: deque[Part] = deque()
         self._closing = threading.Event()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "trackbench.subjects.recording.painter", url],
+            [sys.executable, "-m", "trackbench.subjects.recording.live_scene", url],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         assert self._process.stdin is not None
@@ -82,69 +76,50 @@ class Live(Listener):
         return True
 
     def begin(self, item: Prepared) -> OnRecordedRun:
-        """A run starts; what follows belongs to it until the next one starts."""
+        """Send what is known before a run; what follows belongs to it until the next one begins."""
         scenario = item.scenario.config
         colours = tracker_colours({name: item.scenario.places[name] for name in scenario.trackers})
-        truth = _of_run(item.truths[scenario.recording.scene].truth, scenario.recording.run)
-        self._latest = _Show(LiveRun(scenario.name, colours, list(scenario.sensors), truth))
-        self._shows.append(self._latest)
+        truth = truth_of_run(item.truths[scenario.recording.scene].truth, scenario.recording.run)
+        self._waiting.append(LiveRun(scenario.name, colours, list(scenario.sensors), truth))
         return self.observe
 
     def observe(self, observed: list[Scan] | RecordedInstant) -> None:
-        """Take a part of the recorded run: the runner's ``on_recorded_run``."""
-        if self._latest is not None:
-            self._latest.observed.append(observed)
+        """Send a part of the recorded run, unless too much waits already."""
+        if len(self._waiting) < WAITING:
+            self._waiting.append(observed)
 
     def end(self, result: Result, folder: Path | None = None) -> None:
-        """The run is complete: send its whole recording, which also has what the queue dropped."""
-        if self._latest is not None:
-            self._latest.result = result
+        """Send the whole recording of a run."""
+        self._waiting.append(result)
 
     def close(self) -> None:
-        """Send what is left, within a short time; the other process ends by itself when it has drawn it."""
+        """Wait until everything is drawn, or give the viewer up."""
         self._closing.set()
-        self._thread.join(PARTING)
-        if self._thread.is_alive():
+        self._thread.join(PATIENCE)
+        try:
+            self.lost |= self._process.wait(0 if self._thread.is_alive() else PATIENCE) != 0
+        except subprocess.TimeoutExpired:
             self.lost = True
             self._process.kill()
-        # Collects the status of the process when it ends, without waiting here.
-        threading.Thread(target=self._process.wait, daemon=True).start()
+            self._process.wait()
 
     def _deliver(self) -> None:
         try:
-            while True:
-                last = self._closing.is_set()
-                batch = list(self._batch())
-                if batch:
-                    pickle.dump(batch, self._pipe)
+            is_last = False
+            while not is_last:
+                # Before the parts are taken, so that none that came before the end is left behind.
+                is_last = self._closing.wait(PERIOD)
+                if parts := [self._waiting.popleft() for _ in range(len(self._waiting))]:
+                    pickle.dump(parts, self._pipe)
                     self._pipe.flush()
-                if last:
-                    self._pipe.close()
-                    return
-                self._closing.wait(PERIOD)
         except OSError:
             self.lost = True
-            with suppress(OSError):
-                self._pipe.close()
-
-    def _batch(self) -> Any:
-        """Everything that waits, in order."""
-        while self._shows:
-            show = self._shows[0]
-            if not show.begun:
-                show.begun = True
-                yield show.scene
-            result = show.result
-            while show.observed:
-                yield show.observed.popleft()
-            if result is None:
-                return
-            yield result
-            self._shows.popleft()
+        with suppress(OSError):
+            self._pipe.close()
 
 
-def _of_run(truth: Truth, run: int) -> Truth:
-    """The truth of one run, and no more of it."""
+def truth_of_run(truth: Truth, run: int) -> Truth:
+    """Return the truth with the motion of one run alone."""
     motion = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate")
     whole = {name: getattr(truth, name) for name in motion}
     return replace(truth, **{name: values[..., min(run, values.shape[-1] - 1), None] for name, values in whole.items()})

@@ -96,6 +96,8 @@ def charts_of(contents: Contents) -> AllCharts:
 def _all_runs(contents: Contents) -> Charts:
     """RMSE with that of the reference, and mean NEES and NIS with their 95 % bounds."""
     tables, colours = contents.tables, contents.colours
+    reference = contents.result.summary.reference
+    label = "" if reference is None else reference.label
     rows = _by_tracker(tables.steps)
     errors = tuple(
         Chart(
@@ -103,7 +105,7 @@ def _all_runs(contents: Contents) -> Charts:
             f"{quantity} RMSE",
             unit,
             _lines(rows, f"{quantity.lower()}_rmse_{suffix}", colours),
-            _bounds(contents.reference, rows, (f"{quantity.lower()}_reference_{suffix}",), colours),
+            _bounds(label, rows, (f"{quantity.lower()}_reference_{suffix}",), colours),
         )
         for quantity, unit, suffix in QUANTITIES
     )

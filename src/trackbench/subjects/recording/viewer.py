@@ -15,29 +15,25 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO, TypeVar
-from urllib.parse import quote
 
 from rerun.experimental import ViewerClient
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.results import EXAMINATION
-from trackbench.subjects.recording.contents import labels, laid_over, same_traffic
-from trackbench.subjects.recording.data import RECORDING, Recorded, read
+from trackbench.subjects.recording.data import RECORDING, read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of, moment_of
 from trackbench.subjects.recording.stream import TIMELINE
-from trackbench.subjects.recording.writer import reopened, write, write_overlay
+from trackbench.subjects.recording.writer import write
 
 LOOPBACK = "127.0.0.1"
-EVERYWHERE = ("0.0.0.0", "::")
 #: For how long a viewer may take to start, to load a file and to draw it, s.
 PATIENCE = 30.0
 #: Pixels of a picture.
 SIZE = (1600, 1000)
 NO_SCREEN = (
     "there is no screen here for the viewer; report.html has a map, `trackbench inspect RUN --worst 3` lists the worst"
-    " moments, `trackbench run --serve` shows a run in a browser"
+    " moments, `trackbench snapshot` takes a picture, `rerun --serve-web RECORDING.rrd` shows a recording in a browser"
 )
-SNAPSHOT = ", and `trackbench snapshot` takes a picture"
 NO_DRIVER = (
     "the viewer found no Vulkan driver to draw with; install one that needs no graphics card (Debian and Ubuntu:"
     " apt-get install mesa-vulkan-drivers libvulkan1; Fedora: dnf install mesa-vulkan-drivers vulkan-loader);"
@@ -53,14 +49,13 @@ class Viewer:
     """A viewer that was started here and listens on a port."""
 
     process: subprocess.Popen[bytes]
-    host: str
     port: int
     log: IO[bytes]
 
     @property
     def url(self) -> str:
         """Where it takes data and commands."""
-        return grpc_url(LOOPBACK if self.host in EVERYWHERE else self.host, self.port)
+        return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     def wait(self) -> ViewerClient:
         """Wait until it draws and takes commands; to listen at its port is not enough.
@@ -73,16 +68,15 @@ class Viewer:
         self.patiently(client.get_state)
         return client
 
-    def open(self, files: Sequence[Path], at: float | None = None) -> ViewerClient:
-        """Load recordings, show the first one, and pause at a time (s) if one is given.
+    def open(self, file: Path, at: float | None = None) -> ViewerClient:
+        """Load a recording, and pause at a time (s) if one is given.
 
         Raises:
             InputError: it ended, for want of a screen or of a driver.
             TrackbenchError: it does not load them in time.
         """
         client = self.wait()
-        for file in reversed(files):
-            self.patiently(partial(client.open, str(file.resolve())))
+        self.patiently(partial(client.open, str(file.resolve())))
         self.patiently(lambda: client.get_state().loading == [] or None)
         if at is not None:
             self.patiently(lambda: client.set_time(TIMELINE, duration=at, play_state="paused") or True)
@@ -118,51 +112,42 @@ class Viewer:
             time.sleep(0.1)
 
 
-def start_viewer(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewer:
-    """Start a viewer that listens on a port of ``host``; with ``--headless`` it needs no screen.
+def start_viewer(*options: str) -> Viewer:
+    """Start a viewer that listens on a port of this machine alone; with ``--headless`` it needs no screen.
 
     It goes on when this process ends, unless it is stopped.
 
     Raises:
         InputError: it cannot start here.
     """
-    port = port or free_port(host)
+    port = free_port()
     log = tempfile.TemporaryFile()  # noqa: SIM115 (the viewer writes to it, and may outlive this process)
-    command = [sys.executable, "-m", "rerun", "--bind", host, "--port", str(port), "--hide-welcome-screen", *options]
+    command = [
+        sys.executable,
+        "-m",
+        "rerun",
+        "--bind",
+        LOOPBACK,
+        "--port",
+        str(port),
+        "--hide-welcome-screen",
+        *options,
+    ]
     process = subprocess.Popen(
         command,
         env={"XDG_RUNTIME_DIR": tempfile.gettempdir(), **os.environ},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True,
     )  # fmt: skip
-    viewer = Viewer(process, host, port, log)
-    viewer.patiently(lambda: listens(LOOPBACK if host in EVERYWHERE else host, port) or None, "start")
+    viewer = Viewer(process, port, log)
+    viewer.patiently(lambda: listens(port) or None, "start")
     return viewer
 
 
-def serve_viewer(host: str) -> tuple[Viewer, str]:
-    """A viewer for browsers that listens at an address of this machine (0.0.0.0: at all), and that of its page.
-
-    Raises:
-        InputError: ``host`` is not an address of this machine.
-    """
-    port, page = free_port(host), free_port(host)
-    options = ["--serve-web", "--web-viewer-port", str(page)]
-    name = host
-    if host != LOOPBACK:
-        name = socket.gethostname() if host in EVERYWHERE else host
-        # Rerun lets pages of this machine alone read its data.
-        options += ["--cors-allow-origin", f"http://*:{page}"]
-    viewer = start_viewer(*options, host=host, port=port)
-    return viewer, f"http://{name}:{page}/?url={quote(grpc_url(name, port), safe='')}"
-
-
-def pictures(
-    files: Sequence[Path], times: Sequence[float], size: tuple[int, int] = SIZE, zoom: int = 0
-) -> Iterator[bytes]:
-    """What the viewer shows of recordings at some times (s), as PNGs, drawn without a screen.
+def pictures(file: Path, times: Sequence[float], size: tuple[int, int] = SIZE, zoom: int = 0) -> Iterator[bytes]:
+    """Yield what the viewer shows of a recording at some times (s), as PNGs, drawn without a screen.
 
     Args:
-        files: the recordings.
+        file: the recording.
         times: s.
         size: pixels.
         zoom: by how many tenths everything is larger.
@@ -173,7 +158,7 @@ def pictures(
     """
     viewer = start_viewer("--headless", "--window-size", f"{size[0]}x{size[1]}")
     try:
-        client = viewer.open(files)
+        client = viewer.open(file)
         for _ in range(zoom):
             client.run_command("ui.zoom_in_ui")
         for at in times:
@@ -197,108 +182,55 @@ def ended(log: IO[bytes]) -> InputError:
         log.seek(0)
         text = log.read().decode(errors="replace")
     if "WAYLAND_DISPLAY" in text or "DISPLAY is set" in text:
-        return InputError(NO_SCREEN + (SNAPSHOT if draws() else ""))
+        return InputError(NO_SCREEN)
     if "render context" in text or "graphics adapter" in text:
         return InputError(NO_DRIVER)
     causes = [line for line in text.splitlines() if line.startswith(("Error", "thread"))]
     return InputError(f"the viewer ended: {causes[0] if causes else 'it gave no reason'}")
 
 
-def draws() -> bool:
-    """Whether there is a driver for a viewer without a screen, which starts without one too."""
-    viewer = start_viewer("--headless")
+def listens(port: int) -> bool:
+    """Return whether anything takes connections at a port of this machine."""
     try:
-        return bool(viewer.wait().take_screenshot())
-    except (InputError, ConnectionError, RuntimeError):
-        return False
-    finally:
-        viewer.stop()
-
-
-def grpc_url(host: str, port: int) -> str:
-    """The address under which Rerun's programs talk to each other."""
-    shown = f"[{host}]" if ":" in host else host
-    return f"rerun+http://{shown}:{port}/proxy"
-
-
-def listens(host: str, port: int) -> bool:
-    """Whether anything takes connections there."""
-    try:
-        socket.create_connection((host, port), timeout=1.0).close()
+        socket.create_connection((LOOPBACK, port), timeout=1.0).close()
     except OSError:
         return False
     return True
 
 
-def free_port(host: str = LOOPBACK) -> int:
-    """A port that nothing uses.
-
-    Raises:
-        InputError: ``host`` is not an address of this machine.
-    """
-    try:
-        with socket.create_server((host, 0)) as probe:
-            return int(probe.getsockname()[1])
-    except OSError as error:
-        raise InputError(f"{host} is not an address of this machine", key="--host") from error
-
-
-@dataclass(frozen=True)
-class Playable:
-    """Files that the viewer opens."""
-
-    files: list[Path]
-    notes: list[str]
-    """What its user should know of how they came about."""
-    time_s: float | None = None
-    """Where it stops; None if it plays."""
+def free_port() -> int:
+    """Return a port of this machine that nothing uses."""
+    with socket.create_server((LOOPBACK, 0)) as probe:
+        return int(probe.getsockname()[1])
 
 
 @contextmanager
-def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
-    """Files for the viewer; those that had to be written are deleted at the end.
+def playable(path: Path, opening: Opening) -> Iterator[tuple[Path, float | None]]:
+    """Yield a file for the viewer, which is deleted at the end if it had to be written, and where it stops, s.
 
-    Several runs of the same traffic become one file; those of different traffic stay apart.
+    Args:
+        path: the folder of a run, or a recording, which opens as it is: only a folder has all that is needed to centre
+            the scene on a vehicle or a tracker.
+        opening: what the viewer opens with.
 
     Raises:
-        InputError: one of the recordings or folders cannot be read or lacks what the viewer should open with.
+        InputError: the run cannot be read or lacks what the viewer should open with.
     """
-    examined = paths[0] / RECORDING if paths[0].is_dir() else paths[0]
-    if len(paths) == 1 and examined.is_file() and (examined.parent / EXAMINATION).is_file():
+    examined = path / RECORDING if path.is_dir() else path
+    if examined.is_file() and (examined.parent / EXAMINATION).is_file():
         if opening != Opening(at_s=opening.at_s):
-            raise InputError("an examination has one target and is not scored by moments: give --at", file=paths[0])
-        yield Playable([examined], [], opening.at_s)
+            raise InputError("an examination has one target and is not scored by moments: give --at", file=path)
+        yield examined, opening.at_s
         return
-    runs = [read(path) for path in paths]
-    notes = [f"{run.note}: shown from its tables" for run in runs if run.note]
-    results = [run.result for run in runs]
-    same = len(runs) == 1 or same_traffic(results)
-    if not same and opening != Opening(at_s=opening.at_s):
-        raise InputError("these runs do not show the same traffic: give --at alone, or one run", file=paths[1])
-    labelled = all(result.summary.identities == "known" for result in results)
-    focus = focus_of(results, opening)
+    run = read(path)
+    focus = focus_of(run.result, opening)
+    if not run.is_whole and opening.worst is None and (focus.vehicle is not None or focus.tracker is not None):
+        raise InputError("a recording without its folder is shown as it is: name the folder of the run", file=path)
+    time_s = moment_of(run.result).time_s if focus == Focus() else focus.time_s
+    if run.recording is not None and (not run.is_whole or (focus.vehicle is None and focus.tracker is None)):
+        yield run.recording, time_s
+        return
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:
-        names = labels(paths)
-        if len(runs) > 1 and same and labelled:
-            file = Path(folder) / f"{' over '.join(names)}.rrd"
-            write_overlay(laid_over(dict(zip(names, results, strict=True))), file, focus)
-            files = [file]
-        else:
-            files = [_file(run, Path(folder) / f"{number}.rrd", opening) for number, run in enumerate(runs)]
-        if not same:
-            notes.append("they do not show the same traffic: the viewer has them one beside the other, not laid over")
-        elif len(runs) > 1 and not labelled:
-            notes.append("their identities are hidden: the viewer has them one beside the other, not laid over")
-        yield Playable(files, notes, moment_of(results[0]).time_s if same and focus == Focus() else focus.time_s)
-
-
-def _file(run: Recorded, made: Path, opening: Opening) -> Path:
-    """The run's own file if it opens where it should, or else one that is made."""
-    focus = focus_of([run.result], opening)
-    if run.rerun is None:
-        write(run.result, made, focus=focus)
-    elif focus.vehicle is not None or focus.tracker is not None:
-        reopened(run.file, run.result, made, focus)
-    else:
-        return run.file
-    return made
+        file = Path(folder) / RECORDING
+        write(run.result, file, focus)
+        yield file, time_s

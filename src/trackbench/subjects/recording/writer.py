@@ -1,4 +1,4 @@
-"""Writes the recording of a run, of several runs laid over each other, or of a replay, whole or not at all."""
+"""Writes the recording of a run or of a replay, whole or not at all."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from pathlib import Path
 import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
-from trackbench.document.replay import Chart, Replay, ReplayScene
+from trackbench.document.replay import Replay, ReplayScene
 from trackbench.metrics.function_events import drawn_instants, events_of
 from trackbench.results import Result, Tables, write_bytes
 from trackbench.subjects.recording import functions, layout, scene, views
-from trackbench.subjects.recording.contents import Contents, contents_of
+from trackbench.subjects.recording.contents import about_text, contents_of, ranking_text
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import chart_tabs, opened, send_chart, send_legend, with_legend
@@ -45,23 +44,6 @@ def write(result: Result, path: Path, focus: Focus = layout.WHOLE) -> None:
     write_recording(path, application(result.name), lambda recording: send(recording, result, focus))
 
 
-def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
-    """Write a copy of the recording of ``result`` that opens elsewhere; raises as :func:`write`."""
-
-    def send_all(recording: rr.RecordingStream) -> None:
-        contents = contents_of(result)
-        wide = views.wide_window(contents.tables.truth)
-        recording.send_blueprint(_blueprint(contents, wide, focus)[0])
-        recording.send_chunks(RrdReader(file).stream())
-
-    write_recording(path, application(result.name), send_all)
-
-
-def write_overlay(contents: Contents, path: Path, focus: Focus) -> None:
-    """Write several runs laid over each other, without their tables; raises as :func:`write`."""
-    write_recording(path, application(contents.name), lambda recording: draw(recording, contents, focus))
-
-
 def write_recording(path: Path, name: str, send_all: Callable[[rr.RecordingStream], None]) -> None:
     """Write what a function sends; raises as :func:`write`. The viewer has one layout for recordings of a ``name``."""
     recording = rr.RecordingStream(name)
@@ -81,50 +63,42 @@ def application(scenario: str) -> str:
 
 
 def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WHOLE) -> None:
-    """Everything that is shown and kept of a run, and its layout."""
+    """Send everything that is shown and kept of a run, and its layout."""
     contents = contents_of(result)
-    draw(recording, contents, focus)
-    summary = result.summary
-    properties = rr.AnyValues(
-        scenario=summary.scenario.name,
-        seed=summary.seed,
-        runs=str(summary.runs),
-        recorded_run=summary.recorded_run,
-        fingerprint=summary.fingerprint,
-        versions=[f"{name} {version}" for name, version in summary.versions.items()],
-        engine=summary.engine,
-    )
-    recording.send_property("trackbench", properties)
-    send_data(Stream(recording), result)
-
-
-def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layout.WHOLE) -> None:
-    """Everything that is shown, and its layout."""
     stream, tables, colours = Stream(recording), contents.tables, contents.colours
-    wide, hidden = views.wide_window(tables.truth), contents.unlabelled is not None
-    blueprint, charts = _blueprint(contents, wide, focus)
+    wide = views.wide_window(tables.truth)
+    if contents.hidden:
+        charts = charts_of_tracks(contents)
+        blueprint = layout.track_blueprint(contents, charts, wide, focus)
+    else:
+        every = charts_of(contents)
+        charts = [chart for group in (every.all_runs, every.recorded, *every.vehicles.values()) for chart in group.all]
+        blueprint = layout.blueprint(contents, every, wide, focus)
     recording.send_blueprint(blueprint)
-    recording.send_recording_name(contents.name)
-    stream.markdown("ranking", "\n\n".join(filter(None, [contents.ranking, layout.left_out(charts)])))
-    stream.markdown("about", contents.about)
+    recording.send_recording_name(result.name)
+    kept = {name: getattr(result.summary, name) for name in ("seed", "recorded_run", "fingerprint", "engine")}
+    recording.send_property("trackbench", rr.AnyValues(scenario=result.summary.scenario.name, **kept))
+    stream.markdown("ranking", "\n\n".join(filter(None, [ranking_text(result), layout.left_out(charts)])))
+    stream.markdown("about", about_text(result))
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
     layout.send_legend(stream, layout.entries_of(contents))
-    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=hidden)
+    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=contents.hidden)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     estimates = tables.if_there("estimates")
     scene.send_estimates(stream, estimates, tables.truth, colours, contents.hold)
     scene.send_trails(stream, tables.truth, estimates, colours, contents.hold)
-    if contents.unlabelled is not None:
+    if contents.hidden:
         for tracker in colours:
             _draw_tracks(stream, tables, tracker)
-            _draw_events(stream, contents.unlabelled, tracker, wide.metres_per_pixel)
-        stream.markdown(layout.COSTS, costs(contents.unlabelled, colours))
+            _draw_events(stream, result, tracker, wide.metres_per_pixel)
+        stream.markdown(layout.COSTS, costs(result, colours))
     if contents.errors is not None:
         contents.errors.send(stream)
     for chart in charts:
         send_chart(stream, chart)
     functions.send_functions(stream, contents.decisions, contents.function_events, tables.truth, colours)
+    send_data(stream, result)
 
 
 def _draw_tracks(stream: Stream, tables: Tables, tracker: str) -> None:
@@ -182,16 +156,6 @@ def costs(result: Result, trackers: Collection[str]) -> str:
         head = ["| cost, m² | time, s | tracker | event | vehicle | why |", "| --: | --: | :-- | :-- | :-- | :-- |"]
         lines += [*head, *rows] if rows else ["None."]
     return "\n".join(lines[1:])
-
-
-def _blueprint(contents: Contents, wide: views.Window, focus: Focus) -> tuple[rrb.Blueprint, list[Chart]]:
-    """The layout, and the charts that are in it."""
-    if contents.unlabelled is not None:
-        track_charts = charts_of_tracks(contents)
-        return layout.track_blueprint(contents, track_charts, wide, focus), track_charts
-    charts = charts_of(contents)
-    groups = (charts.all_runs, charts.recorded, *charts.vehicles.values())
-    return layout.blueprint(contents, charts, wide, focus), [chart for group in groups for chart in group.all]
 
 
 #: How long a measurement is shown, s.

@@ -16,28 +16,11 @@ from trackbench.truth.recorded.udacity import Measurement, parse_line
 
 EVENT = "42"
 MANUAL = EVENT + '["manual",{}]'
-#: Characters of the longest frame that is read; a line of the recording has about 150.
-LONGEST = 65536
-
 #: Engine.IO's ping, and the one that probes a connection before it is upgraded.
-_PING = re.compile(r"2(?P<payload>probe)?")
+_PING = re.compile(r"2(probe)?")
 #: What Engine.IO and Socket.IO exchange beside events: open, close, pong, upgrade, no operation; connect, disconnect,
 #: acknowledgement, error.
 _CONTROL = re.compile(r"(0\{.*|1|3(probe)?|5|6|4[0134]([/{\[0-9\"].*)?)", re.DOTALL)
-
-
-class Ping(NamedTuple):
-    """Is answered at once."""
-
-    answer: str
-
-
-class Control(NamedTuple):
-    """Belongs to the transport and needs no answer."""
-
-
-class NoData(NamedTuple):
-    """An event without data: the simulator is not running."""
 
 
 class Telemetry(NamedTuple):
@@ -46,9 +29,6 @@ class Telemetry(NamedTuple):
     measurement: Measurement
     line: str
     """As it was sent."""
-
-
-Frame = Ping | Control | NoData | Telemetry
 
 
 class Marker(NamedTuple):
@@ -62,32 +42,29 @@ class Marker(NamedTuple):
     rmse_vy: float
 
 
-def parse(frame: str | bytes) -> Frame:
-    """What a frame says.
+def parse(frame: str | bytes) -> Telemetry | str | None:
+    """Return the measurement of a frame, or the answer to a frame without one; None where no answer is due.
 
     Raises:
         InputError: it says nothing that a simulator would say.
     """
     if isinstance(frame, bytes):
         raise InputError("it is binary, where text is spoken")
-    if len(frame) > LONGEST:
-        raise InputError(f"it has {len(frame)} characters, where {LONGEST} are the most")
     if frame.startswith(EVENT):
         return _event(frame[len(EVENT) :])
-    ping = _PING.fullmatch(frame)
-    if ping:
-        return Ping("3" + (ping["payload"] or ""))
+    if _PING.fullmatch(frame):
+        return "3" + frame[1:]
     if _CONTROL.fullmatch(frame):
-        return Control()
+        return None
     raise InputError(f'it is no event, which begins with {EVENT}["telemetry",')
 
 
 def estimate_marker(marker: Marker) -> str:
-    """The frame that carries an estimate; its numbers are finite."""
+    """Return the frame that carries an estimate; its numbers are finite."""
     return EVENT + json.dumps(["estimate_marker", marker._asdict()], separators=(",", ":"), allow_nan=False)
 
 
-def _event(text: str) -> Frame:
+def _event(text: str) -> Telemetry | str:
     try:
         event = json.loads(text)
     except RecursionError:
@@ -98,7 +75,8 @@ def _event(text: str) -> Frame:
         raise InputError('an event is an array that begins with its name: ["telemetry",{...}]')
     name, data = event[0], event[1] if len(event) > 1 else None
     if data is None or data == {}:
-        return NoData()
+        # The simulator is not running.
+        return MANUAL
     if name != "telemetry":
         raise InputError(f"the event {name[:40]!r} is not known, only telemetry is")
     line = data.get("sensor_measurement") if isinstance(data, dict) else None

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.types import Array, Estimate, Observer, Scan
+from trackbench.base.types import Array, Observer, Scan
 from trackbench.base.units import wrap_angle
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import TrackFault, fault_of
@@ -23,14 +23,14 @@ from trackbench.models.sensors import Lidar, Radar, sensor_type
 from trackbench.scenario import Scenario
 from trackbench.sensing.view import sensor_motion, silent
 from trackbench.subjects.serve.protocol import Marker
-from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
+from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE, TrackerFault
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.truth.config import FixedObserver
 from trackbench.truth.recorded.udacity import Measurement
 
-#: Microseconds.
-SECOND = 1e6
+#: In a second.
+MICROSECONDS = 1e6
 
 
 class TrackerFailed(Exception):
@@ -56,11 +56,11 @@ class Served:
     config: FilterConfig | PluginConfig
     folder: Path
     sensors: Mapping[str, ServedSensor]
-    """By kind: the scenario's lidar and radar."""
+    """The scenario's lidar and radar by kind."""
     isolation: Isolation
 
     def stepper(self) -> Stepper:
-        """A fresh tracker.
+        """Start a fresh tracker.
 
         Raises:
             InputError: it starts from the truth, or is a plug-in that does not start.
@@ -69,34 +69,29 @@ class Served:
 
 
 def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Served:
-    """The tracker of that name, started once to see that it can be.
+    """Return the tracker of that name, started once to see that it can be.
 
     Raises:
         InputError: no such tracker, it cannot start, or not one lidar and one radar at most.
     """
-    config, folder = loaded.config, loaded.folder
+    config = loaded.config
     if name not in config.trackers:
-        raise InputError(
-            f"no tracker {name!r} in this scenario; {nearest_choices(name, config.trackers)}", file=loaded.path
-        )
-    tracker = config.driven(name)
-    if loaded.config.sensing.identities == "hidden":
+        hint = nearest_choices(name, config.trackers)
+        raise InputError(f"no tracker {name!r} in this scenario; {hint}", file=loaded.path)
+    if config.sensing.identities == "hidden":
         message = "hidden, and the simulator's client asks for one object; serve a tracker of known identities"
         raise loaded.locate(InputError(message, key="sensing.identities"))
     sensors: dict[str, ServedSensor] = {}
     for sensor_name, sensor in config.sensors.items():
         kind = sensor_type(sensor.type)
-        other = sensors.get(kind)
-        if other is not None:
-            message = f"a second {kind} beside {other.name}; the simulator has one lidar and one radar"
+        if kind in sensors:
+            message = f"a second {kind} beside {sensors[kind].name}; the simulator has one lidar and one radar"
             raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
         if isinstance(sensor, Lidar | Radar):
-            sensors[kind] = ServedSensor(
-                sensor_name, sensor, *_noise_and_pose(sensor, getattr(config.truth, "observer", None))
-            )
+            sensors[kind] = _served_sensor(sensor_name, sensor, getattr(config.truth, "observer", None))
     if not sensors:
         raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
-    checked = Served(name, tracker, folder, sensors, isolation)
+    checked = Served(name, config.driven(name), loaded.folder, sensors, isolation)
     try:
         checked.stepper().close()
     except (InputError, TrackFault) as error:
@@ -105,8 +100,31 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
     return checked
 
 
+def _served_sensor(name: str, config: Lidar | Radar, observer: object) -> ServedSensor:
+    """The simulator's sensors sit at its origin, unless the scenario puts them elsewhere; they never move."""
+    at = observer if isinstance(observer, FixedObserver) else FixedObserver()
+    x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
+    pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
+    noise = config.noise_covariance()
+    for shared in (noise, pose):
+        # One client's tracker must not change what another's reads.
+        shared.setflags(write=False)
+    return ServedSensor(name, config, noise, pose)
+
+
+def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
+    if tracker.starts_from_truth:
+        raise InputError("starts from the truth, which a live client does not have; use initial: two_measurements")
+    return tracker
+
+
 class Session:
-    """Follows one data set of one client. Every estimate counts in the RMSE, from the first on."""
+    """One data set of one client. Every estimate counts in the RMSE, from the first on.
+
+    Attributes:
+        measurements: number of measurements so far.
+        estimates: number of estimates so far.
+    """
 
     def __init__(self, served: Served) -> None:
         """Start a fresh tracker.
@@ -130,7 +148,7 @@ class Session:
         return np.sqrt(self._squares / self.estimates) if self.estimates else np.full(4, np.nan)
 
     def take(self, measurement: Measurement) -> Marker | None:
-        """The estimate after a measurement, or None while there is none.
+        """Return the estimate after a measurement, or None while there is none.
 
         Args:
             measurement: not older than the one before; its kind is one that the scenario has.
@@ -138,31 +156,46 @@ class Session:
         Raises:
             TrackerFailed: the tracker raised, or what it gave is not an estimate.
         """
-        if self._first is None:
-            self._first = measurement.stamp
         self.measurements += 1
-        estimate = self._step(self._scan(measurement, self._first))
-        if estimate is None:
-            return None
-        error = estimate.mean[:, 0] - measurement.truth
-        self._squares += error * error
+        try:
+            mean = self._estimate(self._scan(measurement))
+            if mean is None:
+                return None
+            self._squares += (mean - measurement.truth) ** 2
+            if not self._squares.max() < OVERFLOW:
+                raise TrackerFault(TOO_LARGE)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise TrackerFailed(f"at measurement {self.measurements}: {fault_of(error)}") from error
         self.estimates += 1
-        if not self._squares.max() < OVERFLOW:
-            raise self._failed(TOO_LARGE)
-        x, y = estimate.mean[:2, 0]
-        return Marker(float(x), float(y), *(float(value) for value in self.rmse))
+        return Marker(float(mean[0]), float(mean[1]), *map(float, self.rmse))
 
     def close(self) -> None:
-        """The session is over."""
+        """End the tracker."""
         self._stepper.close()
 
-    def _scan(self, measurement: Measurement, first: int) -> Scan:
+    def _estimate(self, scan: Scan) -> Array | None:
+        """Return the mean of the tracker's estimate, checked as the runner checks estimates."""
+        with np.errstate(all="ignore"):
+            estimate = self._stepper.step(scan)
+        if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
+            if self.estimates:
+                raise TrackerFault(GIVEN_UP if estimate is None else NOT_FINITE)
+            return None
+        if not normalised_square(estimate.mean, estimate.covariance)[2].all():
+            raise TrackerFault(NOT_DEFINITE)
+        return np.asarray(estimate.mean[:, 0])
+
+    def _scan(self, measurement: Measurement) -> Scan:
         sensor = self._served.sensors[measurement.kind]
         values = np.array(measurement.measurement)[:, None]
         if measurement.kind == "radar":
             values[1] = wrap_angle(values[1])
             values = values[[Radar.components.index(name) for name in sensor.config.components]]
-        time = (measurement.stamp - first) / SECOND
+        if self._first is None:
+            self._first = measurement.stamp
+        time = (measurement.stamp - self._first) / MICROSECONDS
         valid = ~silent(sensor.config, np.array([time]))
         scan = Scan(
             time=time,
@@ -177,41 +210,3 @@ class Session:
         )
         named = self._served.config.sensors_used
         return scan if named is None or sensor.name in named else empty_scan(scan)
-
-    def _step(self, scan: Scan) -> Estimate | None:
-        """The tracker's estimate, checked as the runner checks estimates."""
-        try:
-            with np.errstate(all="ignore"):
-                estimate: Estimate | None = self._stepper.step(scan)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            raise self._failed(str(fault_of(error))) from error
-        if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
-            if self.estimates:
-                raise self._failed(GIVEN_UP if estimate is None else NOT_FINITE)
-            return None
-        if not normalised_square(estimate.mean, estimate.covariance)[2].all():
-            raise self._failed(NOT_DEFINITE)
-        return estimate
-
-    def _failed(self, cause: str) -> TrackerFailed:
-        return TrackerFailed(f"at measurement {self.measurements}: {cause}")
-
-
-def _noise_and_pose(config: Lidar | Radar, observer: object) -> tuple[Array, Array]:
-    """The simulator's sensors sit at its origin, unless the scenario puts them elsewhere; they never move."""
-    at = observer if isinstance(observer, FixedObserver) else FixedObserver()
-    x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
-    pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
-    noise = config.noise_covariance()
-    for shared in (noise, pose):
-        # One client's tracker must not change what another's reads.
-        shared.setflags(write=False)
-    return noise, pose
-
-
-def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
-    if tracker.starts_from_truth:
-        raise InputError("starts from the truth, which a live client does not have; use initial: two_measurements")
-    return tracker
