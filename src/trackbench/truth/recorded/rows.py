@@ -210,8 +210,6 @@ class Rows:
 
     def _time_stamps(self, column: str) -> tuple[Indices, Clock | None]:
         """``(rows,)`` the kind of each cell of a column of times, and the times where all are time stamps."""
-        import pandas as pd
-
         cells = self.table[column]
         if types.is_timestamp(cells.type):
             if cells.null_count:
@@ -226,6 +224,8 @@ class Rows:
         kinds = np.where(is_stamp, np.where(has_zone, _WITH_ZONE, _WITHOUT_ZONE), _NUMBER)
         if not is_stamp.all():
             return kinds, None
+        import pandas as pd
+
         texts = pc.replace_substring(texts, ",", ".").to_pandas()
         times = pd.to_datetime(texts, format="ISO8601", utc=True, errors="coerce")
         if times.isna().any():
