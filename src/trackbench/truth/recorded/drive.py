@@ -121,6 +121,11 @@ class Drive:
     """What has to be said of how the files were read, a line each."""
 
     @property
+    def has_truth(self) -> bool:
+        """Whether anything says where objects were."""
+        return bool(self.motions)
+
+    @property
     def sensors(self) -> list[str]:
         """Those with recorded measurements."""
         return [*self.logs, *self.detections]
@@ -147,8 +152,8 @@ class Drive:
         )
 
     def framed(self, time: Array) -> Array:
-        """Return the times within the time of the truth's rows."""
-        return _between(time, float(self.frames[0]), float(self.frames[-1]))
+        """Return the times within the time of the truth's rows; all where there is no truth."""
+        return time if not self.has_truth else _between(time, float(self.frames[0]), float(self.frames[-1]))
 
     def clipped(self) -> Drive:
         """The drive without measurements outside the span of the truth."""
@@ -198,22 +203,22 @@ def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
     """
     motions = drive.motions
     columns = [_on_grid(motion, times) for motion in motions.values()]
-    kinematics: dict[str, Any] = {
-        name: np.stack([column[name] for column in columns], axis=1)[:, :, None] for name in KINEMATICS
-    }
-    fixed, moving = config.observer, drive.observer
-    observer = fixed_observer(fixed, len(times)) if moving is None else carrier(moving, times)
-    alive = np.stack([(times >= m.time[0]) & (times <= m.time[-1]) for m in motions.values()], axis=1)
+    kinematics: dict[str, Any] = dict.fromkeys(KINEMATICS, np.zeros((len(times), 0, 1)))
+    if columns:
+        kinematics = {name: np.stack([column[name] for column in columns], axis=1)[:, :, None] for name in KINEMATICS}
+    ends = np.array([(motion.time[0], motion.time[-1]) for motion in motions.values()]).reshape(-1, 2)
+    observer = drive.observer
     return Truth(
         time=times,
         ids=tuple(motions),
         **kinematics,
-        alive=alive,
+        alive=(times[:, None] >= ends[:, 0]) & (times[:, None] <= ends[:, 1]),
         length=np.array([config.length_m if m.length is None else np.median(m.length) for m in motions.values()]),
         width=np.array([config.width_m if m.width is None else np.median(m.width) for m in motions.values()]),
-        observer=observer,
+        observer=fixed_observer(config.observer, len(times)) if observer is None else carrier(observer, times),
         start=drive.start,
         source=drive.source,
+        known=drive.has_truth,
     )
 
 
@@ -232,18 +237,10 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     times = np.unique(np.concatenate([*own, *(drive.framed(of.time) for of in drive.detections.values())]))
     if drive.observer is None:
         return times
-    return times_with_observer(times, drive.observer, "times of the truth", "truth.columns.observer")
-
-
-def times_with_observer(times: Array, observer: Motion, what: str, key: str) -> Array:
-    """Return those of the times, of ``what``, at which the observer is known.
-
-    Raises:
-        InputError: it is known at fewer than half of them.
-    """
-    ends = float(observer.time[0]), float(observer.time[-1])
+    what, key = ("times of the truth", "columns.observer") if drive.has_truth else ("measurements", "ego")
+    ends = float(drive.observer.time[0]), float(drive.observer.time[-1])
     inside = _between(times, *ends)
-    _require_half(inside, times, ends, what, "the observer", key)
+    _require_half(inside, times, ends, what, "the observer", f"truth.{key}")
     return inside
 
 
@@ -291,7 +288,7 @@ def counts_left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, 
     With ``hidden`` identities rows of no object are false alarms.
     """
     result = {"truth": {"out_of_order": drive.order.backwards, "duplicates": drive.order.duplicates}}
-    if (seen := drive.observer) is not None:
+    if drive.has_truth and (seen := drive.observer) is not None:
         times = np.concatenate([motion.time for motion in drive.motions.values()])
         result["truth"]["outside_observer"] = int(((times < seen.time[0]) | (times > seen.time[-1])).sum())
     for name, log in drive.logs.items():
@@ -321,6 +318,8 @@ def require_measurements(drive: Drive, clipped: Drive) -> None:
     """
     if drive.observer is not None:
         grid(drive, {})
+    if not drive.has_truth:
+        return
     spans = np.array([drive.span(number) for number in range(len(drive.motions))])
     ends = float(spans[:, 0].min()), float(spans[:, 1].max())
     for name, log in drive.logs.items():
