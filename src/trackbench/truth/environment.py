@@ -255,7 +255,6 @@ def rates_at_instants(truth: Truth, stepped: Mask) -> Truth:
 
 
 def _before(values: Array) -> Array:
-    """Those of one step before; the first has none and keeps its own."""
     return np.concatenate([values[:1], values[:-1]])
 
 

@@ -104,11 +104,7 @@ def _recorded_vehicles(config: TrafficOptions, folder: Path) -> RecordedVehicles
 
 
 def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
-    """The vehicles between ``from_s`` and its end, smoothed and audited.
-
-    Raises:
-        InputError: see `load_traffic`.
-    """
+    """The vehicles between ``from_s`` and its end, smoothed and audited."""
     smoothing = config.smoothing
     tracks, clock = moving_tracks(config.format.read(file), file)
     dt = grid_step(tracks)
@@ -167,11 +163,7 @@ def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size:
 
 
 def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
-    """The bodies of each scene: all, or where they did not drive at the same time, as many as do not overlap.
-
-    Raises:
-        InputError: a vehicle is not there, or there are too few for so many scenes.
-    """
+    """The bodies of each scene: all, or where they did not drive at the same time, as many as do not overlap."""
     number = {name: body for body, name in enumerate(frames.ids)}
     for name in config.vehicles:
         if name not in number:
@@ -195,7 +187,6 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
 
 
 def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
-    """The audited truth of a scene, while its observer drives."""
     frames, carrier, first = _only(traffic.frames, scene.present), None, 0
     if scene.carrier is None:
         assert isinstance(config.observer, FixedObserver)
@@ -241,11 +232,7 @@ def _during(frames: Frames, first: int, last: int) -> Frames:
 
 
 def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Truth) -> None:
-    """Make sure that a scene has no vehicle in common with one before it, the scene of that ``number``.
-
-    Raises:
-        InputError: it has.
-    """
+    """Make sure that a scene has no vehicle in common with one before it, the scene of that ``number``."""
     names = config.vehicles
     shared = {*truth.ids, names[config.scene]} & {*other.ids, names[number]}
     if shared:
@@ -257,7 +244,6 @@ def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Tru
 
 
 def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]:
-    """What the result says of the recording."""
     return {
         "source": "recorded-traffic",
         "format": TRAFFIC_FORMATS.name_of(type(config.format)),
@@ -273,7 +259,6 @@ def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]
 
 
 def _note(traffic: RecordedVehicles) -> str:
-    """What the recording implies, as it is and as it is used."""
     raw, used, error = traffic.raw, traffic.used, traffic.error
     parts = [
         f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",

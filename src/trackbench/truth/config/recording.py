@@ -115,7 +115,6 @@ class RecordingOptions(ReferenceTruth):
     @model_validator(mode="before")
     @classmethod
     def _folders(cls, data: Any, info: ValidationInfo) -> Any:
-        """A folder stands for the files in it."""
         folder = (info.context or {}).get("folder", Path())
         form = data.get("format") if isinstance(data, dict) else None
 

@@ -153,11 +153,6 @@ class RosBag(TrafficFormat):
 
 
 def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:
-    """The rows of all messages.
-
-    Raises:
-        InputError: there is none, they are in several frames, or a number is none.
-    """
     if not tracked:
         raise InputError("there is no track in the messages of this topic", file=file)
     frames = sorted({row.frame for row in tracked})

@@ -65,7 +65,6 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
 
 
 def _on_grid(config: RecordingOptions, drive: Drive, kinds: Mapping[str, str]) -> Recording:
-    """A drive on the times of its truth and its scans."""
     clipped = drive.clipped()
     require_measurements(drive, clipped)
     looked = scan_cycles(clipped)

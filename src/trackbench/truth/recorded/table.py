@@ -148,7 +148,6 @@ def read_log(file: Path, form: str, wanted: Sequence[str | None], part: LogPart)
 def _detections_of_file(
     name: str, entry: MeasurementColumns, columns: Sequence[str | None], config: RecordingOptions, folder: Path
 ) -> Rows:
-    """The rows of the file of a sensor's own."""
     file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
     return read_log(file, config.format, columns, LogPart("detections", entry.topic))
 
@@ -165,11 +164,6 @@ def _observer_of_file(
 
 
 def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
-    """Make sure that a log is no longer than can be meant.
-
-    Raises:
-        InputError: it is.
-    """
     if seconds.max() > jumps.LONGEST:
         row = int(np.argmax(seconds))
         raise table.error(row, f"{column}: {jumps.why_too_long(seconds[row])}")
@@ -220,7 +214,6 @@ def _motions(
 
 
 def _by_displacement(motion: Motion) -> Motion:
-    """The motion with the velocity of its displacement."""
     return motion._replace(vx=slope(motion.px, motion.time), vy=slope(motion.py, motion.time))
 
 
@@ -234,11 +227,6 @@ def observer_motion(table: Rows, columns: ObserverColumns, seconds: Array, units
 
 
 def _require_one_pose_a_time(table: Rows, columns: ObserverColumns, seconds: Array) -> None:
-    """Make sure that the observer is in one place at a time.
-
-    Raises:
-        InputError: two rows of one time disagree.
-    """
     _, first, of_row = np.unique(seconds, return_index=True, return_inverse=True)
     for column in columns.stated.values():
         values = table.numbers(column, 1.0, None)
@@ -268,11 +256,7 @@ def _log(
 
 
 def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str], *, blank: bool) -> Indices:
-    """The number of the object of each of the rows; -1 where it is ``blank``, if it may be.
-
-    Raises:
-        InputError: the truth does not have it.
-    """
+    """The number of the object of each of the rows; -1 where it is ``blank``, if it may be."""
     if column is None:
         return np.zeros(len(rows), dtype=np.intp)
     labels, number = table.labels(column, optional=blank), {name: i for i, name in enumerate(ids)}
