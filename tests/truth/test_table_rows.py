@@ -98,3 +98,9 @@ def test_names_come_in_the_order_of_the_rows() -> None:
     assert rows_of_columns(Path("a"), {"id": [7, 3, 7]}).labels("id").of_rows == ["7", "3", "7"]
     with pytest.raises(InputError, match="row 2: id is empty, where the name of an object is expected"):
         rows_of_columns(Path("a"), {"id": ["b", ""]}).labels("id")
+
+
+def test_a_time_that_cannot_be_meant_is_named_by_its_own_row() -> None:
+    rows = rows_of_columns(Path("a.parquet"), {"t": ["0", "1", "-1e308", "2"]})
+    with pytest.raises(InputError, match=r"row 3: t is '-1e308': .* can be meant: check its unit"):
+        rows.times("t", 1.0)

@@ -141,7 +141,7 @@ class Rows:
         if stamps is not None:
             no_zone = f"{self.file.name}: {column} states no zone, so it is taken as UTC"
             return stamps._replace(notes=(no_zone,)) if kinds[0] == _WITHOUT_ZONE else stamps
-        values = self.numbers(column, 1.0, None) / per_second
+        values = self.numbers(column, 1.0, "time") / per_second
         if np.abs(values).max() <= FROM_ZERO_S:
             return Clock(values)
         try:
