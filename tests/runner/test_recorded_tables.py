@@ -199,7 +199,7 @@ def test_text_where_parquet_needs_numbers_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rows", "line", "message"),
     [
-        ([[900, "a", 1.0, 2.0]], None, "no measurement of roof .* lies within the time of its object's truth"),
+        ([[900, "a", 1.0, 2.0]], None, "only 0 of 1 measurements of roof .* lie within the time of its object's truth"),
         ([[1200, "a", 1.0, 2.0]], None, r"from 0 to 0.25 s\): check the units of time"),
         ([[1010, "c", 1.0, 2.0]], 2, "the truth has no object 'c'; choose from: a, b"),
     ],

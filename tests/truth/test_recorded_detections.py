@@ -161,9 +161,8 @@ def test_a_repeated_row_and_those_outside_the_observers_time_are_left_out_and_co
 )
 def test_a_damaged_row_is_named(tmp_path: Path, rows: list[str], message: str) -> None:
     if not message:
-        message = (
-            "truth.ego: it is known from -500 to -489.9 s, and the measurements from 0 to 0.05 s, 489.9 s apart: check"
-        )
+        message = "truth.ego: only 0 of 2 measurements (from 0 to 0.05 s) lie within the time of the observer "
+        message += "(from -500 to -489.9 s): check the units of time"
     assert message in refused(write(tmp_path, scenario(), rows))
 
 

@@ -83,9 +83,12 @@ def test_the_folder_of_a_bag_is_named_by_its_metadata(tmp_path: Path) -> None:
 def test_what_cannot_be_meant_is_named(tmp_path: Path) -> None:
     make = Messages()
     cases = {
-        "several topics have tracks: name one in topic: /a, /b": [("/a", make.odometry(0)), ("/b", make.odometry(0))],
+        "2 topics have nav_msgs/msg/Odometry: name one in topic: /a, /b": [
+            ("/a", make.odometry(0)),
+            ("/b", make.odometry(0)),
+        ],
         "several frames.*: map, odom": [("/a", make.odometry(0)), ("/a", make.odometry(1, "odom"))],
-        "no topic has messages with tracks": [("/a", make.header(0, "map"))],
+        "there are no tracks in this file; known are messages of nav_msgs": [("/a", make.header(0, "map"))],
         "a detection has no id": [("/a", make.detections(0, name=""))],
         "vehicle .car.: px at 0 s: it is not a finite number": [("/a", make.odometry(0))],
     }

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support.traffic_files import CARS, OPTIONS, TIME, WRITERS, write_csv, write_osi
+from tests.support.traffic_files import CARS, OPTIONS, TIME, WRITERS, write_commonroad, write_csv, write_osi
 
 from trackbench.base.errors import InputError
 from trackbench.truth import traffic
@@ -160,6 +160,14 @@ def test_columns_may_have_other_names_and_units(tmp_path: Path) -> None:
     track = form.read(file)[0]
     np.testing.assert_allclose(track.x, CARS["1"][0] / 100)
     assert track.length == pytest.approx(0.045)
+
+
+@pytest.mark.parametrize("key", ["<orientation><exact>", "<velocity><exact>", "<length>", "<x>"])
+def test_a_long_text_in_place_of_a_number_is_one_short_line_with_the_obstacle(key: str, tmp_path: Path) -> None:
+    file = write_commonroad(tmp_path)
+    file.write_text(file.read_text(encoding="utf-8").replace(key, key + "x" * 5000, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=r"obstacle '1': 'x{20}' is not a finite number"):
+        read("commonroad", file)
 
 
 def test_a_trace_that_is_cut_off_names_the_byte(tmp_path: Path) -> None:

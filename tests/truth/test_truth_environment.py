@@ -277,7 +277,7 @@ def test_valid_values_pass(given: dict[str, Any]) -> None:
         ({"offroad_terminal": 1}, "offroad_terminal", "must be true or false"),
         ({"duration": None}, "duration", "must be a number"),
         ({"reward_speed_range": [20]}, "reward_speed_range", "must have 2 numbers"),
-        ({"reward_speed_range": [20, "a"]}, "reward_speed_range", "list of numbers"),
+        ({"reward_speed_range": [20, "a"]}, "reward_speed_range", "a list of finite numbers"),
         ({"action": "Meta"}, "action", "must be a mapping"),
         ({"action": {"type": "Mta"}}, "action.type", "did you mean 'Meta'"),
         ({"action": {"latral": True}}, "action.latral", "did you mean 'lateral'"),

@@ -198,7 +198,6 @@ def _jumps(displacement: Array, velocity: Array, moving: Mask, time: Array) -> M
 
 
 def _begins(state: Mask) -> Mask:
-    """The steps in which ``state`` becomes true."""
     return state[1:] & ~state[:-1]
 
 
@@ -209,7 +208,6 @@ def _jump(truth: Truth, step: int, body: int) -> PositionJump:
 
 
 def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[PositionJump]]:
-    """The truth up to the observer's first jump."""
     carrier = truth.observer
     px, py, vx, vy = (a[:, None, None] for a in (carrier.px, carrier.py, carrier.vx, carrier.vy))
     displacement = np.stack([np.diff(px, axis=0), np.diff(py, axis=0)]) / np.diff(truth.time)[:, None, None]
@@ -230,7 +228,6 @@ def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[Po
 
 
 def _until(truth: Truth, end: int) -> Truth:
-    """The first ``end`` steps."""
     carrier = {name: getattr(truth.observer, name)[:end] for name in ("px", "py", "yaw", "vx", "vy", "yaw_rate")}
     return replace(
         truth,
@@ -240,7 +237,6 @@ def _until(truth: Truth, end: int) -> Truth:
 
 
 def _velocity_from_displacement(truth: Truth, bodies: Sequence[int]) -> Truth:
-    """Course, speed and acceleration of ``bodies`` from their positions."""
     if not bodies:
         return truth
     course, speed, acceleration = truth.course.copy(), truth.speed.copy(), truth.acceleration.copy()

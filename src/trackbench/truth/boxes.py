@@ -118,7 +118,6 @@ def _without_rounding(time: Array) -> Array:
 
 
 def _only(rows: TrackRows, time: Array, chosen: Mask) -> TrackRows:
-    """Some of the rows, with the time from the first on."""
     return replace(rows, time=time, start=Decimal(0)).rows(np.flatnonzero(chosen))
 
 

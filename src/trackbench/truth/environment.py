@@ -70,27 +70,21 @@ def _variant(value: Any, default: Mapping[str, Any], name: str, variants: Varian
 
 
 def _check(key: str, value: Any, default: Any, at: str) -> None:
-    wanted = _kind(default)
-    if (value is None and key in NULLABLE) or default is None:
+    if default is None or (value is None and key in NULLABLE):
         return
+    wanted = _kind(default)
     if _kind(value) != wanted:
         raise InputError(f"must be {wanted}, not {value!r} (the default is {default!r})", key=at)
-    if wanted == "a number" and not _finite(value):
-        raise InputError("must be finite, and such a number is not", key=at)
+    is_list = wanted == "a list" and bool(default) and all(_kind(item) == "a number" for item in default)
+    if is_list and len(value) != len(default) and key != "target_speeds":
+        raise InputError(f"must have {len(default)} numbers, not {len(value)}", key=at)
+    numbers = value if is_list else [value] if wanted == "a number" else []
+    if not all(_kind(item) == "a number" and abs(item) <= sys.float_info.max for item in numbers):
+        raise InputError(f"must be {wanted} of finite numbers, not {value!r}" if is_list else "must be finite", key=at)
     if isinstance(default, int) and wanted == "a number" and key.endswith(WHOLE_NUMBERS):
         least = 1 if key.endswith("_frequency") else 0
         if not isinstance(value, int) or not least <= value <= MOST:
             raise InputError(f"must be a whole number from {least} to {MOST}, not {value!r}", key=at)
-    if wanted == "a list" and default and all(_kind(item) == "a number" for item in default):
-        if len(value) != len(default) and key != "target_speeds":
-            raise InputError(f"must have {len(default)} numbers, not {len(value)}", key=at)
-        for item in value:
-            if _kind(item) != "a number" or not _finite(item):
-                raise InputError(f"must be a list of numbers, not {value!r}", key=at)
-
-
-def _finite(value: float) -> bool:
-    return abs(value) <= sys.float_info.max
 
 
 def _kind(value: Any) -> str:
@@ -255,7 +249,6 @@ def rates_at_instants(truth: Truth, stepped: Mask) -> Truth:
 
 
 def _before(values: Array) -> Array:
-    """Those of one step before; the first has none and keeps its own."""
     return np.concatenate([values[:1], values[:-1]])
 
 

@@ -61,7 +61,7 @@ def _change(truth: Truth) -> Array:
 
 
 #: By quantity, in SI units and radians.
-LARGEST = {"length": 1e8, "speed": 1e5, "angle": 1e6, "time": 1e15}
+LARGEST = {"length": 1e8, "speed": 1e5, "angle": 1e6, "time": 1e30}
 UNITS = {"length": "m", "speed": "m/s", "angle": "rad", "time": "s"}
 #: Of a recording, s.
 LONGEST = 86_400.0

@@ -77,11 +77,7 @@ def _steps(config: ScriptedOptions) -> int:
 
 
 def _path(body: ScriptedBody, key: str, steps: int, rate: int, random: Generators) -> Kinematics:
-    """The motion of one body, each ``(steps + 1, runs or 1)``; the speed is negative in reverse.
-
-    Raises:
-        InputError: it is to pass through waypoints, but stands still; its place in the scenario is ``key``.
-    """
+    """The motion of one body, each ``(steps + 1, runs or 1)``; the speed is negative in reverse."""
     state = _start(body.start, max(1, len(random)))
     parts: list[Kinematics] = []
     left = steps

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base import streams, units
+from trackbench.base import streams, types, units
 from trackbench.base.files import cache_folder, write_whole
 from trackbench.base.types import Observer, Progress, Truth
 from trackbench.truth.base import LoadedTruth
@@ -78,7 +78,8 @@ def _key(config: HighwayOptions) -> str:
 
 def motion_files() -> list[Path]:
     """List the source files that determine the motion and how it is stored: a change of one makes other truths."""
-    return [*sorted(Path(__file__).parent.glob("*.py")), Path(streams.__file__), Path(units.__file__)]
+    below = (Path(str(module.__file__)) for module in (streams, types, units))
+    return [*sorted(Path(__file__).parent.glob("*.py")), *below]
 
 
 def fingerprint(files: Iterable[Path]) -> str:

@@ -62,7 +62,6 @@ class _Recorded(TruthSource):
         return [note for scene in made for note in scene.notes]
 
     def _of_scene(self, notes: Iterable[str]) -> tuple[str, ...]:
-        """The notes, each with the name of the scene, where there are several."""
         return tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in notes)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +16,7 @@ from trackbench.base.units import wrap_angle
 from trackbench.truth.audit import audited_truth
 from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.logs import find_log
-from trackbench.truth.config.traffic import Smoothing, TrafficOptions
+from trackbench.truth.config.traffic import TrafficOptions
 from trackbench.truth.frames import Frames, bodies_near, fixed_observer, overlaps, target_bodies
 from trackbench.truth.motion_audit import (
     SMOOTHER,
@@ -26,7 +25,7 @@ from trackbench.truth.motion_audit import (
     refuse_impossible,
 )
 from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks, recorded_noise
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks
+from trackbench.truth.tracks import TRAFFIC_FORMATS, moving_tracks
 
 #: The arrays of ``Frames`` with a column for each body.
 OF_BODIES = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
@@ -53,22 +52,6 @@ class RecordedVehicles(NamedTuple):
     """s of the file's clock at the first instant."""
 
 
-class RecordingKey(NamedTuple):
-    """What determines a :class:`RecordedVehicles`, the same for all scenes of a scenario."""
-
-    format: TrafficFormat
-    file: Path
-    version: tuple[int, int]
-    """When the file was written, ns, and its bytes."""
-    from_s: float
-    duration_s: float | None
-    smoothing: Smoothing | None
-    refuses: bool
-    drove_together: bool
-    size: tuple[float, float]
-    """Of a vehicle of which the file does not say it, m."""
-
-
 class SceneBodies(NamedTuple):
     """Numbers of the bodies in a scene."""
 
@@ -84,7 +67,7 @@ def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
     Raises:
         InputError: the file cannot be read or is damaged; a vehicle is not in it; it moves as no vehicle does.
     """
-    traffic = _traffic(_recording(config, folder))
+    traffic = _recorded_vehicles(config, folder)
     every = _scene_bodies(config, traffic.frames)
     truth = _truth(config, traffic, every[config.scene])
     for number in range(config.scene if config.drove_together else 0):
@@ -98,42 +81,32 @@ def recording_rate(config: TrafficOptions, folder: Path) -> float:
     Raises:
         InputError: as of `load_traffic`.
     """
-    return round(1 / _traffic(_recording(config, folder)).frames.dt, 6)
+    return round(1 / _recorded_vehicles(config, folder).frames.dt, 6)
 
 
-def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
+#: Keys of the options in which the scenes of one recording differ.
+OF_SCENE = {"observer", "targets", "divide", "others_within_m"}
+#: The recordings read last, by what determines them: all scenes of a scenario have the same.
+_RECENT: dict[Hashable, RecordedVehicles] = {}
+
+
+def _recorded_vehicles(config: TrafficOptions, folder: Path) -> RecordedVehicles:
     file, version = Path(TRAFFIC_FORMATS.name_of(type(config.format))), (0, 0)
     if config.path is not None:
         file = find_log(config.path, folder, "truth.path")
         version = file.stat().st_mtime_ns, file.stat().st_size
-    return RecordingKey(
-        config.format,
-        file,
-        version,
-        config.from_s,
-        config.duration_s,
-        config.smoothing,
-        config.audit == "refuse",
-        config.drove_together,
-        (config.length_m, config.width_m),
-    )
+    key = type(config.format), config.model_dump_json(exclude=OF_SCENE), file.absolute(), version
+    if key not in _RECENT:
+        for other in [*_RECENT][:-1]:
+            del _RECENT[other]
+        _RECENT[key] = _read_vehicles(config, file)
+    return _RECENT[key]
 
 
-@lru_cache(maxsize=2)
-def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> tuple[list[TrafficTrack], float]:
-    """The tracks of a file from 0 s on, and when its clock says that this is, s."""
-    return moving_tracks(form.read(file), file)
-
-
-@lru_cache(maxsize=2)
-def _traffic(recording: RecordingKey) -> RecordedVehicles:
-    """The vehicles between ``from_s`` and its end, smoothed and audited.
-
-    Raises:
-        InputError: see `load_traffic`.
-    """
-    file, smoothing = recording.file, recording.smoothing
-    tracks, clock = _tracks(recording.format, file, recording.version)
+def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
+    """The vehicles between ``from_s`` and its end, smoothed and audited."""
+    smoothing = config.smoothing
+    tracks, clock = moving_tracks(config.format.read(file), file)
     dt = grid_step(tracks)
     if dt < SHORTEST_STEP_S:
         raise InputError(f"rows are {dt:.2g} s apart: check the unit of time", file=file)
@@ -143,20 +116,20 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
     moving = grid_tracks(tracks, dt, smoothing)
     if not moving:
         raise InputError("no vehicle has two rows one step apart; there is no motion in this file", file=file)
-    first = round(recording.from_s / dt)
+    first = round(config.from_s / dt)
     end = last = max(track.first + len(track.x) - 1 for track in moving)
-    if recording.duration_s is not None:
-        last = min(last, first + round(recording.duration_s / dt))
+    if config.duration_s is not None:
+        last = min(last, first + round(config.duration_s / dt))
     inside = [track for track in moving if track.first < last and track.first + len(track.x) - 1 > first]
     if not inside:
         raise InputError(f"no vehicle is there then: the file has {end * dt:g} s", key="truth.from_s")
     if (last - first + 1) * len(inside) > LARGEST:
         message = f"{counted(len(inside), 'vehicle')} in {(last - first) * dt:g} s are too many; take a shorter time"
         raise InputError(message, key="truth.duration_s")
-    frames, start = _frames(inside, dt, first, last, recording.size), first * dt
+    frames, start = _frames(inside, dt, first, last, (config.length_m, config.width_m)), first * dt
     used = motion_figures(inside, dt, start, raw=False)
-    if recording.refuses:
-        together = frames if recording.drove_together else None
+    if config.audit == "refuse":
+        together = frames if config.drove_together else None
         refuse_impossible(used, inside, together, dt, smoothing is not None)
     raw, error = motion_figures(inside, dt, start, raw=True), recorded_noise(inside)
     return RecordedVehicles(frames, raw, used, error, len(tracks), gaps(tracks, dt), clock + start)
@@ -190,11 +163,7 @@ def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size:
 
 
 def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
-    """The bodies of each scene: all, or where they did not drive at the same time, as many as do not overlap.
-
-    Raises:
-        InputError: a vehicle is not there, or there are too few for so many scenes.
-    """
+    """The bodies of each scene: all, or where they did not drive at the same time, as many as do not overlap."""
     number = {name: body for body, name in enumerate(frames.ids)}
     for name in config.vehicles:
         if name not in number:
@@ -218,7 +187,6 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
 
 
 def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
-    """The audited truth of a scene, while its observer drives."""
     frames, carrier, first = _only(traffic.frames, scene.present), None, 0
     if scene.carrier is None:
         assert isinstance(config.observer, FixedObserver)
@@ -264,11 +232,7 @@ def _during(frames: Frames, first: int, last: int) -> Frames:
 
 
 def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Truth) -> None:
-    """Make sure that a scene has no vehicle in common with one before it, the scene of that ``number``.
-
-    Raises:
-        InputError: it has.
-    """
+    """Make sure that a scene has no vehicle in common with one before it, the scene of that ``number``."""
     names = config.vehicles
     shared = {*truth.ids, names[config.scene]} & {*other.ids, names[number]}
     if shared:
@@ -280,7 +244,6 @@ def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Tru
 
 
 def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]:
-    """What the result says of the recording."""
     return {
         "source": "recorded-traffic",
         "format": TRAFFIC_FORMATS.name_of(type(config.format)),
@@ -296,7 +259,6 @@ def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]
 
 
 def _note(traffic: RecordedVehicles) -> str:
-    """What the recording implies, as it is and as it is used."""
     raw, used, error = traffic.raw, traffic.used, traffic.error
     parts = [
         f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",

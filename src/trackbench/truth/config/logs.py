@@ -112,5 +112,4 @@ def log_names(paths: Sequence[str]) -> list[str]:
 
 
 def _alike(parts: Sequence[tuple[str, ...]]) -> int:
-    """How many parts all begin with."""
     return sum(1 for _ in takewhile(lambda each: len({*each}) == 1, zip(*parts, strict=False)))

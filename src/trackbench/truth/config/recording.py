@@ -45,6 +45,8 @@ class MovingObserver(FixedObserver):
     )
 
 
+#: A key, whether it is wrong, and what is then said.
+Rule = tuple[KeyPath, bool, str]
 TABLES = ("csv", "parquet", "mcap")
 #: Names of the columns of boxes in MCAP, and of those of a frame.
 BOX_COLUMNS = {"time": "time", "object": "id", "px": "x", "py": "y"} | {k: k for k in ("heading", "length", "width")}
@@ -113,7 +115,6 @@ class RecordingOptions(ReferenceTruth):
     @model_validator(mode="before")
     @classmethod
     def _folders(cls, data: Any, info: ValidationInfo) -> Any:
-        """A folder stands for the files in it."""
         folder = (info.context or {}).get("folder", Path())
         form = data.get("format") if isinstance(data, dict) else None
 
@@ -229,75 +230,70 @@ class RecordingOptions(ReferenceTruth):
 
     def problems(self) -> Iterator[Problem]:
         yield from self._problems_of_logs()
-        if self.without_truth:
-            yield from self._problems_without_truth()
-            return
-        if self.ego is not None:
-            yield Problem(("ego",), "with a truth the observer's columns are columns.observer; move them there")
-        yield from self._problems_of_boxes()
-        yield from self._problems_of_mcap()
-        if self.format in TABLES:
-            if self.columns is None:
-                yield Problem(("columns",), f"missing: format {self.format} needs the names of its columns")
-            elif self.columns.observer is not None and "observer" in self.model_fields_set:
-                yield Problem(("observer",), "not used with columns.observer; remove one of them")
-            return
-        for name in ("columns", "units", "measurements", "reference"):
-            if name in self.model_fields_set:
-                key = type(self).model_fields[name].alias or name
-                yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
+        rules = self._without_truth() if self.without_truth else self._with_truth()
+        for at, is_wrong, message in (*rules, *self._of_form()):
+            if is_wrong:
+                yield Problem(at, message)
 
-    def _problems_of_boxes(self) -> Iterator[Problem]:
-        columns, point = self.columns, self.reference.point
+    def _with_truth(self) -> Iterator[Rule]:
+        columns, point, is_table = self.columns, self.reference.point, self.format in TABLES
+        yield (
+            ("ego",),
+            self.ego is not None,
+            "with a truth the observer's columns are columns.observer; move them there",
+        )
+        yield (
+            ("columns",),
+            is_table and columns is None,
+            f"missing: format {self.format} needs the names of its columns",
+        )
+        for name in () if is_table else ("columns", "units", "measurements", "reference"):
+            key, is_stated = type(self).model_fields[name].alias or name, name in self.model_fields_set
+            yield (key,), is_stated, f"format {self.format} has fixed columns and units; remove this"
         if columns is None:
             return
-        if columns.length is not None and point is None and self.format != "mcap":
-            what = f"which point of the box {columns.px} and {columns.py} are: {' | '.join(POINTS)}"
-            yield Problem(("reference", "point"), f"missing: {what}")
-        if point not in (None, "centre") and columns.heading is None:
-            yield Problem(("columns", "heading"), f"missing: along it the {point} is moved to the centre")
-        if self.reference.classes and columns.kind is None:
-            yield Problem(("columns", "class"), "missing: the column of the class, for reference.classes")
+        what = f"missing: which point of the box {columns.px} and {columns.py} are: {' | '.join(POINTS)}"
+        is_unknown = columns.length is not None and point is None and self.format != "mcap"
+        yield ("reference", "point"), is_unknown, what
+        is_turned = point not in (None, "centre") and columns.heading is None
+        yield ("columns", "heading"), is_turned, f"missing: along it the {point} is moved to the centre"
+        is_classed = bool(self.reference.classes) and columns.kind is None
+        yield ("columns", "class"), is_classed, "missing: the column of the class, for reference.classes"
+        has_two = is_table and columns.observer is not None and "observer" in self.model_fields_set
+        yield ("observer",), has_two, "not used with columns.observer; remove one of them"
 
-    def _problems_of_mcap(self) -> Iterator[Problem]:
+    def _of_form(self) -> Iterator[Rule]:
+        """What MCAP has and other formats have not."""
         columns, of_mcap = self.columns, self.format == "mcap"
         observer = None if columns is None else columns.observer
-        for key, carrier in ((("columns", "observer", "frame"), observer), (("ego", "frame"), self.ego)):
-            if carrier is not None and of_mcap == (carrier.frame is None):
+        for path, carrier in ((("columns", "observer"), observer), (("ego",), self.ego)):
+            if carrier is not None:
                 missing = "missing: the frame of the observer, such as base_link"
-                yield Problem(key, missing if of_mcap else f"{self.format} has no frames; remove")
-        for path, entry in ((("columns",), columns), *((("readings", k), e) for k, e in self.measurements.items())):
-            if entry is not None and entry.topic is not None and not of_mcap:
-                yield Problem((*path, "topic"), f"{self.format} has no topics; remove")
+                message = missing if of_mcap else f"{self.format} has no frames; remove"
+                yield (*path, "frame"), of_mcap == (carrier.frame is None), message
+        for key, entry in ((("columns",), columns), *((("readings", k), e) for k, e in self.measurements.items())):
+            has_topic = entry is not None and entry.topic is not None and not of_mcap
+            yield (*key, "topic"), has_topic, f"{self.format} has no topics; remove"
 
-    def _problems_without_truth(self) -> Iterator[Problem]:
-        yield from self._problems_of_mcap()
-        if self.format not in TABLES:
-            yield Problem(("path",), f"missing: the file of format {self.format}")
+    def _without_truth(self) -> Iterator[Rule]:
+        if self.format not in TABLES or self.columns is not None:
+            what = "whose columns are named in columns" if self.format in TABLES else f"of format {self.format}"
+            yield ("path",), True, f"missing: the file {what}"
             return
-        if self.columns is not None:
-            yield Problem(("path",), "missing: the file whose columns are named in columns")
-            return
-        if "reference" in self.model_fields_set:
-            yield Problem(("reference",), "is of a truth, and there is none; remove")
-        if not self.measurements:
-            yield Problem(("path",), "missing: the file with the truth; without a truth, readings name measurements")
+        yield ("reference",), "reference" in self.model_fields_set, "is of a truth, and there is none; remove"
+        nothing = "missing: the file with the truth; without a truth, readings name measurements"
+        yield ("path",), not self.measurements, nothing
         for name, entry in self.measurements.items():
             for key in ("path", "time"):
-                if getattr(entry, key) is None:
-                    yield Problem(
-                        ("readings", name, key), "missing: without a truth, each sensor has a file of its own"
-                    )
-            if entry.object is not None:
-                message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
-                yield Problem(("readings", name, "object"), message)
-        if self.ego is None:
-            return
-        if "observer" in self.model_fields_set:
-            yield Problem(("observer",), "not used with ego; remove one of them")
-        for key in ("path", "time"):
-            if getattr(self.ego, key) is None:
-                yield Problem(("ego", key), "missing: without a truth, the observer has a file of its own")
+                message = "missing: without a truth, each sensor has a file of its own"
+                yield ("readings", name, key), getattr(entry, key) is None, message
+            message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
+            yield ("readings", name, "object"), entry.object is not None, message
+        if self.ego is not None:
+            yield ("observer",), "observer" in self.model_fields_set, "not used with ego; remove one of them"
+            for key in ("path", "time"):
+                message = "missing: without a truth, the observer has a file of its own"
+                yield ("ego", key), getattr(self.ego, key) is None, message
 
 
 def _of_mcap(data: Any) -> Any:

@@ -24,16 +24,7 @@ from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 
 def _read_cells(file: Path, separator: str | None, layout: Sequence[str]) -> Rows:
-    """The first cells of the lines of a file that are not empty, as columns "column 1", "column 2" and so on.
-
-    Args:
-        file: the file.
-        separator: between cells; None: white space.
-        layout: what the cells are, for messages; a line may have more.
-
-    Raises:
-        InputError: it cannot be read or is empty, or a line has fewer cells.
-    """
+    """The first cells of the lines of a file that are not empty, as columns "column 1", "column 2" and so on."""
     lines = [(number, text) for number, text in enumerate(log_text(file).splitlines(), 1) if text.strip()]
     cells = [text.split(separator) for _, text in lines]
     for (number, _), row in zip(lines, cells, strict=True):

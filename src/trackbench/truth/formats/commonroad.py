@@ -57,14 +57,14 @@ def _rows(item: ElementTree.Element) -> Iterator[tuple[str, str, tuple[float, ..
     if item.find("trajectory") is None:
         return
     states = [*item.iterfind("initialState"), *item.iterfind("trajectory/state")]
-    # A shape that is neither a rectangle nor a circle has no size.
-    diameter = 2 * _number(item.findtext("shape/circle/radius", "0"))
-    size = [_number(item.findtext(f"shape/rectangle/{key}", str(diameter))) for key in ("length", "width")]
     try:
+        # A shape that is neither a rectangle nor a circle has no size.
+        diameter = 2 * _number(item.findtext("shape/circle/radius", "0"))
+        size = [_number(item.findtext(f"shape/rectangle/{key}", str(diameter))) for key in ("length", "width")]
         for state in states:
             motion = [_number(state.findtext(path)) for path in ("time/exact", "position/point/x", "position/point/y")]
-            motion += [float(state.findtext(f"{key}/exact", "nan")) for key in ("orientation", "velocity")]
-            yield name, kind, (*motion, *size)
+            stated = (state.findtext(f"{key}/exact") for key in ("orientation", "velocity"))
+            yield name, kind, (*motion, *(math.nan if text is None else _number(text) for text in stated), *size)
     except ValueError as error:
         raise ValueError(f"obstacle {name[:20]!r}: {error}") from None
 

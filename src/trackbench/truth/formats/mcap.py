@@ -34,7 +34,6 @@ def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message
 
 
 def _rows(columns: Mapping[str, Sequence[Any]], file: Path) -> TrackRows:
-    """The rows of a table that is called as ours is."""
     columns_of_keys = {name: name for name in QUANTITIES if name in columns}
     layout = ColumnLayout(columns_of_keys, {})
     return table_rows(rows_of_columns(file, columns), layout, dict.fromkeys(QUANTITIES, 1.0))

@@ -123,7 +123,6 @@ def _part(message: memoryview, number: int) -> memoryview:
 
 
 def _parts(message: memoryview, number: int) -> Iterator[memoryview]:
-    """The messages in a repeated field."""
     for key, value in _fields(message):
         if key == number:
             if not isinstance(value, memoryview):

@@ -20,6 +20,7 @@ from trackbench.base.files import require_regular
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
 from trackbench.truth.config.logs import BAG
+from trackbench.truth.recorded.mcap import LogPart, chosen_topic
 from trackbench.truth.recorded.rows import FROM_ZERO_S
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
@@ -122,7 +123,7 @@ class RosBag(TrafficFormat):
         try:
             with AnyReader([named.parent if named.name == BAG else file], default_typestore=default) as bag:
                 types = {item.topic: item.msgtype for item in bag.connections if item.msgtype in READERS}
-                topic = self._topic(types, file)
+                topic = chosen_topic(types, READERS, LogPart("tracks", self.topic), file)
                 own = [item for item in bag.connections if item.topic == topic]
                 if types[topic] not in bag.typestore.types:
                     message = f"the definitions of {self.typestore} have no {types[topic]}, and the bag has none"
@@ -150,27 +151,8 @@ class RosBag(TrafficFormat):
             )
         return get_typestore(stores[self.typestore])
 
-    def _topic(self, types: dict[str, str], file: Path) -> str:
-        if self.topic is not None and self.topic not in types:
-            problem = f"there is no topic {self.topic!r} with tracks; {nearest_choices(self.topic, types)}"
-            raise InputError(problem, file=file)
-        if self.topic is not None:
-            return self.topic
-        if not types:
-            raise InputError(f"no topic has messages with tracks; known are {', '.join(READERS)}", file=file)
-        if len(types) > 1:
-            raise InputError(
-                f"several topics have tracks: name one in topic: {', '.join(sorted(types)[:5])}", file=file
-            )
-        return next(iter(types))
-
 
 def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:
-    """The rows of all messages.
-
-    Raises:
-        InputError: there is none, they are in several frames, or a number is none.
-    """
     if not tracked:
         raise InputError("there is no track in the messages of this topic", file=file)
     frames = sorted({row.frame for row in tracked})

@@ -50,10 +50,7 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
-    if config.without_truth:
-        recording = Recording(*load_unlabelled(config, kinds, folder))
-    else:
-        recording = _on_grid(config, read_drive(config, kinds, folder), kinds)
+    recording = _on_grid(config, read_drive(config, kinds, folder), kinds)
     if config.stretches is not None:
         require_long_enough(recording.truth, recording.measurements, config.stretches)
     if (
@@ -68,7 +65,6 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
 
 
 def _on_grid(config: RecordingOptions, drive: Drive, kinds: Mapping[str, str]) -> Recording:
-    """A drive on the times of its truth and its scans."""
     clipped = drive.clipped()
     require_measurements(drive, clipped)
     looked = scan_cycles(clipped)
@@ -82,15 +78,19 @@ def _on_grid(config: RecordingOptions, drive: Drive, kinds: Mapping[str, str]) -
         for name, log in clipped.logs.items()
     }
     lines = [*dict.fromkeys(drive.notes), *notes(drive, counts)]
-    if config.hidden:
+    detections = drive.detections
+    if config.hidden and drive.has_truth:
         truth = with_scored_region(truth, config.reference, clipped)
         # Objects have numbers of their own.
-        result |= {name: recorded_detections(of.without_slots(), times) for name, of in drive.detections.items()}
-        lines += scan_notes(drive.detections, times, "truth")
+        detections = {name: of.without_slots() for name, of in detections.items()}
+    result |= {name: recorded_detections(of, times) for name, of in detections.items()}
+    lines += scan_notes(detections, times, "truth" if drive.has_truth else "observer")
     return Recording(truth, result, tuple(lines))
 
 
 def read_drive(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
     """Read the files of a recording; see :func:`load_recording`."""
+    if config.without_truth:
+        return load_unlabelled(config, kinds, folder)
     load = load_udacity if config.format == "udacity" else load_tables
     return load(config, kinds, folder)

@@ -121,6 +121,11 @@ class Drive:
     """What has to be said of how the files were read, a line each."""
 
     @property
+    def has_truth(self) -> bool:
+        """Whether anything says where objects were."""
+        return bool(self.motions)
+
+    @property
     def sensors(self) -> list[str]:
         """Those with recorded measurements."""
         return [*self.logs, *self.detections]
@@ -147,8 +152,8 @@ class Drive:
         )
 
     def framed(self, time: Array) -> Array:
-        """Those of the times within the time of the truth's rows."""
-        return np.asarray(time[(time >= self.frames[0]) & (time <= self.frames[-1])])
+        """Return the times within the time of the truth's rows; all where there is no truth."""
+        return time if not self.has_truth else _between(time, float(self.frames[0]), float(self.frames[-1]))
 
     def clipped(self) -> Drive:
         """The drive without measurements outside the span of the truth."""
@@ -198,22 +203,22 @@ def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
     """
     motions = drive.motions
     columns = [_on_grid(motion, times) for motion in motions.values()]
-    kinematics: dict[str, Any] = {
-        name: np.stack([column[name] for column in columns], axis=1)[:, :, None] for name in KINEMATICS
-    }
-    fixed, moving = config.observer, drive.observer
-    observer = fixed_observer(fixed, len(times)) if moving is None else carrier(moving, times)
-    alive = np.stack([(times >= m.time[0]) & (times <= m.time[-1]) for m in motions.values()], axis=1)
+    kinematics: dict[str, Any] = dict.fromkeys(KINEMATICS, np.zeros((len(times), 0, 1)))
+    if columns:
+        kinematics = {name: np.stack([column[name] for column in columns], axis=1)[:, :, None] for name in KINEMATICS}
+    ends = np.array([(motion.time[0], motion.time[-1]) for motion in motions.values()]).reshape(-1, 2)
+    observer = drive.observer
     return Truth(
         time=times,
         ids=tuple(motions),
         **kinematics,
-        alive=alive,
+        alive=(times[:, None] >= ends[:, 0]) & (times[:, None] <= ends[:, 1]),
         length=np.array([config.length_m if m.length is None else np.median(m.length) for m in motions.values()]),
         width=np.array([config.width_m if m.width is None else np.median(m.width) for m in motions.values()]),
-        observer=observer,
+        observer=fixed_observer(config.observer, len(times)) if observer is None else carrier(observer, times),
         start=drive.start,
         source=drive.source,
+        known=drive.has_truth,
     )
 
 
@@ -232,21 +237,11 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     times = np.unique(np.concatenate([*own, *(drive.framed(of.time) for of in drive.detections.values())]))
     if drive.observer is None:
         return times
-    return times_with_observer(times, drive.observer, "truth", "truth.columns.observer")
-
-
-def times_with_observer(times: Array, observer: Motion, what: str, key: str) -> Array:
-    """Those of the times, of ``what``, at which the observer is known.
-
-    Raises:
-        InputError: it is known at fewer than half of them.
-    """
-    first, last = float(observer.time[0]), float(observer.time[-1])
-    inside = times[(times >= first) & (times <= last)]
-    if 2 * len(inside) < len(times):
-        own, span, apart = _spans(times, first, last)
-        raise InputError(f"it is known {span}, and the {what} {own}{apart}: check the units of time", key=key)
-    return np.asarray(inside)
+    what, key = ("times of the truth", "columns.observer") if drive.has_truth else ("measurements", "ego")
+    ends = float(drive.observer.time[0]), float(drive.observer.time[-1])
+    inside = _between(times, *ends)
+    _require_half(inside, times, ends, what, "the observer", f"truth.{key}")
+    return inside
 
 
 def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, objects: int) -> RecordedMeasurements:
@@ -277,24 +272,25 @@ def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, obje
     return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, looked.cycle[there], alarms)
 
 
-def counts_left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, dict[str, int]]:
-    """How many rows of the truth and of each sensor were put in order or left out; what did not occur is not named.
+#: What is said of rows by what was done to them.
+LEFT_OUT = {
+    "out_of_order": "out of the order of time (sorted)",
+    "duplicates": "of an object and a time that came before (left out)",
+    "outside_observer": "outside the time of the observer (left out)",
+    "outside_truth": "outside the time of the truth (left out)",
+    "of_no_object": "of no object (left out)",
+}
 
-    With ``hidden`` identities those of no object are false alarms.
+
+def counts_left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, dict[str, int]]:
+    """Count the rows of the truth and of each sensor that were sorted or left out; what did not occur is not named.
+
+    With ``hidden`` identities rows of no object are false alarms.
     """
-    seen = drive.observer
-    unknown = (
-        0
-        if seen is None
-        else sum(int(((m.time < seen.time[0]) | (m.time > seen.time[-1])).sum()) for m in drive.motions.values())
-    )
-    result = {
-        "truth": {
-            "out_of_order": drive.order.backwards,
-            "duplicates": drive.order.duplicates,
-            "outside_observer": unknown,
-        }
-    }
+    result = {"truth": {"out_of_order": drive.order.backwards, "duplicates": drive.order.duplicates}}
+    if drive.has_truth and (seen := drive.observer) is not None:
+        times = np.concatenate([motion.time for motion in drive.motions.values()])
+        result["truth"]["outside_observer"] = int(((times < seen.time[0]) | (times > seen.time[-1])).sum())
     for name, log in drive.logs.items():
         result[name] = {
             "out_of_order": log.order.backwards,
@@ -307,17 +303,10 @@ def counts_left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, 
 
 
 def notes(drive: Drive, counts: Mapping[str, Mapping[str, int]]) -> Iterator[str]:
-    """A line for the truth and each sensor whose rows were put in order or left out."""
-    words = {
-        "out_of_order": "out of the order of time (sorted)",
-        "duplicates": "of an object and a time that came before (left out)",
-        "outside_truth": "outside the time of the truth (left out)",
-        "of_no_object": "of no object (left out)",
-        "outside_observer": "outside the time of the observer (left out)",
-    }
+    """Yield a line for the truth and each sensor whose rows were sorted or left out."""
     for name, of in counts.items():
         rows = drive.order.rows if name == "truth" else drive.logs[name].order.rows
-        parts = ", ".join(f"{count} {words[what]}" for what, count in of.items())
+        parts = ", ".join(f"{count} {LEFT_OUT[what]}" for what, count in of.items())
         yield f"{name}: of {counted(rows, 'row')}, {parts}"
 
 
@@ -329,33 +318,31 @@ def require_measurements(drive: Drive, clipped: Drive) -> None:
     """
     if drive.observer is not None:
         grid(drive, {})
-    spans = [drive.span(number) for number in range(len(drive.motions))]
-    ends = min(first for first, _ in spans), max(last for _, last in spans)
-    for name, log in drive.logs.items():
-        kept = len(clipped.logs[name].time) + len(clipped.logs[name].alarm_time)
-        time = np.concatenate([log.time, log.alarm_time])
-        _require_within(name, time, "its object's truth" if not kept else "the truth", *ends, none=not kept)
-    for name, of in drive.detections.items():
-        _require_within(name, of.time[of.scan], "the truth", float(drive.frames[0]), float(drive.frames[-1]))
-
-
-def _require_within(name: str, time: Array, whose: str, first: float, last: float, *, none: bool = False) -> None:
-    inside = 0 if none else int(((time >= first) & (time <= last)).sum())
-    if inside and 2 * inside >= len(time):
+    if not drive.has_truth:
         return
-    own, span, apart = _spans(time, first, last)
-    what = f"only {inside} of {len(time)} measurements" if inside else "no measurement"
-    lie = "lie" if inside else "lies"
-    message = f"{what} of {name} ({own}) {lie} within the time of {whose} ({span}){apart}: check the units of time"
-    raise InputError(message, key=f"truth.readings.{name}")
+    spans = np.array([drive.span(number) for number in range(len(drive.motions))])
+    ends = float(spans[:, 0].min()), float(spans[:, 1].max())
+    for name, log in drive.logs.items():
+        time, kept = np.concatenate([log.time, log.alarm_time]), clipped.logs[name]
+        whose = "the truth" if len(kept.time) + len(kept.alarm_time) else "its object's truth"
+        inside = _between(time, *ends) if whose == "the truth" else time[:0]
+        _require_half(inside, time, ends, f"measurements of {name}", whose, f"truth.readings.{name}")
+    for name, of in drive.detections.items():
+        time, ends = of.time[of.scan], (float(drive.frames[0]), float(drive.frames[-1]))
+        _require_half(drive.framed(time), time, ends, f"measurements of {name}", "the truth", f"truth.readings.{name}")
 
 
-def _spans(time: Array, first: float, last: float) -> tuple[str, str, str]:
-    """In words: the span of some times, another, and how far apart they are, s."""
-    begin, end = float(time.min()), float(time.max())
-    own, other = (f"from {round(a, 2):.12g} to {round(b, 2):.12g} s" for a, b in ((begin, end), (first, last)))
-    apart = max(begin - last, first - end)
-    return own, other, f", {round(apart, 2):.12g} s apart" if apart > 0 else ""
+def _between(time: Array, first: float, last: float) -> Array:
+    return np.asarray(time[(time >= first) & (time <= last)])
+
+
+def _require_half(inside: Array, time: Array, ends: tuple[float, float], what: str, whose: str, key: str) -> None:
+    """Refuse times of which fewer than half are inside the span of another file, as those of another unit are."""
+    if len(inside) and 2 * len(inside) >= len(time):
+        return
+    own, other = (f"from {begin:.12g} to {end:.12g} s" for begin, end in np.round([[time.min(), time.max()], ends], 2))
+    message = f"only {len(inside)} of {len(time)} {what} ({own}) lie within the time of {whose} ({other})"
+    raise InputError(f"{message}: check the units of time", key=key)
 
 
 def carrier(motion: Motion, times: Array) -> Observer:

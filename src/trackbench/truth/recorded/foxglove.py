@@ -49,11 +49,6 @@ class Box(NamedTuple):
 
 
 def _parsed(messages: Sequence[Any], schema: str, parse: Callable[[Any], Iterator[T]], file: Path) -> Iterator[T]:
-    """What decoded messages hold.
-
-    Raises:
-        InputError: a message is damaged.
-    """
     for number, message in enumerate(messages):
         try:
             yield from parse(message)

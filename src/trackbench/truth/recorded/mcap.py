@@ -6,7 +6,7 @@ Source: MCAP format specification, foxglove.dev, "Well-known profiles and encodi
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,26 +60,41 @@ def log_columns(file: Path, part: LogPart) -> dict[str, Sequence[Any]]:
 
 
 def of_topic(messages: Sequence[Message], schemas: Collection[str], part: LogPart, file: Path) -> list[Message]:
-    """The messages of one topic: of the first of the schemas that is there, unless the topic is named.
+    """Return the messages of one topic: of the first of the schemas that is there, unless the topic is named.
+
+    Raises:
+        InputError: as of :func:`chosen_topic`.
+    """
+    topics = {message.topic: message.schema for message in messages if message.schema in schemas}
+    if part.name is None:
+        first = next((schema for schema in schemas if schema in topics.values()), None)
+        topics = {topic: schema for topic, schema in topics.items() if schema == first}
+    topic = chosen_topic(topics, schemas, part, file)
+    return [message for message in messages if message.topic == topic and message.schema == topics[topic]]
+
+
+def chosen_topic(topics: Mapping[str, str], schemas: Collection[str], part: LogPart, file: Path) -> str:
+    """Return the topic that is named, or the only one.
+
+    Args:
+        topics: the type of the messages of each topic that may be meant.
+        schemas: types that are known.
+        part: what is looked for.
+        file: for error messages.
 
     Raises:
         InputError: there are none, or several topics have such messages and none is named.
     """
     what, topic = part
-    topics = {message.topic: message.schema for message in messages if message.schema in schemas}
     if topic is not None and topic not in topics:
         raise InputError(f"there is no topic {topic!r} with {what}; {nearest_choices(topic, topics)}", file=file)
-    if topic is not None:
-        topics = {topic: topics[topic]}
-    schema = next((schema for schema in schemas if schema in topics.values()), None)
-    if schema is None:
+    if not topics:
         message = f"there are no {what} in this file; known are messages of {', '.join(schemas)}"
-        raise InputError(message + "; format ros reads bags of ROS 2" * (what == "tracks"), file=file)
-    chosen = [name for name, own in topics.items() if own == schema]
-    if len(chosen) > 1:
-        problem = f"{counted(len(chosen), 'topic')} have {schema}: name one in topic: {foxglove.first_names(chosen)}"
-        raise InputError(problem, file=file)
-    return [message for message in messages if message.topic == chosen[0] and message.schema == schema]
+        raise InputError(message + "; format ros reads bags of ROS 2" * (foxglove.TRACKS in schemas), file=file)
+    if topic is None and len(topics) > 1:
+        have = f"{counted(len(topics), 'topic')} have {next(iter(topics.values()))}"
+        raise InputError(f"{have}: name one in topic: {foxglove.first_names(topics)}", file=file)
+    return topic or next(iter(topics))
 
 
 def messages_of(file: Path, schemas: set[str]) -> list[Message]:

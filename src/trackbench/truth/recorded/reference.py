@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array, Indices, Mask, Truth, Unscored
 from trackbench.base.units import wrap_angle
 from trackbench.truth.config.columns import BoxRegion, ReferenceOptions, TruthColumns
@@ -24,18 +26,12 @@ def ignored_rows(table: Rows, ignore: Mapping[str, Sequence[str]]) -> Mask:
     """Return ``(rows,)`` which rows are don't-care boxes: by column, the values that make them so."""
     result = np.zeros(len(table), dtype=bool)
     for column, values in ignore.items():
-        numbers, words = {_number(value) for value in values} - {None}, {value.casefold() for value in values}
+        words = {value.casefold() for value in values}
+        numbers = {number for value in values if math.isfinite(number := stated_number(value))}
         cells = table.texts(column)
-        is_ignored = {cell: cell.casefold() in words or _number(cell) in numbers for cell in {*cells}}
+        is_ignored = {cell: cell.casefold() in words or stated_number(cell) in numbers for cell in {*cells}}
         result |= np.array([is_ignored[cell] for cell in cells])
     return result
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def moved_to_centre(motion: Motion, config: ReferenceTruth) -> Motion:

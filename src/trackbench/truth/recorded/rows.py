@@ -141,7 +141,7 @@ class Rows:
         if stamps is not None:
             no_zone = f"{self.file.name}: {column} states no zone, so it is taken as UTC"
             return stamps._replace(notes=(no_zone,)) if kinds[0] == _WITHOUT_ZONE else stamps
-        values = self.numbers(column, 1.0, None) / per_second
+        values = self.numbers(column, 1.0, "time") / per_second
         if np.abs(values).max() <= FROM_ZERO_S:
             return Clock(values)
         try:
@@ -210,8 +210,6 @@ class Rows:
 
     def _time_stamps(self, column: str) -> tuple[Indices, Clock | None]:
         """``(rows,)`` the kind of each cell of a column of times, and the times where all are time stamps."""
-        import pandas as pd
-
         cells = self.table[column]
         if types.is_timestamp(cells.type):
             if cells.null_count:
@@ -226,6 +224,8 @@ class Rows:
         kinds = np.where(is_stamp, np.where(has_zone, _WITH_ZONE, _WITHOUT_ZONE), _NUMBER)
         if not is_stamp.all():
             return kinds, None
+        import pandas as pd
+
         texts = pc.replace_substring(texts, ",", ".").to_pandas()
         times = pd.to_datetime(texts, format="ISO8601", utc=True, errors="coerce")
         if times.isna().any():

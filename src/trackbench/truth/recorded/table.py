@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.types import KINEMATICS, Array, Indices, Observer, Truth
+from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
-from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
     MOTION_QUANTITIES,
@@ -25,18 +23,15 @@ from trackbench.truth.config.columns import (
     Units,
 )
 from trackbench.truth.config.logs import find_log
-from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded.drive import (
     Drive,
     Log,
     Motion,
     RowOrder,
     Scans,
-    carrier,
     row_order,
     rows_of_each,
     slope,
-    times_with_observer,
 )
 from trackbench.truth.recorded.mcap import LogPart, log_columns
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
@@ -44,8 +39,6 @@ from trackbench.truth.recorded.rows import Labels, Rows, rows_of_columns, with_r
 from trackbench.truth.recorded.scans import (
     column_measurements,
     columns_of,
-    recorded_detections,
-    scan_notes,
     scans_of,
 )
 from trackbench.truth.recorded.table_files import read_table, require_columns
@@ -115,53 +108,27 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     return Drive(motions, order, moving, logs, read, detections, frames, boxes, classes, start, tuple(zones))
 
 
-def load_unlabelled(
-    config: RecordingOptions, kinds: Mapping[str, str], folder: Path
-) -> tuple[Truth, dict[str, Recorded], tuple[str, ...]]:
-    """A truth without objects, the detections of each sensor, and what was left out, a line each.
+def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
+    """Return a drive without a truth: the detections of each sensor, and what carries the sensors.
 
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
-    entries, units = config.measurements, config.units
-    tables = {
-        name: _detections_of_file(name, entry, columns_of(entry), config, folder) for name, entry in entries.items()
-    }
-    clocks = {
-        name: tables[name].times(entry.time or "", units.factor("time", entry.units.get("time")))
-        for name, entry in entries.items()
-    }
+    tables, clocks = {}, {}
+    for name, entry in config.measurements.items():
+        tables[name] = _detections_of_file(name, entry, columns_of(entry), config, folder)
+        clocks[name] = tables[name].times(entry.time or "", config.units.factor("time", entry.units.get("time")))
     zones = [note for clock in clocks.values() for note in clock.notes]
-    start = min(clock.first for clock in clocks.values())
-    scans = {}
-    for name, entry in entries.items():
+    start, moving = min(clock.first for clock in clocks.values()), None
+    detections = {}
+    for name, entry in config.measurements.items():
         seconds = clocks[name].since(start)
         _require_not_long(tables[name], entry.time or "", seconds)
-        scans[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, units, kinds[name])
-    times = np.unique(np.concatenate([of.time for of in scans.values()]))
-    observer = fixed_observer(config.observer, len(times))
+        detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, config.units, kinds[name])
     if config.ego is not None:
         moving, added = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
         zones += added
-        times = times_with_observer(times, moving, "measurements", "truth.ego")
-        observer = carrier(moving, times)
-    recorded: dict[str, Recorded] = {name: recorded_detections(of, times) for name, of in scans.items()}
-    return _no_objects(config, times, observer), recorded, (*zones, *scan_notes(scans, times, "observer"))
-
-
-def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> Truth:
-    kinematics: dict[str, Any] = dict.fromkeys(KINEMATICS, np.zeros((len(times), 0, 1)))
-    return Truth(
-        time=times,
-        ids=(),
-        **kinematics,
-        alive=np.zeros((len(times), 0), dtype=bool),
-        length=np.zeros(0),
-        width=np.zeros(0),
-        observer=observer,
-        source={"source": "recording", "format": config.format, "recorded": list(config.measurements)},
-        known=False,
-    )
+    return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections, notes=tuple(zones))
 
 
 def read_log(file: Path, form: str, wanted: Sequence[str | None], part: LogPart) -> Rows:
@@ -181,7 +148,6 @@ def read_log(file: Path, form: str, wanted: Sequence[str | None], part: LogPart)
 def _detections_of_file(
     name: str, entry: MeasurementColumns, columns: Sequence[str | None], config: RecordingOptions, folder: Path
 ) -> Rows:
-    """The rows of the file of a sensor's own."""
     file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
     return read_log(file, config.format, columns, LogPart("detections", entry.topic))
 
@@ -198,11 +164,6 @@ def _observer_of_file(
 
 
 def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
-    """Make sure that a log is no longer than can be meant.
-
-    Raises:
-        InputError: it is.
-    """
     if seconds.max() > jumps.LONGEST:
         row = int(np.argmax(seconds))
         raise table.error(row, f"{column}: {jumps.why_too_long(seconds[row])}")
@@ -253,7 +214,6 @@ def _motions(
 
 
 def _by_displacement(motion: Motion) -> Motion:
-    """The motion with the velocity of its displacement."""
     return motion._replace(vx=slope(motion.px, motion.time), vy=slope(motion.py, motion.time))
 
 
@@ -267,11 +227,6 @@ def observer_motion(table: Rows, columns: ObserverColumns, seconds: Array, units
 
 
 def _require_one_pose_a_time(table: Rows, columns: ObserverColumns, seconds: Array) -> None:
-    """Make sure that the observer is in one place at a time.
-
-    Raises:
-        InputError: two rows of one time disagree.
-    """
     _, first, of_row = np.unique(seconds, return_index=True, return_inverse=True)
     for column in columns.stated.values():
         values = table.numbers(column, 1.0, None)
@@ -301,11 +256,7 @@ def _log(
 
 
 def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str], *, blank: bool) -> Indices:
-    """The number of the object of each of the rows; -1 where it is ``blank``, if it may be.
-
-    Raises:
-        InputError: the truth does not have it.
-    """
+    """The number of the object of each of the rows; -1 where it is ``blank``, if it may be."""
     if column is None:
         return np.zeros(len(rows), dtype=np.intp)
     labels, number = table.labels(column, optional=blank), {name: i for i, name in enumerate(ids)}

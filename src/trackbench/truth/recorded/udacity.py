@@ -20,7 +20,7 @@ from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
 from trackbench.truth.recorded.table_files import log_text
 
-#: The sensor that each letter stands for, and the components of its measurement.
+#: The kind of sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
     "L": ("lidar", ("px", "py")),
     "R": ("radar", ("range", "azimuth", "range rate")),
@@ -28,14 +28,12 @@ SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
 TRUTH = ("px", "py", "vx", "vy")
 #: Columns of the truth that older files leave out.
 OPTIONAL = ("yaw", "yaw rate")
-
-#: Of what each of them is.
+#: Quantity of each column.
 QUANTITIES = {
     **dict.fromkeys(("px", "py", "range"), "length"),
     **dict.fromkeys(("vx", "vy", "range rate"), "speed"),
     **dict.fromkeys(("azimuth", *OPTIONAL), "angle"),
 }
-
 #: Whole microseconds that a double holds exactly.
 _STAMP = re.compile(r"[0-9]{1,16}")
 
@@ -58,48 +56,36 @@ class Measurement(NamedTuple):
 
 
 def parse_line(text: str) -> Measurement:
-    """The measurement that a line states. Columns are separated by white space, ends of line do not matter.
+    """Return the measurement that a line states. Columns are separated by white space, ends of line do not matter.
 
     Raises:
         InputError: an unknown letter, a column that is missing, too many or not a finite number.
     """
     letter, *columns = text.split() or [""]
     if letter not in SENSORS:
-        raise InputError(f"a line begins with L (lidar) or R (radar), not {_short(letter)}")
+        raise InputError(f"a line begins with L (lidar) or R (radar), not {letter[:20]!r}")
     kind, components = SENSORS[letter]
     needed = (*components, "time stamp", *TRUTH)
+    size, most = len(components), len(needed) + len(OPTIONAL)
     if len(columns) < len(needed):
         missing = needed[len(columns)]
         what = f"the truth ({', '.join(TRUTH)})" if missing == TRUTH[0] else f"{missing} (column {len(columns) + 2})"
         raise InputError(f"the {letter} line ends before {what}")
-    if len(columns) > len(needed) + len(OPTIONAL):
-        most = 1 + len(needed) + len(OPTIONAL)
-        raise InputError(f"the {letter} line has {len(columns) + 1} columns, where {most} are the most")
-    size = len(components)
+    if len(columns) > most:
+        raise InputError(f"the {letter} line has {len(columns) + 1} columns, where {most + 1} are the most")
     stamp = columns.pop(size)
     if not _STAMP.fullmatch(stamp):
-        raise InputError(f"the time stamp is a whole number of microseconds, not {_short(stamp)}")
-    names = (*components, *TRUTH, *OPTIONAL)
-    values = [
-        _number(column, name if i < size else f"true {name}", QUANTITIES[name])
-        for i, (column, name) in enumerate(zip(columns, names, strict=False))
-    ]
+        raise InputError(f"the time stamp is a whole number of microseconds, not {stamp[:20]!r}")
+    values = []
+    for place, (column, name) in enumerate(zip(columns, (*components, *TRUTH, *OPTIONAL), strict=False)):
+        value, stated = stated_number(column), name if place < size else f"true {name}"
+        if not math.isfinite(value):
+            raise InputError(f"{stated} is not a finite number: {column[:20]!r}")
+        if (problem := why_too_large(value, QUANTITIES[name])) is not None:
+            raise InputError(f"{stated} is {column[:20]!r}: {problem}")
+        values.append(value)
     px, py, vx, vy, *rest = values[size:]
     return Measurement(kind, tuple(values[:size]), int(stamp), (px, py, vx, vy), *rest)
-
-
-def _number(text: str, name: str, quantity: str) -> float:
-    value = stated_number(text)
-    if not math.isfinite(value):
-        raise InputError(f"{name} is not a finite number: {_short(text)}")
-    problem = why_too_large(value, quantity)
-    if problem is not None:
-        raise InputError(f"{name} is {_short(text)}: {problem}")
-    return value
-
-
-def _short(text: str) -> str:
-    return repr(text if len(text) <= 20 else text[:17] + "...")
 
 
 OBJECT = "cyclist"
