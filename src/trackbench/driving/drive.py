@@ -127,7 +127,8 @@ class TrackerDrive(Generic[Answer]):
         self._start, self._scans, self._sensors, self._engine = start, scans, sensors, engine
         self._origins, self._after, self._given = origins, after, given
         self._each_measurement = each_measurement
-        self._tracker: Stepper | None = None
+        self.stepper: Stepper | None = None
+        """The tracker, once the context is entered."""
         self.instant = 0
         """Number of the latest instant."""
         self.sensor: str | None = None
@@ -137,7 +138,7 @@ class TrackerDrive(Generic[Answer]):
         self._resumes = 0
 
     def __enter__(self) -> TrackerDrive[Answer]:
-        self._tracker = self._start()
+        self.stepper = self._start()
         return self
 
     def skip(self, instants: int) -> None:
@@ -146,28 +147,23 @@ class TrackerDrive(Generic[Answer]):
         self._resumes = self.instant + 1
 
     @property
-    def stepper(self) -> Stepper | None:
-        """The tracker, once the context is entered."""
-        return self._tracker
-
-    @property
     def traits(self) -> Traits:
         """What the tracker says of itself, once the context is entered."""
-        assert self._tracker is not None
-        return self._tracker.traits
+        assert self.stepper is not None
+        return self.stepper.traits
 
     def __exit__(self, *_: object) -> None:
-        assert self._tracker is not None
-        self.engine_used = self._tracker.engine_used
-        self._tracker.close()
+        assert self.stepper is not None
+        self.engine_used = self.stepper.engine_used
+        self.stepper.close()
 
     def deliveries(self) -> Iterator[list[Delivery]]:
         """What the tracker gets at each instant."""
-        scans = [scan.prompt() for scan in self._scans] if isinstance(self._tracker, Offline) else self._scans
+        scans = [scan.prompt() for scan in self._scans] if isinstance(self.stepper, Offline) else self._scans
         return deliveries(scans, self._sensors, self._each_measurement)
 
     def __iter__(self) -> Iterator[DriveStep[Answer]]:
-        tracker: Any = self._tracker
+        tracker: Any = self.stepper
         offline = isinstance(tracker, Offline)
         for instant, group in enumerate(self.deliveries()):
             if instant < self._resumes:

@@ -131,7 +131,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         direct = self._drive.stepper
         if self._work.engine_here == "numpy" or first < self._step_by_step_until or not isinstance(direct, Direct):
             return 0
-        if self.failure is not None or self._second is not None or direct.state is None or self.scorer.waits:
+        if self.failure is not None or direct.state is None or self.scorer.waits:
             return 0
         from trackbench.runner.filter_sequence import through
 

@@ -6,11 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Generator
 from typing import Generic
 
-from trackbench.base.types import Array, Gaussian
+import numpy as np
+
+from trackbench.base.types import SAME_TIME, Array, Gaussian
+from trackbench.driving.again import AskedAgain
 from trackbench.driving.drive import Answer, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.law import DriveAlone
-from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
 from trackbench.results import Failure
 from trackbench.runner.run_spread import spread_in
@@ -48,7 +49,7 @@ class TrackerRun(ABC, Generic[Answer]):
         """Whether it says that it draws random numbers; known once it is started."""
         self._work, self._piece, self._drive, self._time = work, piece, drive, time
         self._second_drives = second_drives
-        self._second: SecondDrive | DriveAlone | None = None
+        self._again: AskedAgain | None = None
         self.spread = None if isinstance(work.trackers[name], FilterConfig) else spread_in(work, piece.scene)
         """How much its positions differ between runs; None of a built-in filter."""
         self._instants = self._through()
@@ -69,14 +70,13 @@ class TrackerRun(ABC, Generic[Answer]):
         return next(self._instants, None)
 
     def end(self) -> None:
-        """End the tracker, and note what its second drive found where nothing else was wrong."""
+        """End the tracker; where nothing was wrong with it, ask it again and note what differs."""
         self._instants.close()
-        second, self._second = self._second, None
-        if second is not None:
-            disagreement = second.conclude() if self.failure is None else None
-            second.close()
-            if disagreement is not None:
-                self.fail(*disagreement)
+        again, self._again = self._again, None
+        disagreement = None if again is None or self.failure is not None else again.disagreement()
+        if disagreement is not None:
+            fault, scan = disagreement
+            self.fail(fault, int(np.searchsorted(self._time, scan.time - SAME_TIME)), scan.sensor)
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""
@@ -100,11 +100,10 @@ class TrackerRun(ABC, Generic[Answer]):
         try:
             with drive:
                 self.random = drive.traits.random
-                if self._second_drives is not None:
-                    self._second = self._second_drives.start(self._work.driven(self.name), drive.traits)
+                if self._second_drives is not None and drive.stepper is not None:
+                    self._again = self._second_drives.around(self._work.driven(self.name), drive.stepper)
+                    drive.stepper = self._again or drive.stepper
                 for step in drive:
-                    if self._second is not None:
-                        self._second.take(step)
                     estimate = self._take(step)
                     if step.last:
                         yield estimate
