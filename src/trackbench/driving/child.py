@@ -54,7 +54,7 @@ class ChildProcess:
         """Number of members of the batch that it follows."""
         self._taken, self._next_weighing = 0, 0.0
         self._status: int | None = None
-        self._unsent, self._received = message_frame(launch._asdict()), bytearray()
+        self._unsent, self._received, self._room = message_frame(launch._asdict()), bytearray(), bytearray()
         reading, self._out = _pipe()
         self._in, writing = _pipe()
         self._reports, reporting = _pipe()
@@ -112,10 +112,7 @@ class ChildProcess:
         (size,) = LENGTH.unpack_from(self._received)
         if not 0 < size <= LARGEST or self._received[LENGTH.size] not in MAPS:
             raise self._no_frame()
-        end = LENGTH.size + size
-        self._take(end)
-        content = self._received[LENGTH.size : end]
-        del self._received[:end]
+        content = self._content(size)
         try:
             answer = frame_message(content)
         except NotAFrame as error:
@@ -188,6 +185,28 @@ class ChildProcess:
             if len(self._received) < size:
                 self._look(ready)
 
+    def _content(self, size: int) -> memoryview:
+        """The frame of so many bytes that follows its length, until the next one is read."""
+        there = min(size, len(self._received) - LENGTH.size)
+        if len(self._room) < size:
+            # What is large is read to a place that has its memory.
+            self._room = bytearray(2 * size)
+        content = memoryview(self._room)[:size]
+        content[:there] = self._received[LENGTH.size : LENGTH.size + there]
+        del self._received[: LENGTH.size + there]
+        while there < size:
+            if ready := self._poll.poll(GLANCE * 1000):
+                read = os.readv(self._in, [content[there:]])
+                there += read
+                if read:
+                    continue
+            self._received += content[:there]
+            self._look(ready)
+            if ready:
+                raise self._ended()
+            self._received.clear()
+        return content
+
     def _read(self) -> None:
         content = os.read(self._in, READ)
         if not content:
@@ -256,7 +275,7 @@ def _pipe() -> tuple[int, int]:
     return ends
 
 
-def _text(content: bytes | bytearray) -> str:
+def _text(content: bytes | bytearray | memoryview) -> str:
     """The first bytes of what is no frame, as text."""
     return repr(bytes(content[:SHOWN])).removeprefix("b")
 
