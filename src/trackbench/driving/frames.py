@@ -187,15 +187,15 @@ def _read_only_array(shape: Sequence[int], content: bytes) -> Any:
     return np.ndarray(shape, FLOAT, content)[()]
 
 
-def answer_frame(number: int, answer: Estimate | Tracks | None, more: Mapping[str, Any] = {}) -> bytes:
-    """Return the frame of a tracker's answer to a scan; ``more``: what else it says."""
+def answer_frame(number: int, answer: Estimate | Tracks | None) -> bytes:
+    """Return the frame of a tracker's answer to a scan."""
     if answer is None:
-        return message_frame({"type": "none", "id": number, **more})
+        return message_frame({"type": "none", "id": number})
     arrays = {name: value for name, value in zip(answer._fields, answer, strict=True) if value is not None}
     if "state" in arrays and not _is_numeric(arrays["state"]):
         # A state of another form is the tracker's own affair.
         del arrays["state"]
-    values = {"type": "tracks" if isinstance(answer, Tracks) else "estimate", "id": number, **more}
+    values = {"type": "tracks" if isinstance(answer, Tracks) else "estimate", "id": number}
     return _framed(*_entries(values, arrays, len(values) + len(arrays)))
 
 

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.base import at_hand
-from trackbench.base.errors import InputError, shortened_text
+from trackbench.base.errors import InputError, TrackbenchError, shortened_text
 from trackbench.base.types import Scan
 from trackbench.driving.child import SHOWN, ChildProcess
+from trackbench.driving.faults import TrackFault
 from trackbench.driving.frames import VERSION, ScanFrames, id_of, message_frame, packed_array
 from trackbench.driving.isolation import Isolation, lacking
 from trackbench.driving.processes import HOST, Launch
@@ -54,8 +55,6 @@ class Program(ChildProcess):
         hello = _hello(config, several, batch, sensors)
         super().__init__(isolation, _launch(config, folder, mode), _name(config))
         self.members = batch
-        self.not_copied: str | None = None
-        """Why a tracker in it is repeated on the same scans instead of being copied; None while none was."""
         self._unsent += hello
         self._numbers = 0
         try:
@@ -75,12 +74,21 @@ class Program(ChildProcess):
         """The number of a copy of a tracker, with its state.
 
         Raises:
-            TypeError: the program does not copy trackers.
+            TrackbenchError: the program does not copy it.
+            TrackFault: its process has ended.
         """
         if not self.copies:
-            raise TypeError("its program does not say that it copies trackers")
+            raise TrackbenchError("its program does not say that it copies trackers")
         self._numbers += 1
         self._unsent += message_frame({"type": "copy", "id": self._numbers, "of": number})
+        if self.confirms:
+            self.send()
+            try:
+                self.receive()
+            except TrackFault as fault:
+                if self.fault is not None:
+                    raise
+                raise TrackbenchError(fault.cause) from fault
         return self._numbers
 
     def end(self, number: int) -> None:
@@ -99,8 +107,6 @@ class Program(ChildProcess):
         if kind not in ("estimate", "none", "tracks") or answer.get("id") != number:
             asked = f"a scan of tracker {number}"
             raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
-        if "not_copied" in answer:
-            self.not_copied = str(answer["not_copied"])
         return answer
 
     def ask(self, number: int, scan: Scan) -> dict[str, Any]:
@@ -114,8 +120,9 @@ class Program(ChildProcess):
             raise self.failed(f"it answered hello with {_said(answer.get('type'))}, where hello with a version is due")
         if version != VERSION:
             raise self.failed(f"it speaks version {version} of the protocol, and this trackbench {VERSION}")
-        self.batched, self.separate, self.random, self.copies = (
-            answer.get(name) is True for name in ("batched", "separate", "random", "copies")
+        names = ("batched", "separate", "random", "copies", "confirms")
+        self.batched, self.separate, self.random, self.copies, self.confirms = (
+            answer.get(name) is True for name in names
         )
 
 

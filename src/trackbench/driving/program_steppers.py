@@ -148,11 +148,6 @@ class ProgramTracker:
         """What stands for its state, and the answer."""
         return KEPT_THERE, answer_of(self._program.ask(self._number, scan), self._several)
 
-    @property
-    def not_copied(self) -> str | None:
-        """Why its program repeats it on the same scans instead of copying it; None while it has not."""
-        return self._program.not_copied
-
     def __deepcopy__(self, memo: object) -> ProgramTracker:
         return ProgramTracker(self._program, self._several, self._program.copy(self._number))
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
-from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import fault_of
 from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import (
@@ -23,6 +23,7 @@ from trackbench.trackers.answers import (
     checked_tracks,
     is_random,
     require_kept,
+    unpack,
 )
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -30,6 +31,8 @@ from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 from trackbench.trackers.multi import MultiObjectState, MultiObjectTracker, build_multi
 from trackbench.trackers.published import create
 from trackbench.trackers.track_steps import TrackState
+
+Answer = TypeVar("Answer")
 
 
 class Traits(NamedTuple):
@@ -182,6 +185,47 @@ class AnswerForm(NamedTuple):
     """``step`` returns beside the state, in messages."""
     joined: Callable[[Any], Any]
     """One answer from those of all members."""
+
+
+class Stateful(Generic[Answer]):
+    """A tracker with its state.
+
+    Args:
+        tracker: a fresh one.
+        check: makes its answer to a scan one of the right form, or raises.
+        what: ``step`` has to return beside the state, in messages.
+    """
+
+    def __init__(self, tracker: Any, check: Callable[[Any, Scan], Answer], what: str = "estimate") -> None:
+        self.tracker = tracker
+        self.state: Any = None
+        self._check, self._what = check, what
+
+    @property
+    def batched(self) -> bool:
+        """Whether it says that it takes a batch at once."""
+        return bool(getattr(self.tracker, "batched", False))
+
+    def step(self, scan: Scan, *more: Any) -> Answer:
+        """The answer to a scan; ``more``: what else the tracker is given.
+
+        Raises:
+            TrackerFault: what it returned is no answer.
+        """
+        self.state, unchecked = unpack(self.tracker.step(self.state, scan, *more), self._what)
+        return self._check(unchecked, scan)
+
+    def copied(self) -> Self:
+        """An independent one with the same state, by ``copy.deepcopy``, which raises whatever a tracker raises.
+
+        Raises:
+            TrackbenchError: the tracker has a destructor.
+        """
+        if hasattr(self.tracker, "__del__") and not hasattr(self.tracker, "__deepcopy__"):
+            raise TrackbenchError("it has a destructor, which the end of a copy would call")
+        twin = copy.copy(self)
+        twin.tracker, twin.state = copy.deepcopy((self.tracker, self.state))
+        return twin
 
 
 class Batched(Stepper):

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Estimate, Scan, scan_of_member
-from trackbench.driving.alone import Alone
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import fault_of
 from trackbench.driving.program_steppers import ProgramTracker
+from trackbench.subjects.doctor.alone import Alone
 from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
@@ -117,9 +117,7 @@ class TrackerSession:
     @property
     def not_copied(self) -> str | None:
         """Why a copy is a fresh tracker that is given the same scans again; None where it is not, or none was made."""
-        tracker = self._own.tracker
-        elsewhere = tracker.not_copied if isinstance(tracker, ProgramTracker) else None
-        return elsewhere or self._own.not_copied
+        return self._own.not_copied
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimate after a scan, which all columns are given; None before the track has started.
