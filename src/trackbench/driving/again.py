@@ -36,7 +36,7 @@ CAUSES = {
 RANDOM = "a tracker that draws random numbers says random = True"
 
 
-class Step(NamedTuple):
+class StepTaken(NamedTuple):
     """What a tracker was given, and what it answered."""
 
     scan: Scan
@@ -57,7 +57,7 @@ class SecondDrive(Protocol):
     members: Indices
     """``(n,)`` the columns of the first drive that are compared."""
 
-    def disagreement(self, steps: Sequence[Step]) -> Disagreement | None:
+    def disagreement(self, steps: Sequence[StepTaken]) -> Disagreement | None:
         """Return where both drives first differ."""
 
 
@@ -71,13 +71,13 @@ class AskedAgain(Stepper):
 
     def __init__(self, stepper: Stepper, second: SecondDrive) -> None:
         self._stepper, self._second = stepper, second
-        self._steps: list[Step] = []
+        self._steps: list[StepTaken] = []
         self.traits = stepper.traits
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
         """The tracker's answer."""
         answer = self._stepper.step(scan, origins)
-        self._steps.append(Step(scan, answer_of_columns(answer, self._second.members)))
+        self._steps.append(StepTaken(scan, answer_of_columns(answer, self._second.members)))
         return answer
 
     @property
@@ -124,7 +124,7 @@ class OtherCompany:
         self.members = order[self._columns]
         self._ids: tuple[Indices, Indices] | None = None
 
-    def disagreement(self, steps: Sequence[Step]) -> Disagreement | None:
+    def disagreement(self, steps: Sequence[StepTaken]) -> Disagreement | None:
         """Return where the answers to members first differ, or where the second drive fails."""
         others = defaultdict[tuple[float, str], list[Scan]](list)
         for other in reversed(self._others):

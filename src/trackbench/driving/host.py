@@ -126,7 +126,7 @@ def _copied(tracker: Tracker | BaseException) -> Tracker | BaseException:
     return tracker.copied() if isinstance(tracker, Stateful) else copy.deepcopy(tracker)
 
 
-def main(arguments: Sequence[str]) -> NoReturn:
+def serve_tracker(arguments: Sequence[str]) -> NoReturn:
     """Serve a tracker on standard input and output, until the input ends."""
     parser = argparse.ArgumentParser(prog="python -m trackbench.driving.host", description=__doc__)
     parser.add_argument("tracker", help="module:Class, or a published name")
@@ -187,4 +187,4 @@ def _give_streams(answers: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    serve_tracker(sys.argv[1:])

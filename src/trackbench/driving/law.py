@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import SAME_TIME, Array, Indices, Tracks
-from trackbench.driving.again import Disagreement, Step, answer_of_columns, scan_of_columns
+from trackbench.driving.again import Disagreement, StepTaken, answer_of_columns, scan_of_columns
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.steppers import Stepper
 
@@ -46,7 +46,7 @@ class MembersAlone:
     ) -> None:
         self._start, self.members, self._time, self._truth, self._farthest = start, members, time, truth, farthest
 
-    def disagreement(self, steps: Sequence[Step]) -> Disagreement | None:
+    def disagreement(self, steps: Sequence[StepTaken]) -> Disagreement | None:
         """Drive each member alone, one after the other; return what differs in law."""
         alone, scan = [], steps[0].scan
         for place, member in enumerate(self.members):
@@ -56,7 +56,7 @@ class MembersAlone:
                 with closing(self._start()) as stepper:
                     for scan, _ in steps:
                         answer = stepper.step(scan_of_columns(scan, copies))
-                        own.append(Step(scan, answer_of_columns(answer, np.arange(COPIES))))
+                        own.append(StepTaken(scan, answer_of_columns(answer, np.arange(COPIES))))
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
@@ -67,7 +67,7 @@ class MembersAlone:
         difference = difference_in_law(self._mean_log(steps, self._truth), np.array(alone))
         return Disagreement(TrackFault(difference, "answer"), scan) if difference else None
 
-    def _mean_log(self, steps: Sequence[Step], truth: Array) -> Array:
+    def _mean_log(self, steps: Sequence[StepTaken], truth: Array) -> Array:
         """``(n,)`` mean logarithm of the squared errors at all instants; 0 of none."""
         latest: dict[int, Array] = {}
         for scan, answer in steps:

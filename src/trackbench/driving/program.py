@@ -127,7 +127,7 @@ class Program(ChildProcess):
 
 
 def host_launch(*arguments: str) -> Launch:
-    """The process of a tracker in Python, as of ``host.main``."""
+    """The process of a tracker in Python, as of ``host.serve_tracker``."""
     here = "."
     # It may have been deleted.
     with suppress(FileNotFoundError):

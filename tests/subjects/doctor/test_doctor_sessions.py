@@ -16,10 +16,10 @@ from numpy.testing import assert_allclose
 from tests.support.doctor import scans_of, under_test
 
 from trackbench.base.types import Estimate, Scan
+from trackbench.driving.alone import Alone, CannotCopy
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.remote import fresh
-from trackbench.subjects.doctor.alone import Alone, CannotCopy
 from trackbench.subjects.doctor.checks.start import first_estimates
 from trackbench.subjects.doctor.checks.steps import failure_findings
 from trackbench.subjects.doctor.output_checks import OutputChecks

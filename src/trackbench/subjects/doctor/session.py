@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Estimate, Scan, scan_of_member
+from trackbench.driving.alone import Alone
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import fault_of
 from trackbench.driving.program_steppers import ProgramTracker
-from trackbench.subjects.doctor.alone import Alone
 from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
