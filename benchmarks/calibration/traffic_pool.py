@@ -12,8 +12,8 @@ from trackbench.base.execution import InProcess
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
-from trackbench.runner.block import run_block
 from trackbench.runner.hidden_run import TrafficScores
+from trackbench.runner.loop import run_block
 from trackbench.runner.work import work_of
 from trackbench.scenario.truth import PendingTruths
 
