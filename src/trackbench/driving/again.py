@@ -23,8 +23,6 @@ from trackbench.trackers.answers import NO_TRACK
 #: Largest difference between the two estimates of a member of a batch, relative to the largest entry: rounding that
 #: depends on the column is 1e-16, and a recursion makes little more of it.
 SAME = 1e-9
-#: Number of scans that a process which serves several trackers is given before those that are compared.
-BEFORE = 20
 #: Largest number of members that are compared: of so many all answers are kept.
 COMPARED = 250
 BATCHED = "asked again with half of the batch replaced by other scenes and all of it permuted"
@@ -105,20 +103,12 @@ class OtherCompany:
         others: scans of other scenes, at the same times by the same sensors.
         batched: whether it takes its batch at once, so that members may differ by rounding; any other gives the same
             bits.
-        warms_up: whether the process, which serves several trackers, first serves others.
     """
 
     def __init__(
-        self,
-        start: Callable[[], Stepper],
-        order: Indices,
-        members: int,
-        others: Sequence[Scan],
-        *,
-        batched: bool,
-        warms_up: bool,
+        self, start: Callable[[], Stepper], order: Indices, members: int, others: Sequence[Scan], batched: bool
     ) -> None:
-        self._start, self._order, self._count, self._others, self._warms_up = start, order, members, others, warms_up
+        self._start, self._order, self._count, self._others = start, order, members, others
         self._how, self._largest = (BATCHED, SAME) if batched else (UNBATCHED, 0.0)
         self._columns = np.flatnonzero(order < members)[:COMPARED]
         self.members = order[self._columns]
@@ -132,8 +122,6 @@ class OtherCompany:
         scan = steps[0].scan
         try:
             with closing(self._start()) as stepper:
-                if self._warms_up:
-                    stepper.restart(self._before())
                 for scan, answer in steps:
                     beside = others[scan.time, scan.sensor].pop() if scan.valid.any() else None
                     again = answer_of_columns(stepper.step(self._scan(scan, beside)), self._columns)
@@ -156,11 +144,6 @@ class OtherCompany:
         measurement = np.concatenate([scan.measurement, other.measurement], axis=-1)
         valid = np.concatenate([scan.valid, other.valid], axis=-1)
         return scan_of_columns(scan._replace(measurement=measurement, valid=valid), self._order)
-
-    def _before(self) -> list[Scan]:
-        """The first scans of the other scenes alone."""
-        width = np.arange(len(self._order))
-        return [scan_of_columns(scan, width % scan.valid.shape[-1]) for scan in self._others[:BEFORE]]
 
     def _failure(self, fault: TrackFault) -> TrackFault:
         """A failure of the second drive alone, of the member of the first where that has it."""

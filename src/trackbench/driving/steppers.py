@@ -63,9 +63,6 @@ class Stepper(ABC):
         """What computed the steps so far; None of a tracker that is not built in."""
         return None
 
-    def restart(self, scans: Sequence[Scan]) -> None:  # noqa: B027 - a process that serves one tracker has no other
-        """Follow some scans and then start anew, where one process serves several trackers one after the other."""
-
     def close(self) -> None:  # noqa: B027 - in this process nothing is left to end
         """It is no longer needed."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
 from trackbench.driving.again import AskedAgain, OtherCompany, SecondDrive
-from trackbench.driving.isolation import is_program, plugged_in
+from trackbench.driving.isolation import plugged_in
 from trackbench.driving.law import COPIES, FEWEST, MOST, MembersAlone
 from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Offline, Stepper
@@ -129,8 +129,7 @@ class SecondDrives:
                 [(np.arange(objects) * runs + run) for run in chosen] + [members + np.arange(objects)]
             )[::-1]
         start = partial(self._start, config, len(order))
-        others, warms_up = self._others(other_runs), is_program(config)
-        return OtherCompany(start, order, members, others, batched=batched, warms_up=warms_up)
+        return OtherCompany(start, order, members, self._others(other_runs), batched)
 
     def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Stepper:
         work, several = self._work, self._work.cutoff is not None
