@@ -1,4 +1,4 @@
-"""A tracker asked again: what it says of a member must not depend on the other members.
+"""Trackers that are asked again: what one says of a member must not depend on the other members.
 
 A batched tracker may read, by intent or by a wrong axis, what only the other members of its batch were given. So a
 fresh one, in a process of its own, is given the same scans with half of the members replaced by those of other scenes
@@ -39,11 +39,11 @@ class StepTaken(NamedTuple):
 
     scan: Scan
     answer: Any
-    """Of the members that are compared: an estimate ``(4, n)``, tracks, or None."""
+    """Estimate ``(4, n)`` or tracks of the n members that are compared; None if there was none."""
 
 
 class Disagreement(NamedTuple):
-    """That a second drive told a member something else, and at which scan."""
+    """Difference between two drives of a tracker, and the scan at which it shows."""
 
     fault: TrackFault
     scan: Scan
@@ -53,7 +53,7 @@ class SecondDrive(Protocol):
     """Drives a fresh tracker, and holds its answers against those of the first one."""
 
     members: Indices
-    """``(n,)`` the columns of the first drive that are compared."""
+    """``(n,)`` columns of the first drive that are compared."""
 
     def disagreement(self, steps: Sequence[StepTaken]) -> Disagreement | None:
         """Return where both drives first differ."""
@@ -73,7 +73,7 @@ class AskedAgain(Stepper):
         self.traits = stepper.traits
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
-        """The tracker's answer."""
+        """Return the tracker's answer, and keep it."""
         answer = self._stepper.step(scan, origins)
         self._steps.append(StepTaken(scan, answer_of_columns(answer, self._second.members)))
         return answer
@@ -180,7 +180,7 @@ class OtherCompany:
 
 
 def answer_of_columns(answer: Any, columns: Indices) -> Any:
-    """The estimate or the tracks of some members alone."""
+    """Return the estimate, or the tracks, of the members in some columns."""
     if answer is None:
         return None
     if isinstance(answer, Tracks):

@@ -33,7 +33,7 @@ class Program(ChildProcess):
         several: whether it is to follow several objects.
         batch: how many members the bench follows at once.
         sensors: of the scenario, by name.
-        mode: how a class of Python is served, as of ``host.MODES``.
+        mode: how a class of Python is served, one of ``host.MODES``.
 
     Raises:
         InputError: there is no such program or class, or it does not take the options.
@@ -65,13 +65,13 @@ class Program(ChildProcess):
             raise
 
     def start(self) -> int:
-        """The number of a fresh tracker."""
+        """Start a fresh tracker; return its number."""
         self._numbers += 1
         self._unsent += message_frame({"type": "start", "id": self._numbers})
         return self._numbers
 
     def copy(self, number: int) -> int:
-        """The number of a copy of a tracker, with its state.
+        """Copy a tracker with its state; return the number of the copy.
 
         Raises:
             TrackbenchError: the program does not copy it.
@@ -92,15 +92,15 @@ class Program(ChildProcess):
         return self._numbers
 
     def end(self, number: int) -> None:
-        """A tracker is no longer needed."""
+        """Let the program forget a tracker."""
         if self.fault is None:
             self._unsent += message_frame({"type": "end", "id": number})
 
     def answer(self, number: int) -> dict[str, Any]:
-        """The next answer to a scan, which the tracker of this number was given.
+        """Return the next answer, which is due from the tracker of this number.
 
         Raises:
-            TrackFault: as of ``receive``.
+            TrackFault: the tracker failed; its process has ended, is late, or answered something else.
         """
         answer = self.receive()
         kind = answer.get("type")
@@ -110,7 +110,7 @@ class Program(ChildProcess):
         return answer
 
     def ask(self, number: int, scan: Scan) -> dict[str, Any]:
-        """What a tracker answers to a scan."""
+        """Give a tracker a scan; return its answer."""
         self.send([ScanFrames(scan).of(id_of(number), scan)])
         return self.answer(number)
 
@@ -127,7 +127,7 @@ class Program(ChildProcess):
 
 
 def host_launch(*arguments: str) -> Launch:
-    """The process of a tracker in Python, as of ``host.serve_tracker``."""
+    """Return the launch of a tracker in Python, with the arguments of ``host.serve_tracker``."""
     here = "."
     # It may have been deleted.
     with suppress(FileNotFoundError):
@@ -144,7 +144,7 @@ def _launch(config: PluginConfig, folder: Path | None, mode: str) -> Launch:
 
 
 def _name(config: PluginConfig) -> str:
-    """The text with which messages about a program begin."""
+    """Return the text with which messages about a program begin."""
     return f"{config.use.name}: " if isinstance(config.use, Command) else ""
 
 
