@@ -1,18 +1,18 @@
-"""A tracker with its state, and copies of it."""
+"""A tracker as it is, and copies of it."""
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.trackers.answers import Tracker, shaped_estimate, unpack
+from trackbench.driving.steppers import Stateful
+from trackbench.trackers.answers import Tracker, shaped_estimate
 
 #: Time from the last scan to that by which copies are tried, s.
 TRIED = 0.05
@@ -23,38 +23,6 @@ NOT_COPIED = "it cannot be copied"
 
 class CannotCopy(TrackbenchError):
     """A tracker that ``copy.deepcopy`` cannot copy, and that does not repeat its answers."""
-
-
-Answer = TypeVar("Answer")
-
-
-class Stateful(Generic[Answer]):
-    """A tracker with its state.
-
-    Args:
-        tracker: a fresh one.
-        check: makes its answer to a scan one of the right form, or raises.
-        what: ``step`` has to return beside the state, in messages.
-    """
-
-    def __init__(self, tracker: Any, check: Callable[[Any, Scan], Answer], what: str = "estimate") -> None:
-        self.tracker = tracker
-        self.state: Any = None
-        self._check, self._what = check, what
-
-    @property
-    def batched(self) -> bool:
-        """Whether it says that it takes a batch at once."""
-        return bool(getattr(self.tracker, "batched", False))
-
-    def step(self, scan: Scan, *more: Any) -> Answer:
-        """The answer to a scan; ``more``: what else the tracker is given.
-
-        Raises:
-            TrackerFault: what it returned is no answer.
-        """
-        self.state, unchecked = unpack(self.tracker.step(self.state, scan, *more), self._what)
-        return self._check(unchecked, scan)
 
 
 class Alone(Stateful[Estimate | None]):
@@ -96,24 +64,21 @@ class Alone(Stateful[Estimate | None]):
             CannotCopy: it can neither be copied nor repeated.
             TrackFault: its process has ended.
         """
-        if self.not_copied is None and hasattr(self.tracker, "__del__") and not hasattr(self.tracker, "__deepcopy__"):
-            self.not_copied = "it has a destructor, which the end of a copy would call"
         if self.not_copied is None:
             try:
                 if self.given and not self._apart:
                     self._apart = True
                     self._try_apart()
                 if self.not_copied is None:
-                    return self._copied()
+                    return self._twin()
             except TrackFault:
                 raise
             except Exception as error:
                 self.not_copied = fault_of(error).cause
         return self._repeated()
 
-    def _copied(self) -> Alone:
-        twin = copy.copy(self)
-        twin.tracker, twin.state = copy.deepcopy((self.tracker, self.state))
+    def _twin(self) -> Alone:
+        twin = self.copied()
         twin.given = list(self.given)
         return twin
 
@@ -122,7 +87,7 @@ class Alone(Stateful[Estimate | None]):
         only a tracker that draws no random numbers can be."""
         last = self.given[-1]
         tried = last._replace(time=last.time + TRIED)
-        one, other = self._copied(), self._copied()
+        one, other = self._twin(), self._twin()
         with suppress(Exception):
             if _gap(one.step(tried), other.step(tried)) > 0.0:
                 again = self._repeated()

@@ -49,12 +49,12 @@ class ChildProcess:
     def __init__(self, isolation: Isolation, launch: Launch, name: str = "") -> None:
         self.timeout, self._most, self._name = isolation.timeout, isolation.bytes, name
         self.fault: TrackFault | None = None
-        """Why it has ended."""
+        """Cause of the end of the process; None while it runs."""
         self.members = 0
-        """Number of members of the batch that it follows."""
+        """Number of members of the batch that the trackers in the process follow."""
         self._taken, self._next_weighing = 0, 0.0
         self._status: int | None = None
-        self._unsent, self._received = message_frame(launch._asdict()), bytearray()
+        self._unsent, self._received, self._room = message_frame(launch._asdict()), bytearray(), bytearray()
         reading, self._out = _pipe()
         self._in, writing = _pipe()
         self._reports, reporting = _pipe()
@@ -101,7 +101,7 @@ class ChildProcess:
             self._send_rest(memoryview(content)[sent:])
 
     def receive(self) -> dict[str, Any]:
-        """The next answer.
+        """Return the next answer.
 
         Raises:
             TrackFault: the tracker failed; its process has ended, is late, or wrote what is no answer.
@@ -112,10 +112,7 @@ class ChildProcess:
         (size,) = LENGTH.unpack_from(self._received)
         if not 0 < size <= LARGEST or self._received[LENGTH.size] not in MAPS:
             raise self._no_frame()
-        end = LENGTH.size + size
-        self._take(end)
-        content = self._received[LENGTH.size : end]
-        del self._received[:end]
+        content = self._content(size)
         try:
             answer = frame_message(content)
         except NotAFrame as error:
@@ -125,15 +122,16 @@ class ChildProcess:
         return answer
 
     def work(self, function: str, arguments: Mapping[str, Any], progress: Progress) -> Any:
-        """What a function of the bench returns that is called in a process of Python: a tracker there is looked into.
+        """Call a function of trackbench in the process, the host of a tracker in Python; return what it returns.
 
         Args:
-            function: ``module:name``. It tells of its progress, each time within the longest time of an answer.
-            arguments: of text and numbers.
-            progress: is told of it.
+            function: ``module:name``. It reports its progress, each time within the longest time of an answer.
+            arguments: text and numbers.
+            progress: called with each report.
 
         Raises:
-            InputError, TrackFault: as of ``receive``.
+            TrackFault: the process has ended, is late, or wrote what is no answer.
+            InputError: the tracker cannot be found or does not take its options.
         """
         request = {
             "type": "work",
@@ -150,14 +148,14 @@ class ChildProcess:
             raise self.failed("its process sent what is no answer", "died") from None
 
     def failed(self, cause: str, kind: Kind = "answer", place: str | None = None) -> TrackFault:
-        """End it, where it has not ended; return the fault."""
+        """End the process, unless it has ended; return the fault."""
         self._end()
         self.fault = TrackFault(f"{self._name}{cause}", kind, place)
         return self.fault
 
     @property
     def is_too_large(self) -> bool:
-        """Whether it takes too much memory, together with what it has started; looked up every ``GLANCE``."""
+        """Whether the process takes too much memory, with all that it has started; looked up every ``GLANCE``."""
         now = time.monotonic()
         if now >= self._next_weighing:
             self._next_weighing = now + GLANCE
@@ -192,6 +190,28 @@ class ChildProcess:
                 self._read()
             if len(self._received) < size:
                 self._look(ready)
+
+    def _content(self, size: int) -> memoryview:
+        """Return the frame of ``size`` bytes that follows its length; the next frame overwrites it."""
+        there = min(size, len(self._received) - LENGTH.size)
+        if len(self._room) < size:
+            # A buffer that is kept has its memory: a new one would get it page by page.
+            self._room = bytearray(2 * size)
+        content = memoryview(self._room)[:size]
+        content[:there] = self._received[LENGTH.size : LENGTH.size + there]
+        del self._received[: LENGTH.size + there]
+        while there < size:
+            if ready := self._poll.poll(GLANCE * 1000):
+                read = os.readv(self._in, [content[there:]])
+                there += read
+                if read:
+                    continue
+            self._received += content[:there]
+            self._look(ready)
+            if ready:
+                raise self._ended()
+            self._received.clear()
+        return content
 
     def _read(self) -> None:
         content = os.read(self._in, READ)
@@ -245,8 +265,8 @@ class ChildProcess:
         return self._status is not None
 
     def _reported(self, seconds: float) -> int | None:
-        """The next number that the fork server reports; that of SIGKILL where it has ended, with all its processes."""
-        if not select.select([self._reports], [], [], seconds)[0]:
+        """Return the next number from the fork server; SIGKILL if it has ended, and its processes with it."""
+        if not _is_readable(self._reports, seconds):
             return None
         content = os.read(self._reports, NUMBER.size)
         return NUMBER.unpack(content)[0] if content else int(signal.SIGKILL)
@@ -261,7 +281,13 @@ def _pipe() -> tuple[int, int]:
     return ends
 
 
-def _text(content: bytes | bytearray) -> str:
+def _is_readable(descriptor: int, seconds: float) -> bool:
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(1000 * seconds))
+
+
+def _text(content: bytes | bytearray | memoryview) -> str:
     """The first bytes of what is no frame, as text."""
     return repr(bytes(content[:SHOWN])).removeprefix("b")
 
@@ -270,11 +296,11 @@ def _end(process: int, reports: int, files: Sequence[int]) -> None:
     """End a process with all that it has started, and wait for it."""
     for file in files:
         os.close(file)
-    if not select.select([reports], [], [], 0.0)[0]:
+    if not _is_readable(reports, 0.0):
         for number in (*descendants(process), process):
             with suppress(ProcessLookupError, PermissionError):
                 os.kill(number, signal.SIGKILL)
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process, signal.SIGKILL)
-        select.select([reports], [], [], ENDING)
+        _is_readable(reports, ENDING)
     os.close(reports)

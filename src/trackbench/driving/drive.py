@@ -1,19 +1,14 @@
-"""The one loop that takes a tracker through scans, of one object or of several."""
+"""What a tracker is given at each instant, scans of one object or of several."""
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackbench.base.types import SAME_TIME, Indices, Scan
-from trackbench.driving.steppers import Offline, Stepper, Traits
-from trackbench.engine.choice import Engine, seconds_on_kernels
-from trackbench.engine.equations import EngineUsed
+from trackbench.base.types import SAME_TIME, Scan
 
 Answer = TypeVar("Answer")
 
@@ -93,103 +88,3 @@ class DriveStep(NamedTuple, Generic[Answer]):
     """It took, without the making of kernels; NaN of a smoother, which does not work step by step."""
     last: bool
     """Whether the tracker is scored at this instant by this answer."""
-
-
-class TrackerDrive(Generic[Answer]):
-    """A tracker's way through scans; iterating takes the steps, and the tracker ends with the context.
-
-    Whatever the tracker raises is raised by the iteration; ``instant`` and ``sensor`` say where.
-
-    Args:
-        start: gives the tracker; called when the context is entered.
-        scans: in the order in which they were taken.
-        sensors: names of those that the tracker reads; None: all.
-        engine: whose making of kernels is left out of the times.
-        origins: of each scan ``(2, D, runs)`` the object that each detection stems from and the second one of a
-            merged detection, where identities are hidden.
-        after: called after each step, with the tracker and its delivery.
-        given: makes of a scan the one that the tracker is given, such as one of several copies.
-        each_measurement: as of ``deliveries``.
-    """
-
-    def __init__(
-        self,
-        start: Callable[[], Stepper],
-        scans: Sequence[Scan],
-        sensors: Collection[str] | None = None,
-        *,
-        engine: Engine = "numpy",
-        origins: Sequence[Indices] | None = None,
-        after: Callable[[Any, Delivery], None] | None = None,
-        given: Callable[[Scan], Scan] | None = None,
-        each_measurement: bool = False,
-    ) -> None:
-        self._start, self._scans, self._sensors, self._engine = start, scans, sensors, engine
-        self._origins, self._after, self._given = origins, after, given
-        self._each_measurement = each_measurement
-        self._tracker: Stepper | None = None
-        self.instant = 0
-        """Number of the latest instant."""
-        self.sensor: str | None = None
-        """Of the latest scan; None before the first step."""
-        self.engine_used: EngineUsed | None = None
-        """What computed a built-in tracker, once the context is left."""
-        self._resumes = 0
-
-    def __enter__(self) -> TrackerDrive[Answer]:
-        self._tracker = self._start()
-        return self
-
-    def skip(self, instants: int) -> None:
-        """Leave out instants before the next step: the tracker was taken through them otherwise."""
-        self.instant += instants
-        self._resumes = self.instant + 1
-
-    @property
-    def stepper(self) -> Stepper | None:
-        """The tracker, once the context is entered."""
-        return self._tracker
-
-    @property
-    def traits(self) -> Traits:
-        """What the tracker says of itself, once the context is entered."""
-        assert self._tracker is not None
-        return self._tracker.traits
-
-    def __exit__(self, *_: object) -> None:
-        assert self._tracker is not None
-        self.engine_used = self._tracker.engine_used
-        self._tracker.close()
-
-    def deliveries(self) -> Iterator[list[Delivery]]:
-        """What the tracker gets at each instant."""
-        scans = [scan.prompt() for scan in self._scans] if isinstance(self._tracker, Offline) else self._scans
-        return deliveries(scans, self._sensors, self._each_measurement)
-
-    def __iter__(self) -> Iterator[DriveStep[Answer]]:
-        tracker: Any = self._tracker
-        offline = isinstance(tracker, Offline)
-        for instant, group in enumerate(self.deliveries()):
-            if instant < self._resumes:
-                continue
-            self.instant = instant
-            for place, delivery in enumerate(group):
-                self.sensor = delivery.scan.sensor
-                if self._given is not None:
-                    delivery = delivery._replace(scan=self._given(delivery.scan))
-                identities = self._identities(delivery)
-                begin, making = time.perf_counter(), seconds_on_kernels(self._engine)
-                answer = tracker.step(delivery.scan, *identities)
-                seconds = time.perf_counter() - begin - (seconds_on_kernels(self._engine) - making)
-                if self._after is not None:
-                    self._after(tracker, delivery)
-                last = place == len(group) - 1
-                yield DriveStep(instant, *delivery, answer, math.nan if offline else seconds, last)
-
-    def _identities(self, delivery: Delivery) -> tuple[Indices, ...]:
-        """Of the detections of a scan, where they are hidden."""
-        if self._origins is None:
-            return ()
-        if delivery.read and delivery.number is not None:
-            return (self._origins[delivery.number],)
-        return (self._origins[0][:, :0],)

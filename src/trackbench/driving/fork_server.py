@@ -98,7 +98,7 @@ def _become_tracker(server: int, descriptors: Sequence[int]) -> NoReturn:
             # It may have been deleted.
             os.chdir(launch.folder)
         sys.path[:] = (launch.python_path or "").split(os.pathsep)
-        host.main(launch.command[len(HOST) :])
+        host.serve_tracker(launch.command[len(HOST) :])
     # What Python ignores.
     for number in (signal.SIGPIPE, signal.SIGXFSZ):
         signal.signal(number, signal.SIG_DFL)

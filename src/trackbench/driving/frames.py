@@ -58,8 +58,7 @@ def message_frame(message: Mapping[str, Any]) -> bytes:
     Raises:
         TypeError, ValueError, OverflowError: it has a value that MessagePack does not know.
     """
-    content: bytes = _pack(message)
-    return LENGTH.pack(len(content)) + content
+    return _framed(_pack(message))
 
 
 class ScanFrames:
@@ -72,29 +71,28 @@ class ScanFrames:
             "arrival_time": float(scan.arrival_time),
             "sensor": scan.sensor,
             "kind": scan.kind,
-            "noise_covariance": packed_array(scan.noise_covariance),
-            "sensor_pose": packed_array(scan.sensor_pose),
-            "sensor_velocity": packed_array(scan.sensor_velocity),
             "asked": scan.asked,
             "place": int(scan.place),
         }
+        arrays = {name: getattr(scan, name) for name in ("noise_covariance", "sensor_pose", "sensor_velocity")}
         if scan.field_of_view is not None:
             view = scan.field_of_view
-            shared["field_of_view"] = packed_array(
-                [view.half_angle, view.max_range, math.nan if view.volume is None else view.volume]
-            )
+            volume = math.nan if view.volume is None else view.volume
+            arrays["field_of_view"] = np.array([view.half_angle, view.max_range, volume])
         for name in ("detection_probability", "clutter_density", "half_range_m"):
             if (value := getattr(scan, name)) is not None:
                 shared[name] = float(value)
-        # Their map has less than 16 entries, so that its head is one byte.
-        self._shared = _packer.pack_map_header(len(shared) + 3) + _pack(shared)[1:]
+        # With the arrays of one tracker and its number.
+        self._shared = _entries(shared, arrays, len(shared) + len(arrays) + 3)
 
     def of(self, whom: bytes, given: Scan) -> bytes:
         """The frame for the tracker that ``id_of`` names, with the measurement that is given."""
-        arrays = (("measurement", given.measurement), ("valid", given.valid))
-        entries = [_entry(name, array.shape) + array.astype(FLOAT).tobytes() for name, array in arrays]
-        content = b"".join((self._shared, *entries, whom))
-        return LENGTH.pack(len(content)) + content
+        return _framed(
+            *self._shared,
+            *_array_entry("measurement", given.measurement),
+            *_array_entry("valid", given.valid),
+            whom,
+        )
 
 
 def id_of(number: int) -> bytes:
@@ -103,15 +101,33 @@ def id_of(number: int) -> bytes:
     return entry
 
 
+def _entries(values: Mapping[str, Any], arrays: Mapping[str, Any], size: int) -> list[bytes]:
+    """The start of a map of so many entries, with values and arrays: fewer than 16 values, so that their own head is a
+    byte."""
+    parts = [_packer.pack_map_header(size), _pack(values)[1:]]
+    for name, array in arrays.items():
+        parts += _array_entry(name, array)
+    return parts
+
+
+def _array_entry(name: str, value: Any) -> tuple[bytes, bytes]:
+    """An entry of a map up to the numbers of an array, and the numbers."""
+    array = np.asarray(value, dtype=FLOAT)
+    return _head(name, array.shape), array.tobytes()
+
+
 @lru_cache(maxsize=1024)
-def _entry(name: str, shape: tuple[int, ...]) -> bytes:
-    """The bytes of an array in a map up to those of its numbers."""
+def _head(name: str, shape: tuple[int, ...]) -> bytes:
     size = math.prod(shape) * FLOAT.itemsize
     array: bytes = _pack(name) + b"\x92" + _pack(shape) + _pack(bytes(size))
     return array[: len(array) - size]
 
 
-def frame_message(content: bytes | bytearray) -> dict[str, Any]:
+def _framed(*content: bytes) -> bytes:
+    return b"".join((LENGTH.pack(sum(map(len, content))), *content))
+
+
+def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
     """The message of a frame.
 
     Raises:
@@ -168,20 +184,19 @@ def message_scan(message: Mapping[str, Any]) -> Scan:
 
 def _read_only_array(shape: Sequence[int], content: bytes) -> Any:
     # The empty index makes a number of an array without axes.
-    return np.frombuffer(content, dtype=FLOAT).reshape(shape)[()]
+    return np.ndarray(shape, FLOAT, content)[()]
 
 
-def answer_frame(number: int, answer: Estimate | Tracks | None, more: Mapping[str, Any] = {}) -> bytes:
-    """Return the frame of a tracker's answer to a scan; ``more``: what else it says."""
+def answer_frame(number: int, answer: Estimate | Tracks | None) -> bytes:
+    """Return the frame of a tracker's answer to a scan."""
     if answer is None:
-        return message_frame({"type": "none", "id": number, **more})
-    parts = {name: value for name, value in answer._asdict().items() if value is not None}
-    if isinstance(answer, Estimate) and "state" in parts and not _is_numeric(parts["state"]):
+        return message_frame({"type": "none", "id": number})
+    arrays = {name: value for name, value in zip(answer._fields, answer, strict=True) if value is not None}
+    if "state" in arrays and not _is_numeric(arrays["state"]):
         # A state of another form is the tracker's own affair.
-        del parts["state"]
-    kind = "tracks" if isinstance(answer, Tracks) else "estimate"
-    arrays = {name: packed_array(value) for name, value in parts.items()}
-    return message_frame({"type": kind, "id": number, **arrays, **more})
+        del arrays["state"]
+    values = {"type": "tracks" if isinstance(answer, Tracks) else "estimate", "id": number}
+    return _framed(*_entries(values, arrays, len(values) + len(arrays)))
 
 
 def _is_numeric(value: Any) -> bool:
@@ -251,15 +266,19 @@ def plain_estimate(messages: Sequence[Mapping[str, Any]], *batch: int) -> Estima
                 return None
             means.append(mean)
             covariances.append(covariance)
-        flat, square = (np.frombuffer(bytearray(b"".join(parts)), dtype=FLOAT) for parts in (means, covariances))
+        if batch:
+            flat = np.ndarray((4, *batch), FLOAT, *means)
+            square = np.ndarray((4, 4, *batch), FLOAT, *covariances)
+        else:
+            flat = np.ndarray((len(means), 4), FLOAT, b"".join(means)).T.copy()
+            square = np.ndarray((len(means), 4, 4), FLOAT, b"".join(covariances)).transpose(1, 2, 0).copy()
     except (KeyError, TypeError, ValueError):
         return None
-    if not math.isfinite(flat.dot(flat) + square.dot(square)):
+    if not math.isfinite(np.add.reduce(flat, axis=None) + np.add.reduce(square, axis=None)):
         return None
-    if batch:
-        flat, square = flat.reshape(4, *batch), square.reshape(4, 4, *batch)
-    else:
-        flat = np.ascontiguousarray(flat.reshape(-1, 4).T)
-        square = np.ascontiguousarray(square.reshape(-1, 4, 4).transpose(1, 2, 0))
-    gap = np.abs(square - square.transpose(1, 0, 2)).max()
-    return Estimate(flat, square) if gap <= ASYMMETRY * square.max(axis=(0, 1)).min() else None
+    mirrored = square.swapaxes(0, 1)
+    # Bytes are compared in less time than numbers.
+    if mirrored.tobytes() != square.data.cast("B"):
+        gap = np.abs(square - mirrored).max()
+        return Estimate(flat, square) if gap <= ASYMMETRY * square.max(axis=(0, 1)).min() else None
+    return Estimate(flat, square)

@@ -13,18 +13,16 @@ import os
 import pickle
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
 from trackbench.base import notebook_classes
-from trackbench.driving.alone import Alone
 from trackbench.driving.faults import error_message
 from trackbench.driving.frames import VERSION, answer_frame, message_frame, message_scan, read_message
 from trackbench.driving.printed import say_stray_errors
-from trackbench.driving.steppers import Stepper, local, refuse_truth
-from trackbench.trackers.answers import is_random
+from trackbench.driving.steppers import Stateful, Stepper, local, refuse_truth
+from trackbench.trackers.answers import is_random, shaped_estimate
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_tracker_options, create
@@ -32,6 +30,11 @@ from trackbench.trackers.published import check_tracker_options, create
 #: How the trackers are served: for all members of a batch, their answers checked; each as it is; not at all, when the
 #: class is only looked for.
 MODES = BATCH, EACH, CHECK = ("batch", "each", "check")
+
+#: What the host says of copies: there are some, and it answers whether one was made.
+COPIES = {"copies": True, "confirms": True}
+#: A tracker as it is served: as it is, or for a batch.
+Tracker = Stateful[Any] | Stepper
 
 
 class Host:
@@ -47,8 +50,8 @@ class Host:
     def __init__(self, reference: str, folder: Path | None, mode: str, send: Callable[[bytes], None]) -> None:
         self._reference, self._folder, self._mode, self._send = reference, folder, mode, send
         self._hello: Mapping[str, Any] = {}
-        self._unused: Alone | Stepper | None = None
-        self._trackers: dict[int, Alone | Stepper | BaseException] = {}
+        self._unused: Tracker | None = None
+        self._trackers: dict[int, Tracker | BaseException] = {}
 
     def answer(self, message: Mapping[str, Any]) -> bytes | None:
         """Do what a message asks for, and return the frame of the answer; None where none is due."""
@@ -58,9 +61,10 @@ class Host:
             case "hello":
                 return self._greet(message)
             case "start":
-                self._keep(message["id"], self._started)
+                self._trackers[message["id"]] = self._started()
             case "copy":
-                self._keep(message["id"], partial(_copied, self._trackers[message["of"]]))
+                self._trackers[message["id"]] = _copied(self._trackers[message["of"]])
+                return message_frame({"type": "done"})
             case "end":
                 self._trackers.pop(message["id"], None)
             case "work":
@@ -71,16 +75,14 @@ class Host:
         tracker = self._trackers[number]
         if isinstance(tracker, BaseException):
             raise tracker
-        answer = tracker.step(message_scan(message))
-        not_copied = tracker.not_copied if isinstance(tracker, Alone) else None
-        return answer_frame(number, answer, {"not_copied": not_copied} if not_copied else {})
+        return answer_frame(number, tracker.step(message_scan(message)))
 
     def _greet(self, hello: Mapping[str, Any]) -> bytes:
         self._hello = hello
         if "classes" in hello:
             notebook_classes.loads(hello["classes"])
         check_tracker_options(self._reference, hello["options"], self._folder)
-        answer: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, "copies": True}
+        answer: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, **COPIES}
         if self._mode == CHECK:
             return message_frame(answer)
         tracker = self._unused = self._made()
@@ -90,27 +92,24 @@ class Host:
             traits = {"batched": tracker.batched, "random": is_random(tracker.tracker)}
         return message_frame(answer | traits)
 
-    def _made(self) -> Alone | Stepper:
+    def _made(self) -> Tracker:
         options = dict(self._hello["options"])
         if self._mode == EACH:
-            alone = Alone(create(self._reference, options, self._folder))
-            if isinstance(alone.tracker, FilterTracker):
-                refuse_truth(alone.tracker)
-            return alone
+            tracker = create(self._reference, options, self._folder)()
+            if isinstance(tracker, FilterTracker):
+                refuse_truth(tracker)
+            return Stateful(tracker, shaped_estimate)
         config = PluginConfig(use=self._reference, options=options)
         several = self._hello["identities"] == "hidden"
         return local(config, self._folder, self._hello["batch"], lambda tracker: tracker, several)
 
-    def _started(self) -> Alone | Stepper:
-        tracker, self._unused = self._unused or self._made(), None
-        return tracker
-
-    def _keep(self, number: int, make: Callable[[], Alone | Stepper]) -> None:
+    def _started(self) -> Tracker | BaseException:
+        tracker, self._unused = self._unused, None
         try:
-            self._trackers[number] = make()
+            return tracker or self._made()
         except BaseException as error:
             # It is raised when the tracker is given a scan: this message has no answer.
-            self._trackers[number] = error
+            return error
 
     def _work(self, message: Mapping[str, Any]) -> bytes:
         """Call a function of the bench, ``module:name``, that looks into a tracker and tells of its progress."""
@@ -124,13 +123,11 @@ class Host:
         return message_frame({"type": "returned", "pickled": pickle.dumps(returned)})
 
 
-def _copied(tracker: Any) -> Alone | Stepper:
-    if isinstance(tracker, BaseException):
-        raise tracker
-    return tracker.copy() if isinstance(tracker, Alone) else copy.deepcopy(tracker)
+def _copied(tracker: Tracker | BaseException) -> Tracker | BaseException:
+    return tracker.copied() if isinstance(tracker, Stateful) else copy.deepcopy(tracker)
 
 
-def main(arguments: Sequence[str]) -> NoReturn:
+def serve_tracker(arguments: Sequence[str]) -> NoReturn:
     """Serve a tracker on standard input and output, until the input ends."""
     parser = argparse.ArgumentParser(prog="python -m trackbench.driving.host", description=__doc__)
     parser.add_argument("tracker", help="module:Class, or a published name")
@@ -191,4 +188,4 @@ def _give_streams(answers: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    serve_tracker(sys.argv[1:])

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices, Tracks
-from trackbench.driving.drive import DriveStep
+from trackbench.base.types import SAME_TIME, Array, Indices, Tracks
+from trackbench.driving.again import Disagreement, StepTaken, answer_of_columns, scan_of_columns
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.second_drive import Disagreement, scan_of_columns
 from trackbench.driving.steppers import Stepper
 
 #: Members that are driven again, at most and at least, and how many copies of itself each has for company: so its draws
@@ -31,72 +30,66 @@ LEAST_FACTOR = 1.25
 SMALLEST = 1e-24
 
 
-class DriveAlone:
-    """Keeps what some members did in the first drive, then drives each of them alone.
+class MembersAlone:
+    """The second drive of a tracker that draws random numbers: some members, each of them alone.
 
     Args:
         start: gives a fresh tracker for ``COPIES`` members.
         members: ``(n,)`` their columns in the first drive.
+        time: ``(instants,)`` s.
         truth: ``(2, instants, objects, n)`` m, where their objects are; NaN where one is not there.
         farthest: distance that counts where no estimate is nearer, m; infinite: such instants are left out.
     """
 
-    def __init__(self, start: Callable[[], Stepper], members: Indices, truth: Array, farthest: float) -> None:
-        self._start, self._members, self._truth, self._farthest = start, members, truth, farthest
-        self._steps: list[DriveStep[Any]] = []
-        self._batch: list[Array] = []
+    def __init__(
+        self, start: Callable[[], Stepper], members: Indices, time: Array, truth: Array, farthest: float
+    ) -> None:
+        self._start, self.members, self._time, self._truth, self._farthest = start, members, time, truth, farthest
 
-    def take(self, step: DriveStep[Any]) -> None:
-        """Note the step that the first drive took."""
-        self._steps.append(step._replace(answer=None))
-        if step.last:
-            self._batch.append(self._errors(step.answer, self._members, self._truth[:, step.instant]))
-
-    def conclude(self) -> Disagreement | None:
+    def disagreement(self, steps: Sequence[StepTaken]) -> Disagreement | None:
         """Drive each member alone, one after the other; return what differs in law."""
-        step, alone = self._steps[0], []
-        for place, member in enumerate(self._members):
-            errors = []
+        alone, scan = [], steps[0].scan
+        for place, member in enumerate(self.members):
+            truth = np.repeat(self._truth[..., place, None], COPIES, axis=-1)
+            copies, own = np.full(COPIES, member), []
             try:
                 with closing(self._start()) as stepper:
-                    for step in self._steps:
-                        answer = stepper.step(scan_of_columns(step.scan, np.full(COPIES, member)))
-                        if step.last:
-                            truth = np.repeat(self._truth[:, step.instant, :, place, None], COPIES, axis=-1)
-                            errors.append(self._errors(answer, np.arange(COPIES), truth))
+                    for scan, _ in steps:
+                        answer = stepper.step(scan_of_columns(scan, copies))
+                        own.append(StepTaken(scan, answer_of_columns(answer, np.arange(COPIES))))
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
                 fault = fault_of(error)
                 cause = f"driven again with one member alone, it fails: {fault.cause}"
-                failed = TrackFault(cause, fault.kind, fault.place, int(member))
-                return Disagreement(failed, step.instant, step.scan.sensor)
-            alone.append(_mean_log(errors))
-        difference = difference_in_law(_mean_log(self._batch), np.array(alone))
-        fault = TrackFault(difference, "answer")
-        return Disagreement(fault, step.instant, step.scan.sensor) if difference else None
+                return Disagreement(TrackFault(cause, fault.kind, fault.place, int(member)), scan)
+            alone.append(self._mean_log(own, truth))
+        difference = difference_in_law(self._mean_log(steps, self._truth), np.array(alone))
+        return Disagreement(TrackFault(difference, "answer"), scan) if difference else None
 
-    def close(self) -> None:
-        """Nothing is left to end."""
+    def _mean_log(self, steps: Sequence[StepTaken], truth: Array) -> Array:
+        """``(n,)`` mean logarithm of the squared errors at all instants; 0 of none."""
+        latest: dict[int, Array] = {}
+        for scan, answer in steps:
+            # A scan that is late is no answer to its own instant.
+            if scan.arrival_time <= scan.time + SAME_TIME:
+                instant = int(np.searchsorted(self._time, scan.time - SAME_TIME))
+                latest[instant] = self._errors(answer, truth[:, instant])
+        logs = np.log(np.maximum(list(latest.values()), SMALLEST))
+        there = np.isfinite(logs)
+        return np.asarray(np.where(there, logs, 0.0).sum(axis=(0, 1)) / np.maximum(there.sum(axis=(0, 1)), 1))
 
-    def _errors(self, answer: Any, columns: Indices, truth: Array) -> Array:
+    def _errors(self, answer: Any, truth: Array) -> Array:
         """``(objects, n)`` squared distances of objects ``(2, objects, n)`` from the nearest estimate, m^2."""
         if answer is None:
-            mean = np.full((2, 1, len(columns)), np.nan)
+            mean = np.full((2, 1, truth.shape[-1]), np.nan)
         elif isinstance(answer, Tracks):
-            mean = np.where(answer.ids >= 0, answer.mean[:2], np.nan)[..., columns]
+            mean = np.where(answer.ids >= 0, answer.mean[:2], np.nan)
         else:
-            mean = answer.mean[:2, None, columns]
+            mean = answer.mean[:2, None]
         squares = ((mean[:, :, None] - truth[:, None]) ** 2).sum(axis=0)
         nearest = np.fmin.reduce(squares, axis=0, initial=self._farthest**2)
         return np.where(np.isfinite(truth[0]) & np.isfinite(nearest), nearest, np.nan)
-
-
-def _mean_log(errors: Sequence[Array]) -> Array:
-    """``(n,)`` mean logarithm of squared errors ``(objects, n)`` of several instants; 0 of none."""
-    logs = np.log(np.maximum(errors, SMALLEST))
-    there = np.isfinite(logs)
-    return np.asarray(np.where(there, logs, 0.0).sum(axis=(0, 1)) / np.maximum(there.sum(axis=(0, 1)), 1))
 
 
 def difference_in_law(batch: Array, alone: Array) -> str:

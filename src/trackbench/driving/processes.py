@@ -31,14 +31,14 @@ UNTOLD = ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
 
 
 class Launch(NamedTuple):
-    """The process of a tracker that is to be started: the first message that it reads."""
+    """Process of a tracker that is to be started: the first message that it reads."""
 
     command: list[str]
     """Program and arguments."""
     folder: str
-    """Its working directory."""
+    """Working directory."""
     python_path: str | None
-    """Its ``PYTHONPATH``; None where it has none."""
+    """``PYTHONPATH``; None for none."""
 
 
 class ForkServer:

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.base import notebook_classes
-from trackbench.base.errors import InputError, shortened_text
+from trackbench.base.errors import InputError, TrackbenchError, shortened_text
 from trackbench.base.types import Scan
 from trackbench.driving.child import SHOWN, ChildProcess
+from trackbench.driving.faults import TrackFault
 from trackbench.driving.frames import VERSION, ScanFrames, id_of, message_frame, packed_array
 from trackbench.driving.isolation import Isolation, lacking
 from trackbench.driving.processes import HOST, Launch
@@ -32,7 +33,7 @@ class Program(ChildProcess):
         several: whether it is to follow several objects.
         batch: how many members the bench follows at once.
         sensors: of the scenario, by name.
-        mode: how a class of Python is served, as of ``host.MODES``.
+        mode: how a class of Python is served, one of ``host.MODES``.
 
     Raises:
         InputError: there is no such program or class, or it does not take the options.
@@ -54,8 +55,6 @@ class Program(ChildProcess):
         hello = _hello(config, several, batch, sensors)
         super().__init__(isolation, _launch(config, folder, mode), _name(config))
         self.members = batch
-        self.not_copied: str | None = None
-        """Why a tracker in it is repeated on the same scans instead of being copied; None while none was."""
         self._unsent += hello
         self._numbers = 0
         try:
@@ -66,45 +65,52 @@ class Program(ChildProcess):
             raise
 
     def start(self) -> int:
-        """The number of a fresh tracker."""
+        """Start a fresh tracker; return its number."""
         self._numbers += 1
         self._unsent += message_frame({"type": "start", "id": self._numbers})
         return self._numbers
 
     def copy(self, number: int) -> int:
-        """The number of a copy of a tracker, with its state.
+        """Copy a tracker with its state; return the number of the copy.
 
         Raises:
-            TypeError: the program does not copy trackers.
+            TrackbenchError: the program does not copy it.
+            TrackFault: its process has ended.
         """
         if not self.copies:
-            raise TypeError("its program does not say that it copies trackers")
+            raise TrackbenchError("its program does not say that it copies trackers")
         self._numbers += 1
         self._unsent += message_frame({"type": "copy", "id": self._numbers, "of": number})
+        if self.confirms:
+            self.send()
+            try:
+                self.receive()
+            except TrackFault as fault:
+                if self.fault is not None:
+                    raise
+                raise TrackbenchError(fault.cause) from fault
         return self._numbers
 
     def end(self, number: int) -> None:
-        """A tracker is no longer needed."""
+        """Let the program forget a tracker."""
         if self.fault is None:
             self._unsent += message_frame({"type": "end", "id": number})
 
     def answer(self, number: int) -> dict[str, Any]:
-        """The next answer to a scan, which the tracker of this number was given.
+        """Return the next answer, which is due from the tracker of this number.
 
         Raises:
-            TrackFault: as of ``receive``.
+            TrackFault: the tracker failed; its process has ended, is late, or answered something else.
         """
         answer = self.receive()
         kind = answer.get("type")
         if kind not in ("estimate", "none", "tracks") or answer.get("id") != number:
             asked = f"a scan of tracker {number}"
             raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
-        if "not_copied" in answer:
-            self.not_copied = str(answer["not_copied"])
         return answer
 
     def ask(self, number: int, scan: Scan) -> dict[str, Any]:
-        """What a tracker answers to a scan."""
+        """Give a tracker a scan; return its answer."""
         self.send([ScanFrames(scan).of(id_of(number), scan)])
         return self.answer(number)
 
@@ -114,13 +120,14 @@ class Program(ChildProcess):
             raise self.failed(f"it answered hello with {_said(answer.get('type'))}, where hello with a version is due")
         if version != VERSION:
             raise self.failed(f"it speaks version {version} of the protocol, and this trackbench {VERSION}")
-        self.batched, self.separate, self.random, self.copies = (
-            answer.get(name) is True for name in ("batched", "separate", "random", "copies")
+        names = ("batched", "separate", "random", "copies", "confirms")
+        self.batched, self.separate, self.random, self.copies, self.confirms = (
+            answer.get(name) is True for name in names
         )
 
 
 def host_launch(*arguments: str) -> Launch:
-    """The process of a tracker in Python, as of ``host.main``."""
+    """Return the launch of a tracker in Python, with the arguments of ``host.serve_tracker``."""
     here = "."
     # It may have been deleted.
     with suppress(FileNotFoundError):
@@ -137,7 +144,7 @@ def _launch(config: PluginConfig, folder: Path | None, mode: str) -> Launch:
 
 
 def _name(config: PluginConfig) -> str:
-    """The text with which messages about a program begin."""
+    """Return the text with which messages about a program begin."""
     return f"{config.use.name}: " if isinstance(config.use, Command) else ""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -45,12 +45,9 @@ class ProgramStepper(Stepper):
         self._program, self._several, self._batch = program, several, batch
         self._form = TRACKS_FORM if several else ESTIMATE_FORM
         self.traits = Traits(program.batched and not program.separate, program.random)
-        self._begin()
-
-    def _begin(self) -> None:
-        self._numbers = [self._program.start() for _ in range(1 if self._program.batched else self._batch)]
-        self._members = list(range(self._batch)) if self._several else []
-        self._begun, self._estimated = (np.zeros(self._batch, dtype=bool) for _ in range(2))
+        self._numbers = [program.start() for _ in range(1 if program.batched else batch)]
+        self._members = list(range(batch)) if several else []
+        self._begun, self._estimated = (np.zeros(batch, dtype=bool) for _ in range(2))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
         """The answer for all members, of one object from the first measurement on; their origins are not sent.
@@ -78,13 +75,6 @@ class ProgramStepper(Stepper):
         mean, covariance = np.full((4, self._batch), np.nan), np.full((4, 4, self._batch), np.nan)
         mean[:, self._members], covariance[:, :, self._members] = estimate.mean, estimate.covariance
         return Estimate(mean, covariance)
-
-    def restart(self, scans: Sequence[Scan]) -> None:
-        """Follow some scans, and then start anew: the trackers that follow are not the first of their process."""
-        for scan in scans:
-            self.step(scan)
-        self.__del__()
-        self._begin()
 
     def close(self) -> None:
         """End the program."""
@@ -147,11 +137,6 @@ class ProgramTracker:
     def step(self, state: str | None, scan: Scan) -> tuple[str, Any]:
         """What stands for its state, and the answer."""
         return KEPT_THERE, answer_of(self._program.ask(self._number, scan), self._several)
-
-    @property
-    def not_copied(self) -> str | None:
-        """Why its program repeats it on the same scans instead of copying it; None while it has not."""
-        return self._program.not_copied
 
     def __deepcopy__(self, memo: object) -> ProgramTracker:
         return ProgramTracker(self._program, self._several, self._program.copy(self._number))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
-from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import fault_of
 from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import (
@@ -23,6 +23,7 @@ from trackbench.trackers.answers import (
     checked_tracks,
     is_random,
     require_kept,
+    unpack,
 )
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -30,6 +31,8 @@ from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 from trackbench.trackers.multi import MultiObjectState, MultiObjectTracker, build_multi
 from trackbench.trackers.published import create
 from trackbench.trackers.track_steps import TrackState
+
+Answer = TypeVar("Answer")
 
 
 class Traits(NamedTuple):
@@ -59,9 +62,6 @@ class Stepper(ABC):
     def engine_used(self) -> EngineUsed | None:
         """What computed the steps so far; None of a tracker that is not built in."""
         return None
-
-    def restart(self, scans: Sequence[Scan]) -> None:  # noqa: B027 - a process that serves one tracker has no other
-        """Follow some scans and then start anew, where one process serves several trackers one after the other."""
 
     def close(self) -> None:  # noqa: B027 - in this process nothing is left to end
         """It is no longer needed."""
@@ -184,6 +184,47 @@ class AnswerForm(NamedTuple):
     """One answer from those of all members."""
 
 
+class Stateful(Generic[Answer]):
+    """A tracker with its state.
+
+    Args:
+        tracker: a fresh one.
+        check: makes its answer to a scan one of the right form, or raises.
+        what: ``step`` has to return beside the state, in messages.
+    """
+
+    def __init__(self, tracker: Any, check: Callable[[Any, Scan], Answer], what: str = "estimate") -> None:
+        self.tracker = tracker
+        self.state: Any = None
+        self._check, self._what = check, what
+
+    @property
+    def batched(self) -> bool:
+        """Whether it says that it takes a batch at once."""
+        return bool(getattr(self.tracker, "batched", False))
+
+    def step(self, scan: Scan, *more: Any) -> Answer:
+        """The answer to a scan; ``more``: what else the tracker is given.
+
+        Raises:
+            TrackerFault: what it returned is no answer.
+        """
+        self.state, unchecked = unpack(self.tracker.step(self.state, scan, *more), self._what)
+        return self._check(unchecked, scan)
+
+    def copied(self) -> Self:
+        """An independent one with the same state, by ``copy.deepcopy``, which raises whatever a tracker raises.
+
+        Raises:
+            TrackbenchError: the tracker has a destructor.
+        """
+        if hasattr(self.tracker, "__del__") and not hasattr(self.tracker, "__deepcopy__"):
+            raise TrackbenchError("it has a destructor, which the end of a copy would call")
+        twin = copy.copy(self)
+        twin.tracker, twin.state = copy.deepcopy((self.tracker, self.state))
+        return twin
+
+
 class Batched(Stepper):
     """A tracker that steps every member of the batch at once."""
 
@@ -247,13 +288,19 @@ def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
     Raises:
         TrackerFault: innovations or mode probabilities of several sizes.
     """
+    whole = [answer for answer in answers if answer is not None and all(part is None for part in answer[2:])]
+    if 0 < len(whole) == len(answers):
+        # Most trackers say no more than that, and it is joined in less time.
+        mean = np.array([answer.mean for answer in whole]).T.copy()
+        covariance = np.array([answer.covariance for answer in whole]).transpose(1, 2, 0).copy()
+        return Estimate(mean, covariance)
     for name in ("mode_probabilities", "innovation"):
         values = [getattr(answer, name, None) for answer in answers]
         sizes = sorted({len(value) for value in values if value is not None})
         if len(sizes) > 1:
             raise TrackerFault(f"it gave {' and '.join(map(str, sizes))} {name.replace('_', ' ')}")
-    mean, covariance = _joined(answers, "mean"), _joined(answers, "covariance")
-    if mean is None or covariance is None:
+    means, covariances = _joined(answers, "mean"), _joined(answers, "covariance")
+    if means is None or covariances is None:
         return None
     with_innovation = [
         answer
@@ -265,8 +312,8 @@ def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
     if innovation is not None and np.isnan(innovation).all():
         innovation = None
     return Estimate(
-        mean,
-        covariance,
+        means,
+        covariances,
         innovation=innovation,
         innovation_covariance=None if innovation is None else _joined(with_innovation, "innovation_covariance"),
         repaired=np.array([bool(getattr(answer, "repaired", False)) for answer in answers]),

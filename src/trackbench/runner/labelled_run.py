@@ -135,7 +135,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         """By one sequence of calls, which scores them too; none where they have to be taken step by step."""
         if self._work.engine_here == "numpy" or instant < self._step_by_step_until:
             return 0
-        if not isinstance(self._stepper, Direct) or self._second is not None:
+        if not isinstance(self._stepper, Direct):
             return 0
         if self.state is None or self.scorer.waits:
             return 0

@@ -10,11 +10,11 @@ import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
-from trackbench.driving.isolation import is_program, plugged_in
-from trackbench.driving.law import COPIES, FEWEST, MOST, DriveAlone
+from trackbench.driving.again import AskedAgain, OtherCompany, SecondDrive
+from trackbench.driving.isolation import plugged_in
+from trackbench.driving.law import COPIES, FEWEST, MOST, MembersAlone
 from trackbench.driving.remote import start_stepper
-from trackbench.driving.second_drive import Company, SecondDrive
-from trackbench.driving.steppers import Offline, Stepper, Traits
+from trackbench.driving.steppers import Offline, Stepper
 from trackbench.models.motion import Kinematics
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import sense_hidden
@@ -99,26 +99,26 @@ class SecondDrives:
         self._work, self._piece = work, piece
         self._others = cache(self._other_scans)
 
-    def start(self, config: FilterConfig | PluginConfig, traits: Traits) -> SecondDrive | DriveAlone | None:
-        """Start the second drive of a plug-in; return None for a built-in tracker.
+    def around(self, config: FilterConfig | PluginConfig, stepper: Stepper) -> AskedAgain | None:
+        """Wrap a plug-in that is to be asked again; return None for a built-in tracker.
 
         A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
         permuted. Any other gets two runs in reverse order, after one of another scene. Of one that draws random numbers
         some members are driven alone; None where there are too few, or no truth.
-
-        Raises:
-            TrackFault: its process ended.
         """
         if not plugged_in(config):
             return None
-        if traits.random:
-            return self._alone(config)
+        traits = stepper.traits
+        second = self._alone(config) if traits.random else self._in_other_company(config, traits.batched)
+        return None if second is None else AskedAgain(stepper, second)
+
+    def _in_other_company(self, config: FilterConfig | PluginConfig, batched: bool) -> SecondDrive:
         work, runs, several = self._work, len(self._piece.runs), self._work.cutoff is not None
         # Members are numbered by object, then run; with hidden identities each is a run.
         objects = 1 if several else len(work.scenes[self._piece.scene].truth.ids)
         members = objects * runs
         random = stream(work.seed, work.noise_of(self._piece.scene), self._piece.runs.start, PURPOSE)
-        if traits.batched:
+        if batched:
             replaced, other_runs = members // 2, (runs + 1) // 2
             kept = random.permutation(members)[replaced:]
             strangers = random.permutation(objects * other_runs)[:replaced]
@@ -128,14 +128,15 @@ class SecondDrives:
             order = np.concatenate(
                 [(np.arange(objects) * runs + run) for run in chosen] + [members + np.arange(objects)]
             )[::-1]
-        with_engine = partial(replace, engine=work.engine_here)
-        stepper = start_stepper(config, work.folder, len(order), with_engine, work.isolation, several, work.sensors)
-        company = Company(order, members, self._others(other_runs))
-        if is_program(config):
-            stepper.restart(company.before())
-        return SecondDrive(stepper, company, traits.batched)
+        start = partial(self._start, config, len(order))
+        return OtherCompany(start, order, members, self._others(other_runs), batched)
 
-    def _alone(self, config: FilterConfig | PluginConfig) -> DriveAlone | None:
+    def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Stepper:
+        work, several = self._work, self._work.cutoff is not None
+        with_engine = partial(replace, engine=work.engine_here)
+        return start_stepper(config, work.folder, batch, with_engine, work.isolation, several, work.sensors)
+
+    def _alone(self, config: FilterConfig | PluginConfig) -> SecondDrive | None:
         work, scene, runs = self._work, self._work.scenes[self._piece.scene], self._piece.runs
         several = work.cutoff is not None
         steps = work.scored_steps(scene)
@@ -147,9 +148,8 @@ class SecondDrives:
             return None
         random = stream(work.seed, work.noise_of(self._piece.scene), runs.start, PURPOSE)
         members = np.sort(random.permutation(truth.shape[-1])[:MOST])
-        with_engine = partial(replace, engine=work.engine_here)
-        start = partial(start_stepper, config, work.folder, COPIES, with_engine, work.isolation, several, work.sensors)
-        return DriveAlone(start, members, truth[..., members], work.cutoff or np.inf)
+        start, time = partial(self._start, config, COPIES), scene.truth.time[steps]
+        return MembersAlone(start, members, time, truth[..., members], work.cutoff or np.inf)
 
     def _other_scans(self, count: int) -> list[Scan]:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""

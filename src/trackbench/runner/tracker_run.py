@@ -10,11 +10,12 @@ from functools import cached_property
 from types import TracebackType
 from typing import Any, Generic, Self
 
-from trackbench.base.types import Array, Indices, Scan
+import numpy as np
+
+from trackbench.base.types import SAME_TIME, Array, Indices, Scan
+from trackbench.driving.again import AskedAgain
 from trackbench.driving.drive import Answer, Delivery, DriveStep, deliveries
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.law import DriveAlone
-from trackbench.driving.second_drive import SecondDrive
 from trackbench.driving.steppers import Direct, DirectTracks, Offline, Stepper
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
@@ -63,7 +64,7 @@ class TrackerRun(ABC, Generic[Answer]):
         """How much its positions differ between runs; None of a built-in filter."""
         self._work, self._piece, self._time, self._scans = work, piece, time, scans
         self._second_drives = second_drives
-        self._second: SecondDrive | DriveAlone | None = None
+        self._again: AskedAgain | None = None
         self._stepper: Stepper | None = None
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
@@ -81,11 +82,12 @@ class TrackerRun(ABC, Generic[Answer]):
     def __enter__(self) -> Self:
         try:
             self._stepper = stepper = self._start()
+            if self._second_drives is not None:
+                self._again = self._second_drives.around(self._work.driven(self.name), stepper)
+                self._stepper = stepper = self._again or stepper
             # A built-in tracker is stepped as it is.
             self.tracker = stepper.tracker if isinstance(stepper, Direct | DirectTracks) else _Foreign(stepper)
             self.random = stepper.traits.random
-            if self._second_drives is not None:
-                self._second = self._second_drives.start(self._work.driven(self.name), stepper.traits)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -101,12 +103,12 @@ class TrackerRun(ABC, Generic[Answer]):
         passed_on = isinstance(error, KeyboardInterrupt)
         if error is not None and not passed_on:
             self._note(error)
-        second, self._second = self._second, None
-        if second is not None:
-            disagreement = second.conclude() if self.failure is None and not passed_on else None
-            second.close()
+        again, self._again = self._again, None
+        if again is not None and self.failure is None and not passed_on:
+            disagreement = again.disagreement()
             if disagreement is not None:
-                self.fail(*disagreement)
+                fault, scan = disagreement
+                self.fail(fault, int(np.searchsorted(self._time, scan.time - SAME_TIME)), scan.sensor)
         return not passed_on
 
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
@@ -131,10 +133,7 @@ class TrackerRun(ABC, Generic[Answer]):
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
         instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self._stepper, Offline) else seconds
-        step = DriveStep(instant, *delivery, answer, seconds, last)
-        if self._second is not None:
-            self._second.take(step)
-        self._take(step)
+        self._take(DriveStep(instant, *delivery, answer, seconds, last))
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""

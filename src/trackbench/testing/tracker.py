@@ -16,11 +16,11 @@ from trackbench.base import linalg
 from trackbench.base.config.explain import explain
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan
-from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, is_program
 from trackbench.driving.program import Program
 from trackbench.driving.program_steppers import ProgramTracker
+from trackbench.driving.steppers import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
 from trackbench.testing.rules import (

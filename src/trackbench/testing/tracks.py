@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Array, FieldOfView, Scan, Tracks
-from trackbench.driving.alone import Stateful
+from trackbench.driving.steppers import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing.rules import LOST, NOISE, STATE_KEPT, TrackerCheckError, batched_scan, require_state_kept
 from trackbench.trackers.answers import TRACKS, checked_tracks, tracks_of_run

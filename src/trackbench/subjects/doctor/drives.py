@@ -13,7 +13,7 @@ from pydantic import Field
 
 from trackbench.base.config import Config, Name, NonNegative, Positive, Probability
 from trackbench.base.types import Array, Mask, Scan, scan_of_member
-from trackbench.driving.alone import Stateful
+from trackbench.driving.steppers import Stateful
 from trackbench.models.sensors import Dropout, Sensor
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.subjects.doctor.output_checks import OutputChecks

@@ -117,9 +117,7 @@ class TrackerSession:
     @property
     def not_copied(self) -> str | None:
         """Why a copy is a fresh tracker that is given the same scans again; None where it is not, or none was made."""
-        tracker = self._own.tracker
-        elsewhere = tracker.not_copied if isinstance(tracker, ProgramTracker) else None
-        return elsewhere or self._own.not_copied
+        return self._own.not_copied
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimate after a scan, which all columns are given; None before the track has started.

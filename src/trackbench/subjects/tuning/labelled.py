@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import closing
 from functools import partial
 from typing import NamedTuple
 
@@ -11,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
-from trackbench.driving.drive import TrackerDrive, scans_read
+from trackbench.driving.drive import deliveries, scans_read
+from trackbench.driving.steppers import Offline
 from trackbench.engine.choice import users_kernels_compared
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.consistency import normalised_square
@@ -130,24 +132,24 @@ def score_labelled(
     stretch = None if log_time is None else log_time.stretch(scene.truth.time[scene.instants()])
     sums = _Sums(targets, entry, shape, len(scans), counted, stretch)
     # Trials are tiled scan by scan: all scans of all of them at once may not fit the memory.
-    drive = TrackerDrive[Estimate | None](
-        lambda: stepper_of(work, piece, entry, (_tiled(scan, trials) for scan in scans_read(scans, sensors)), trials),
-        scans,
-        sensors,
-        given=lambda scan: _tiled(scan, trials),
-        each_measurement=scene.each_measurement,
-    )
+    tiled = (_tiled(scan, trials) for scan in scans_read(scans, sensors))
     # The first trial is the tracker as it is.
     is_first_trial = counted is None
-    with np.errstate(all="ignore"), users_kernels_compared(work.engine_here, is_first_trial), drive:
-        for step in drive:
-            estimate = step.answer
-            if step.number is not None and estimate is not None:
-                sums.add_innovation(step.instant, step.number, step.scan, estimate)
-            if step.last:
-                sums.add_error(step.instant, estimate)
+    with (
+        np.errstate(all="ignore"),
+        users_kernels_compared(work.engine_here, is_first_trial),
+        closing(stepper_of(work, piece, entry, tiled, trials)) as stepper,
+    ):
+        given = [scan.prompt() for scan in scans] if isinstance(stepper, Offline) else scans
+        for instant, group in enumerate(deliveries(given, sensors, scene.each_measurement)):
+            for delivery in group:
+                scan = _tiled(delivery.scan, trials)
+                estimate = stepper.step(scan)
+                if delivery.number is not None and estimate is not None:
+                    sums.add_innovation(instant, delivery.number, scan, estimate)
+            sums.add_error(instant, estimate)
         sums.flush()
-    return sums.of_trials(), sums.available, work.engine_of(drive.engine_used)
+    return sums.of_trials(), sums.available, work.engine_of(stepper.engine_used)
 
 
 def _tiled(scan: Scan, trials: int) -> Scan:
