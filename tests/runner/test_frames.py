@@ -15,7 +15,7 @@ FRAMES, FILES = 9, 6
 
 
 def test_from_run_to_predict_there_are_few_frames_and_files() -> None:
-    loaded = tb.load("highway", {"truth.duration_s": 1}, runs=2, trackers=["ekf_cv"])
+    loaded = tb.load("highway", {"truth.duration_s": 3}, runs=2, trackers=["ekf_cv"])
     stack: list[tuple[str, str]] = []
 
     def note(frame: FrameType, event: str, _: Any) -> None:
