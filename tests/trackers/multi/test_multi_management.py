@@ -226,9 +226,8 @@ def test_a_hidden_object_may_exist(method: str) -> None:
 
 def test_what_the_tracker_takes_in_place_of_what_the_sensor_states() -> None:
     seen = traffic(vehicles(4, spacing=10.0), 20, detection=0.8, clutter=10.0, sensors=("lidar",))
-    misstated = [s._replace(detection_probability=0.99, clutter_density=1e-9) for s in seen.scans]
-    density = seen.scans[0].clutter_density
-    of, plain = tracker("pmb", detection_probability={"lidar": 0.8}, clutter_density={"lidar": density}), tracker("pmb")
+    misstated = [s._replace(detection_probability=0.99) for s in seen.scans]
+    of, plain = tracker("pmb", detection_probability={"lidar": 0.8}), tracker("pmb")
     a = b = c = None
     differs = False
     for right, wrong in zip(seen.scans, misstated, strict=True):
