@@ -224,12 +224,12 @@ MISTAKES = [
     (
         "time_constant_s: 4",
         "time_constant_s: 4 s",
-        "7: trackers.ekf_singer.time_constant_s: a number in seconds is needed, not '4 s'; write 4",
+        "7: trackers.ekf_singer.time_constant_s: a number in seconds is needed, not '4 s'",
     ),
     (
         "motion: {model: correlated, acceleration_sigma_mps2: 2}",
         "motion: {model: correlated, acceleration_sigma_mps2: -2}",
-        "8: trackers.ukf_singer.motion.acceleration_sigma_mps2: -2 is not possible: it must be above 0; write 2",
+        "8: trackers.ukf_singer.motion.acceleration_sigma_mps2: -2 is not possible: it must be above 0",
     ),
     (
         "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",

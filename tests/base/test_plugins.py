@@ -42,16 +42,16 @@ def test_a_class_of_a_module(tmp_path: Path, write_module: Write) -> None:
     assert TRACKERS.get(f"{module}:Outer.Inner") is TRACKERS.get(f"{module}:Mine")
 
 
-@pytest.mark.parametrize("written", ["{}", "{}.py", "./{}.py", "{}.Mine", "{}.mine"])
+@pytest.mark.parametrize("written", ["{}", "{}.py", "{}.Mine"])
 def test_a_class_that_is_named_without_its_colon(tmp_path: Path, write_module: Write, written: str) -> None:
     module = write_module(tmp_path, TRACKER)
-    with pytest.raises(InputError, match=f"did you mean '{module}:Mine'"):
+    with pytest.raises(InputError, match=r'choose from: .*raw.* \(a class is named "module:Class"\)'):
         create(written.format(module), {}, tmp_path)
 
 
-def test_a_module_of_nearly_this_name(tmp_path: Path, write_module: Write) -> None:
+def test_a_module_of_another_name(tmp_path: Path, write_module: Write) -> None:
     module = write_module(tmp_path, TRACKER)
-    with pytest.raises(InputError, match=f"no module named '{module}s'.*did you mean '{module}'"):
+    with pytest.raises(InputError, match=f"no module named '{module}s' \\(looked in {tmp_path}, the working directory"):
         create(f"{module}s:Mine", {}, tmp_path)
 
 

@@ -234,12 +234,12 @@ def test_a_hundred_thousand_steps(name: str) -> None:
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ("lidar.position_sigma_m=1.0e-200", "at least 1e-06; a smaller error is lost in rounding"),
-        ("lidar.position_sigma_m=1.0e-9", "at least 1e-06; a smaller error is lost in rounding"),
-        ("lidar.position_sigma_m=1.0e+5", "at most 10000; beside a larger error others are lost in rounding"),
-        ("radar.azimuth_sigma_deg=1.0e-8", "at least 1e-07; a smaller error is lost in rounding"),
-        ("radar.azimuth_sigma_deg=91", "at most 90; beside a larger error others are lost in rounding"),
-        ("radar.range_rate_sigma_mps=1.0e-7", "at least 1e-06; a smaller error is lost in rounding"),
+        ("lidar.position_sigma_m=1.0e-200", "at least 1e-06"),
+        ("lidar.position_sigma_m=1.0e-9", "at least 1e-06"),
+        ("lidar.position_sigma_m=1.0e+5", "at most 10000"),
+        ("radar.azimuth_sigma_deg=1.0e-8", "at least 1e-07"),
+        ("radar.azimuth_sigma_deg=91", "at most 90"),
+        ("radar.range_rate_sigma_mps=1.0e-7", "at least 1e-06"),
     ],
 )
 def test_errors_beyond_the_ranges_are_refused_with_the_reason(stated: str, words: str) -> None:

@@ -35,7 +35,7 @@ BAD = [
     (
         "{use: emergency_braking, ttc_s: 2}",
         (),
-        "functions.fcw.ttc_s: unknown key here; it belongs to functions with use",
+        "functions.fcw.ttc_s: unknown key; choose from: ",
     ),
     ("{use: forward_collision_warning, ttc: 2}", (), "functions.fcw.ttc: unknown key; use ttc_s (seconds)"),
     ("{use: cut_in, probability: 1}", (), "functions.fcw.probability: 1 is not possible: it must be below 1"),

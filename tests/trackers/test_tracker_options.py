@@ -193,4 +193,4 @@ def test_refused(keys, expected):
 def test_negative_variances_are_refused():
     assert "at least 0" in problems(filter="ekf", motion="cv", process_noise_diag=[1, 1, 1, -1])[0]
     [problem] = problems(filter="ekf", motion="cv", process_noise_diag=Q, initial={"covariance_diag": [1, 1, 1, 0]})
-    assert "at least 1e-18; a smaller error is lost in rounding" in problem
+    assert "at least 1e-18" in problem

@@ -62,7 +62,7 @@ def test_a_scene_is_kept_under_the_key_of_its_seed() -> None:
     [
         ("seeds=0", "0 is not possible: it must be at least 1"),
         ("seeds=1001", "1001 is not possible: it must be at most 1000"),
-        ("seeds=2.5", "a whole number is needed, not 2.5; write 2 or 3"),
+        ("seeds=2.5", "a whole number is needed, not 2.5"),
         ("seeds=[]", "must not be empty"),
         ("seeds=many", "a whole number is needed, not 'many'"),
         ("seeds={a: 1}", "write a number of scenes, such as 20, or a list of seeds, such as [3, 5]"),

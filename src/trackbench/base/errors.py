@@ -70,60 +70,21 @@ class InputErrors(InputError):
         return "\n".join(str(error) for error in self.errors)
 
 
-#: By a name, or a part of one, what others call it.
-CALLED_ELSEWHERE = {
-    "kf": "kalman kalman_filter linear_kalman_filter", "ekf": "extended extended_kalman", "ckf": "cubature",
-    "ukf": "unscented sigma_point", "cv": "linear", "gnn": "hungarian munkres auction nn nearest_neighbour",
-    "associate": "association", "confirm": "confirmation", "per_scan": "rate",
-    "position_rmse": "rmse rms mse error position position_error",
-    "velocity_rmse": "rmse velocity speed velocity_error", "nees.mean": "nees anees", "mota": "mot", "gate": "gating",
-    "id_switches": "idsw ids id_switch switch",
-    "below": "less less_than lower_than smaller_than lt max maximum at_most under upper < <=",
-    "above": "greater greater_than more_than larger_than gt min minimum at_least over lower > >=",
-    "is": "equals equal eq ==", "tracker": "name", "sigma": "std stddev stdev sd noise", "azimuth": "angle bearing",
-    "range_rate": "doppler", "turn_rate": "yaw_rate yawrate", "fov": "field_of_view", "env": "environment",
-    "rate": "dt frequency freq period", "detection_probability": "p_d pd prob_detection",
-    "clutter": "false_alarms false_alarm false_positives", "runs": "n trials iterations", "seed": "random_seed",
-    "levels": "steps n", "from": "min start", "to": "max end", "acceleration_sigma": "q process_noise",
-    "emergency_braking": "aeb", "expect": "assert gates", "score": "scoring", "typical": "real realistic",
-    "run": "simulate test", "check": "validate lint", "report": "plot", "view": "show open watch", "sensors": "presets",
-}  # fmt: skip
-
-
-def same_name(name: str, choices: Iterable[str]) -> list[str]:
-    """The choices that a name means in another spelling, by its initials, or as others call them."""
-    by_spelling = {_spelling(choice): choice for choice in choices}
-    spelling = _spelling(name)
-    calls = [(ours, re.escape(word)) for ours, theirs in CALLED_ELSEWHERE.items() for word in theirs.split()]
-    meant = [re.sub(rf"(?<![^_.]){word}(?![^_.])", ours, spelling) for ours, word in calls]
-    initials = [choice for choice in by_spelling if _initials(choice) == spelling]
-    spellings = [spelling, *meant, _initials(spelling), *initials]
-    return list(dict.fromkeys(by_spelling[word] for word in spellings if word in by_spelling))
-
-
-def _spelling(name: str) -> str:
-    return name.lower().replace("-", "_").replace(" ", "_")
-
-
-def _initials(name: str) -> str:
-    return "".join(word[:1] for word in name.split("_"))
-
-
 #: Characters of a name that may be meant; spelling is not compared beyond.
 LONGEST = 100
 
 
 def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
-    """The choices that a name may mean, the likeliest first: those of :func:`same_name`, else those that have all its
-    words, else the one that is spelt most alike, as far as it is by ``cutoff``."""
+    """Return the choices that have all words of a name, else the one that is spelt most alike, as far as ``cutoff``."""
     if len(name) > LONGEST:
         return []
     names = sorted({choice for choice in choices if len(choice) <= LONGEST})
-    if same := same_name(name, names):
-        return same
-    words = set(re.split(r"[_.]", _spelling(name)))
-    whole = [choice for choice in names if words <= set(re.split(r"[_.]", _spelling(choice)))]
-    return get_close_matches(name, whole, n=3, cutoff=0.0) or get_close_matches(name, names, n=1, cutoff=cutoff)
+    spelling = re.sub("[- ]", "_", name.lower())
+    if spelling in names:
+        return [spelling]
+    words = set(re.split(r"[_.]", spelling))
+    whole = [choice for choice in names if words <= set(re.split(r"[_.]", choice.lower()))]
+    return get_close_matches(spelling, whole, n=3, cutoff=0.0) or get_close_matches(name, names, n=1, cutoff=cutoff)
 
 
 #: More choices than these are not listed.

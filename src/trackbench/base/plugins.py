@@ -5,20 +5,19 @@ Those of one kind are published by installed packages, or named ``"module:Class"
 
 from __future__ import annotations
 
-import ast
 import importlib
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
-from trackbench.base.errors import InputError, did_you_mean, nearest_choices, printable, similar_names, text_of
+from trackbench.base.errors import InputError, nearest_choices, printable, text_of
 from trackbench.base.notebook_classes import NOTEBOOK, notebook_class
 
 
@@ -68,12 +67,9 @@ def import_errors_explained(reference: str, folder: Path | None) -> Iterator[Non
     except InputError:
         raise
     except ModuleNotFoundError as error:
-        first = folder or "the scenario's folder"
-        where = f" (looked in {first}, the working directory and the installed packages)"
-        here = {file.stem for place in {first, Path()} if Path(place).is_dir() for file in Path(place).glob("*.py")}
-        hint = did_you_mean(similar_names(error.name or "", here, 0.6))
-        problem = f"cannot import {reference!r}: no module named {error.name!r}{where}"
-        raise InputError(f"{problem}; {hint}" if hint else problem) from error
+        where = f"{folder or 'the folder of the scenario'}, the working directory and the installed packages"
+        problem = f"cannot import {reference!r}: no module named {error.name!r} (looked in {where})"
+        raise InputError(problem) from error
     except KeyboardInterrupt:
         raise
     except BaseException as error:
@@ -192,8 +188,7 @@ class Registry(Generic[T]):
     def _entry(self, name: str) -> EntryPoint:
         published = self._published()
         if name not in published:
-            meant = did_you_mean(classes_at_hand(name, sys.path))
-            hint = meant or f'{nearest_choices(name, published)} (a class is named "module:Class")'
+            hint = f'{nearest_choices(name, published)} (a class is named "module:Class")'
             raise InputError(f"no {self.what} is published as {name!r}: {hint}")
         values = sorted({entry.value for entry in published[name]})
         if len(values) > 1:
@@ -227,18 +222,6 @@ def _entries(group: str, places: tuple[str, ...]) -> dict[str, list[EntryPoint]]
 def _of_all_groups(_places: tuple[str, ...]) -> Any:
     """All entry points. To read the metadata of all packages takes as long as to read a scenario."""
     return entry_points()
-
-
-def classes_at_hand(name: str, places: Iterable[str]) -> list[str]:
-    """The classes that a name without a colon may mean: all of a module, or that of a dotted path. Nothing is run."""
-    dotted = name.removesuffix(".py").removeprefix("./").replace("/", ".")
-    for module, wanted in ((dotted, ""), dotted.rpartition(".")[::2]) if dotted.strip(".") == dotted else ():
-        for place in places if module else ():
-            with suppress(SyntaxError, ValueError, OSError):
-                tree = ast.parse((Path(place) / f"{module.replace('.', '/')}.py").read_bytes())
-                names = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
-                return [f"{module}:{each}" for each in similar_names(wanted, names) or names]
-    return []
 
 
 def lacks_class(base: type) -> Callable[[Any], str | None]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import counted, nearest_choices, same_name
+from trackbench.base.errors import counted, nearest_choices
 from trackbench.base.subjects import collected
 from trackbench.metrics import Field
 from trackbench.metrics.registry import by_path
@@ -248,7 +248,7 @@ def _expectation(scenario: ScenarioKeys, expectation: Expectation, metrics: Mapp
         identities = scenario.sensing.identities
         hidden = identities == "known"
         others = by_path(scenario.sensors, scenario.own_metrics, hidden, True)
-        if expectation.metric in others and not same_name(expectation.metric, metrics):
+        if expectation.metric in others:
             hint = f"it is one of {'hidden' if hidden else 'known'} identities, and sensing.identities is {identities}"
         else:
             hint = nearest_choices(expectation.metric, metrics)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import NamedTuple
 
 
@@ -80,8 +79,6 @@ SPELLINGS = {
     "rad/s2": "radps2",
 }
 
-_NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:[0-9][0-9_]*(?:[.,][0-9]+)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(\S*)\s*")
-
 
 def find_unit(name: str) -> Unit | None:
     """The unit of this name or spelling, in any case."""
@@ -106,14 +103,6 @@ def in_si(key: str, value: float) -> float:
 def convert(value: float, source: Unit, target: Unit) -> float | None:
     """``value`` in another unit; None between different quantities."""
     return value * source.factor / target.factor if source.quantity == target.quantity else None
-
-
-def read_number(text: str) -> tuple[float, str] | None:
-    """The number that a text starts with and the unit after it: ``"20 m"`` gives 20 and ``"m"``."""
-    match = _NUMBER_AND_UNIT.fullmatch(text)
-    if match is None:
-        return None
-    return float(match[1].replace("_", "").replace(",", ".")), match[2]
 
 
 def show(value: float) -> str:

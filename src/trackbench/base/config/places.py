@@ -109,37 +109,29 @@ def words(annotation: Any) -> list[str]:
 
 def config_classes(annotation: Any) -> list[type[BaseModel]]:
     """The configuration classes that a type mentions, at any depth; of a plug-in, the published ones."""
-    return [model for model, _ in forms(annotation)]
-
-
-def forms(annotation: Any) -> list[tuple[type[BaseModel], tuple[str, str] | None]]:
-    """As ``config_classes``, each with the key and the word that tell it from the others: ``("type", "radar")``."""
     plugin = marked(annotation)
     if isinstance(plugin, Plugin):
-        return [(result, (plugin.key, name)) for name, result in plugin.registry.loaded().items()]
+        return [*plugin.registry.loaded().values()]
     bare = _bare(annotation)
     if isinstance(bare, type) and issubclass(bare, BaseModel):
-        return [(bare, _distinction(bare))]
-    return [form for part in get_args(bare) for form in forms(part)]
+        return [bare]
+    return [model for part in get_args(bare) for model in config_classes(part)]
 
 
-def _distinction(model: Any) -> tuple[str, str] | None:
-    """The key and the word that tell a class from the others in its union."""
-    for key, field in getattr(model, "model_fields", {}).items():
+def _tag(member: Any) -> str:
+    """The tag of a member of a union: its mark, or the only word of one of its fields."""
+    for mark in getattr(member, "__metadata__", ()):
+        if isinstance(mark, Tag):
+            return mark.tag
+    for field in getattr(member, "model_fields", {}).values():
         if get_origin(field.annotation) is Literal and len(get_args(field.annotation)) == 1:
-            return key, str(get_args(field.annotation)[0])
-    return None
+            return str(get_args(field.annotation)[0])
+    return str(member)
 
 
 def whole(field: FieldInfo) -> Any:
     """The type of a field with its marks and limits, which pydantic takes off."""
     return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-
-
-def longest(annotation: Any) -> int | None:
-    """The most entries that a list may have; None without a limit."""
-    marks = [mark for part in getattr(annotation, "__metadata__", ()) for mark in getattr(part, "metadata", (part,))]
-    return next((mark.max_length for mark in marks if hasattr(mark, "max_length")), None)
 
 
 def _bare(annotation: Any) -> Any:
@@ -157,14 +149,6 @@ def _union(annotation: Any) -> tuple[Any, ...]:
 def members(annotation: Any) -> dict[str, Any]:
     """The members of a union by the tags that pydantic names them with."""
     return {_tag(member): member for member in _union(_bare(annotation))}
-
-
-def _tag(member: Any) -> str:
-    for mark in getattr(member, "__metadata__", ()):
-        if isinstance(mark, Tag):
-            return mark.tag
-    word = _distinction(member)
-    return str(member) if word is None else word[1]
 
 
 def _item(annotation: Any) -> Any:

@@ -14,7 +14,6 @@ import click
 
 from trackbench import results
 from trackbench.base.errors import InputError
-from trackbench.base.plugins import classes_at_hand
 from trackbench.cli.answer import print_answer
 from trackbench.cli.options import isolation_options, out_option
 from trackbench.cli.terminal import progress
@@ -162,12 +161,11 @@ def require_tracker(tracker: str) -> None:
     """Refuse the name of a file in place of a class in it. Nothing in the file is run.
 
     Raises:
-        InputError: a Python file is named; with the classes in it.
+        InputError: a Python file is named.
     """
     file = Path(tracker) if tracker.endswith(".py") else Path(f"{tracker}.py")
     if ":" not in tracker and "#" not in tracker and file.is_file():
-        classes = classes_at_hand(tracker, ["."]) or [f"{file.stem}:Class"]
-        raise InputError(f"name the class in it: {' or '.join(classes)}", file=file)
+        raise InputError(f"name the class in it: {file.stem}:Class", file=file)
 
 
 def _option(item: str) -> tuple[str, Any]:
