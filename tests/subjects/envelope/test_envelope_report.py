@@ -174,12 +174,6 @@ def test_a_sobol_design_says_why_it_has_no_margins():
     assert "design: grid" in to_markdown(envelope_document(few))
 
 
-@pytest.mark.parametrize("retune", [True, False])
-def test_the_page_says_that_trackers_are_tuned_in_each_cell(retune):
-    text = to_markdown(envelope_document(made("q", retune=retune)))
-    assert ("tuned in each cell" in " ".join(text.split())) == retune
-
-
 def with_cells(claim, **changes):
     """The claim whose tracker has other entries in every cell."""
     cells = [

@@ -37,8 +37,7 @@ from trackbench.subjects.tuning.parameters import (
     why_no_start,
 )
 from trackbench.subjects.tuning.report import tuning_document, tuning_summary
-from trackbench.subjects.tuning.search import usual_trials
-from trackbench.subjects.tuning.study import require_optuna
+from trackbench.subjects.tuning.study import require_optuna, usual_trials
 from trackbench.subjects.tuning.tune import Tuning, TuningTask, lacks_truth, require_objective, tune_tracker
 
 
@@ -105,7 +104,7 @@ def tune_trackers(
     ]
     tunings = []
     for task in tasks:
-        with listener.progress(task.tracker, "evaluations") as advance:
+        with listener.progress(task.tracker, "trials") as advance:
             tunings.append(tune_tracker(task, benches, executor, plan.isolation, plan.engine, advance))
     return tunings
 
@@ -133,7 +132,7 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
         objective=plan.objective,
         parameters=tuple(parameters),
         start=start_values(first, name, parameters),
-        count=plan.trials or usual_trials(parameters, len(plan.objective.axes) > 1),
+        count=plan.trials or usual_trials(parameters),
         seed=plan.seed,
         storage=plan.storage,
         notes=(*notes, *why_no_start(first, name, parameters)),
@@ -218,7 +217,7 @@ def tune(
         trackers: names of those that are tuned, each by itself.
         ranges: by option the least and the largest value as a tuple, or a list of choices; or texts such as
             ``"acceleration_sigma_mps2=0.1:30"``. The process noise, unless given.
-        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``tgospa``, ``pareto`` or a metric of the
+        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``tgospa`` or a metric of the
             scenario; unless given, ``tgospa`` with hidden identities and a truth, else ``likelihood``.
         trials: how many sets of values are tried.
         storage: an SQLite file that keeps the trials, so that an interrupted search goes on.
@@ -231,8 +230,7 @@ def tune(
         seed: of the search.
         workers: number of processes.
         engine: what computes, as for :func:`run`.
-        progress: called with the number of evaluations done and of all of a tracker: the trials, then a pass over each
-            option.
+        progress: called with the number of trials made and of all of a tracker.
 
     Raises:
         InputError: something is wrong in a scenario, a range or the storage, or Optuna is not installed.
@@ -247,7 +245,7 @@ def tune(
     plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split, engine=engine)
     names = listed(trackers)
     with executor(workers, None) as chosen:
-        tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "evaluations"))
+        tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
     return TunedTrackers(tunings, loaded, command_of_tuning(loaded, names, plan, default_out(loaded)))
 
 

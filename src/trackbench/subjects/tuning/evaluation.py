@@ -28,7 +28,7 @@ from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.subjects.tuning.entry import Entry, Values, combined, entry_with, varies_in_batch
-from trackbench.subjects.tuning.labelled import GAP, LogTime, PackedAvailability, score_labelled
+from trackbench.subjects.tuning.labelled import GAP, Availability, LogTime, score_labelled
 from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import FilterConfig
@@ -88,7 +88,7 @@ class _Start(NamedTuple):
     """What the tracker gives as it is in one scenario."""
 
     outcome: Outcome
-    counted: tuple[PackedAvailability | None, ...]
+    counted: tuple[Availability | None, ...]
     """Of each scene; None where it failed, and where nobody labelled the detections."""
     engine: EngineUsed | None
     """What computed it; None of a tracker that is not built in."""
@@ -99,7 +99,7 @@ class _Piece(NamedTuple):
 
     sums: Sums | str
     """Or why there are none."""
-    available: PackedAvailability | None = None
+    available: Availability | None = None
     """Of the start of a tracker of labelled objects."""
     engine: EngineUsed | None = None
     """What computed the tracker."""
@@ -109,7 +109,7 @@ class _Scene(NamedTuple):
     """What all trials of a scene share."""
 
     work: Work
-    counted: PackedAvailability | None
+    counted: Availability | None
     """None where nobody labelled the detections, and for the start, which says what is counted."""
     metric: Metric | None
     """That is summed beside the usual measures, where it is none of these."""
@@ -204,7 +204,7 @@ class Evaluator:
             counted = []
             for pieces in results:
                 masks = [piece.available for piece in pieces if piece.available is not None]
-                counted.append(PackedAvailability.joined(masks) if len(masks) == len(pieces) else None)
+                counted.append(np.concatenate(masks, axis=-1) if len(masks) == len(pieces) else None)
             every = [piece for pieces in results for piece in pieces]
             engine = joined_engines(piece.engine for piece in every if piece.engine is not None)
             starts.append(_Start(_joined([piece.sums for piece in every]), tuple(counted), engine))
@@ -237,7 +237,7 @@ class Evaluator:
         progress(len(pending), len(pending))
         return [[_joined(parts) for parts in outcomes] for outcomes in sums]
 
-    def _tasks(self, bench: Bench, work: Work, counted: Sequence[PackedAvailability | None] = ()) -> list[Task]:
+    def _tasks(self, bench: Bench, work: Work, counted: Sequence[Availability | None] = ()) -> list[Task]:
         """A function for each scene, and what its calls share."""
         make, log_time = _hidden if bench.hidden else _labelled, self._log_time(bench, work)
         constants = [
@@ -311,7 +311,7 @@ def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
 def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
     """The usual measures of the trials of a batch; where the arithmetic of one fails, each by itself."""
     number, entry, work = len(batch.trials), batch.entries[0], scene.work
-    counted = None if scene.counted is None else scene.counted.of_runs(piece.runs).unpacked()
+    counted = None if scene.counted is None else scene.counted[..., piece.runs.start : piece.runs.stop]
     if number > 1 and isinstance(entry, FilterConfig) and batch.keys:
         size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
         # Trials come slowest.
@@ -327,7 +327,7 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
         if not isinstance(error, np.linalg.LinAlgError):
             raise
         return [_together(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
-    return [_Piece(item, PackedAvailability.of(available) if counted is None else None, engine) for item in sums]
+    return [_Piece(item, available if counted is None else None, engine) for item in sums]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:

@@ -37,21 +37,17 @@ class Parameter:
     """Whether the option takes no smaller values than the low end, and no larger ones than the high end."""
 
     @property
-    def continuous(self) -> bool:
-        """Whether values lie between any two."""
-        return self.scale in ("log", "linear", "odds")
+    def is_number(self) -> bool:
+        """Whether the values are numbers."""
+        return self.scale != "choice"
 
-    def from_unit(self, share: float) -> float:
-        """The value at a share of the range, on the scale; of a continuous one."""
-        low, high = self._stretch(self.low), self._stretch(self.high)
-        stretched = low + min(max(share, 0.0), 1.0) * (high - low)
-        if self.scale == "odds":
-            # With as many digits of its distance from one as of itself.
-            odds = 1.0 / (1.0 + math.exp(-stretched))
-            near_one = round(1.0 - float(f"{1.0 - odds:.{DIGITS}g}"), 12)
-            return float(f"{odds:.{DIGITS}g}") if odds < 0.5 else near_one
-        value = math.exp(stretched) if self.scale == "log" else stretched
-        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+    def rounded(self, value: float) -> float:
+        """Return a number in the range, with few digits; of a probability near one, few of its distance from one."""
+        if self.scale == "odds" and value > 0.5:
+            short = round(1.0 - float(f"{1.0 - value:.{DIGITS}g}"), 12)
+        else:
+            short = float(f"{value:.{DIGITS}g}")
+        return min(max(short, self.low), self.high)
 
     def to_unit(self, value: float) -> float:
         """The share of the range at which a value lies, on the scale."""
@@ -216,7 +212,7 @@ def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]
         # Of the type of those that are tried: 2 of a scenario may be 2.0 of its tracker.
         if item.scale == "choice":
             values[item.key] = item.choices[item.choices.index(values[item.key])]
-        elif item.continuous:
+        elif item.scale != "integer":
             values[item.key] = float(values[item.key])
     return values
 

@@ -8,22 +8,17 @@ from typing import Literal
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
-from trackbench.metrics.breakdown import DOF
-from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, mean_verdict
+from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.tuning import tables
-from trackbench.subjects.tuning.figures import front_figure, pair_figures, response_figure
+from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureComparison
 from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
-from trackbench.subjects.tuning.objectives import NeesDeviation, nees_deviations
 from trackbench.subjects.tuning.parameters import option_text
-from trackbench.subjects.tuning.search import STRONG, correlations
 from trackbench.subjects.tuning.tune import Tuning
 
 Tone = Literal["good", "warn", "bad"]
 
-#: Of the logarithm of a mean NEES over its degrees of freedom, what the verdict tolerates.
-OFF = math.log(1.0 + TOLERANCE)
 _TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad"}
 _VERDICTS = ("better", "worse", "equivalent", "undecided")
 
@@ -69,7 +64,7 @@ def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str
         gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
         if sign * gain > 0.0:
             return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
-        price = ", the price of consistency" if list(nees_deviations(tuning.best.parts)) else ""
+        price = ", the price of consistency" if tuning.objective.consistent else ""
         return f"worse than the start{where}, as on what they were tuned on{price}"
     if comparison.verdict == "equivalent":
         return f"no better than the start{where}: the difference is within the margin"
@@ -110,11 +105,14 @@ def remarks(tuning: Tuning) -> Iterator[str]:
             "tried; widen the range"
         )
     yield from tuning.notes
-    failed = [trial for trial in tuning.trials if not trial.losses]
+    failed = [trial for trial in tuning.trials if trial.failed]
     if failed:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
-    yield from _consistency(tuning)
+    for comparison in tuning.held_out.of("nees") if tuning.objective.consistent else ():
+        word = mean_verdict(comparison.tuned.ci95, NEES_DOF)
+        value = f"mean NEES {comparison.tuned.value:.2f} where {NEES_DOF} is right"
+        yield f"{comparison.scenario}, held out: {value}, {word}"
     for comparison in tuning.held_out.comparisons:
         if comparison.verdict == "worse" and comparison.measure != tuning.objective.measure and any(tuning.apart):
             values = _pair(comparison.tuned.value, comparison.start.value, f" {comparison.unit}".rstrip())
@@ -132,38 +130,10 @@ def remarks(tuning: Tuning) -> Iterator[str]:
             )
 
 
-def _consistency(tuning: Tuning) -> Iterator[str]:
-    """Where a mean NEES is off: on what the values were tuned on, and on what was held out."""
-    for number, (scenario, apart) in enumerate(zip(tuning.scenarios, tuning.apart, strict=True)):
-        off = [nees for nees in nees_deviations(tuning.best.parts) if nees.scenario == number]
-        if not off:
-            continue
-        worst = max(off, key=_beyond)
-        if _beyond(worst) > 0.0:
-            dof = DOF["nees_position"] if worst.condition in HALVES else NEES_DOF
-            where = f" {worst.condition}" if worst.condition else ""
-            text = f"mean NEES {dof * math.exp(worst.value):.2f}{where}, where {dof} is right"
-            tried = [trial.parts for trial in tuning.trials if trial.parts]
-            if all(any(_beyond(nees) > 0.0 for nees in nees_deviations(parts)) for parts in tried):
-                text += "; no values that were tried are consistent"
-            yield f"{scenario}, tuned on: {text}" if apart else f"{scenario}: {text}"
-        for comparison in tuning.held_out.of("nees"):
-            if comparison.scenario == scenario and apart:
-                word = mean_verdict(comparison.tuned.ci95, NEES_DOF)
-                yield f"{scenario}, held out: mean NEES {comparison.tuned.value:.2f} where {NEES_DOF} is right, {word}"
-
-
-def _beyond(nees: NeesDeviation) -> float:
-    """How far a mean NEES is beyond what a verdict tolerates, as a logarithm."""
-    low, high = (math.log(1.0 - BELOW), math.log(1.0 + ABOVE)) if nees.condition else (-OFF, OFF)
-    return max(nees.value - high, low - nees.value)
-
-
 _METHOD = (
-    "All trials took the same measurements. The search begins with evenly spread values, goes on where good ones are "
-    "frequent (the tree-structured Parzen estimator), then follows a quadratic model around the best, and ends with "
-    "each option by itself. Start and tuned values are then held against each other on other scenes or noise, run by "
-    "run."
+    "All trials took the same measurements. The search begins with evenly spread values and goes on where good ones "
+    "are frequent (the tree-structured Parzen estimator of Optuna). Start and tuned values are then compared on other "
+    "scenes or noise, run by run."
 )
 
 
@@ -232,27 +202,8 @@ def _tracker(item: Tuning, name: str) -> Iterator[Block]:
         "On measurements that it was not tuned on" if any(item.apart) else "Start and tuned",
         (tables.held_out_table(item, name),),
     )
-    if item.front:
-        yield Section("The front", (Row((front_figure(item, name),)), tables.front_table(item, name)))
-    figures = [figure for response in item.responses if (figure := response_figure(item, response, name)) is not None]
-    if figures:
-        around = (tables.response_table(item, name), Row(tuple(figures)), *_pairs(item, name))
-        yield Section("The response around the optimum", around)
-    yield Section("Trials", (tables.trials_table(item, name),), folded=True)
-
-
-def _pairs(item: Tuning, name: str) -> Iterator[Block]:
-    """The trials over each pair of options, and which pairs make up for each other."""
-    pairs = correlations(item.parameters, item.trials, item.best)
-    strong = [f"{a} and {b} ({value:+.2f})" for (a, b), value in pairs.items() if abs(value) > STRONG]
-    if strong:
-        yield Paragraph(
-            f"Hard to tell apart: {joined_names(strong)}. A change of one is made up for by the other; fix one of "
-            "them, or tune on measurements that tell them apart."
-        )
-    figures = pair_figures(item, name)
-    if figures:
-        yield Row(tuple(figures))
+    figures = tuple(trials_figure(item, parameter, name) for parameter in item.parameters if parameter.is_number)
+    yield Section("Trials", (Row(figures), tables.trials_table(item, name)), folded=True)
 
 
 def _split(item: Tuning) -> Block:
