@@ -157,7 +157,8 @@ def test_the_table_of_cells_begins_at_the_limit_and_says_what_it_leaves_out():
     table = cells_table(claim)
     assert len(table.rows) == MOST_CELLS
     assert f"{len(claim.cells) - MOST_CELLS} more" in table.caption
-    values = [abs(np.log(claim.by_point()[_point(claim, row)].trackers["ekf"].values[0].value)) for row in table.rows]
+    cells = {cell.at: cell for cell in claim.cells}
+    values = [abs(np.log(cells[_point(claim, row)].trackers["ekf"].values[0].value)) for row in table.rows]
     assert values == sorted(values)
 
 

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from matplotlib.figure import Figure as Canvas
 from tests.subjects.tuning.test_tuning import TEXT
 
 import trackbench as tb
 from trackbench.api.scenario import load
-from trackbench.document import Paragraph
+from trackbench.document import Items, Status
+from trackbench.document.drawing import matplotlib_figure
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.files import tuned_scenario_text
 from trackbench.subjects.tuning.held_out import SAME_MOTION, LackingMeasure
@@ -108,34 +107,13 @@ def test_consistency_is_told_of_what_was_held_out(tuning: Tuning) -> None:
     assert not any("where 4 is right" in text for text in remarks(replace(found, objective=tuning.objective)))
 
 
-def test_a_gain_harm_and_noise_do_not_look_alike(tuning: Tuning) -> None:
-    """Of a likelihood, of which more is better; the bars of all trackers are on one axis."""
-
-    def with_gain(verdict: str, value: float) -> Tuning:
-        likelihood = tuning.held_out.of("log_likelihood")[0]
-        difference = likelihood.difference._replace(value=value, ci95=(value - 0.01, value + 0.01))
-        one = replace(likelihood, verdict=verdict, difference=difference)
-        return replace(tuning, held_out=replace(tuning.held_out, comparisons=(one,)))
-
-    found = [with_gain("better", 0.3), with_gain("undecided", -0.005), with_gain("worse", -0.04)]
-    table = tables.gains_table(found)
-    assert [row[1].text for row in table.rows] == ["+0.300", "\N{MINUS SIGN}0.005", "\N{MINUS SIGN}0.040"]
-    assert [row[2].tone for row in table.rows] == ["good", "warn", "bad"]
-    assert table.axis(1) == pytest.approx((-0.05, 0.31))
-    strong = [
-        block.text for block in tuning_document(found, "").blocks if isinstance(block, Paragraph) and block.strong
-    ]
-    assert len(strong) == 1
-
-
-def test_an_error_that_falls_is_a_gain(tuning: Tuning) -> None:
-    error = tuning.held_out.of("position_rmse")[0]
-    half = replace(error, difference=error.difference._replace(value=-0.5 * error.start.value, ci95=None))
-    found = replace(
-        tuning, objective=OBJECTIVES["position_rmse"], held_out=replace(tuning.held_out, comparisons=(half,))
-    )
-    ((_, gain, *_),) = tables.gains_table([found]).rows
-    assert gain.text == "+50.0"
+def test_the_report_begins_with_the_verdict_on_each_tracker(tuning: Tuning) -> None:
+    (status, *_) = tuning_document([tuning], "").blocks
+    assert isinstance(status, Status)
+    assert status.text == tuning_headline(tuning)[0]
+    (verdicts, *_) = tuning_document([tuning, replace(tuning, tracker="other")], "").blocks
+    assert isinstance(verdicts, Items)
+    assert [item.label for item in verdicts.items] == ["kf", "other"]
 
 
 def test_both_values_of_a_headline_have_the_same_decimals(tuning: Tuning) -> None:
@@ -145,17 +123,8 @@ def test_both_values_of_a_headline_have_the_same_decimals(tuning: Tuning) -> Non
     assert tuning_headline(found)[0].startswith("log-likelihood of a measurement 2.029, start 2.000: ")
 
 
-def test_the_table_of_trials_begins_with_the_tuned_values(tuning: Tuning) -> None:
-    table = tables.trials_table(tuning)
-    assert len(table.rows) == len(tuning.trials)
-    assert [row[0].strong for row in table.rows] == [True, False, False]
-    assert float(table.rows[0][0].text) == tuning.best.values["acceleration_sigma_mps2"]
-
-
 def test_the_figure_has_how_much_worse_each_trial_is(tuning: Tuning) -> None:
-    canvas = Canvas()
-    trials_figure(tuning, tuning.parameters[0]).paint(canvas)
-    (axes,) = canvas.axes
+    (axes,) = matplotlib_figure(trials_figure(tuning, tuning.parameters[0])).axes
     x, y = axes.lines[0].get_data()
     assert list(x) == [trial.values["acceleration_sigma_mps2"] for trial in tuning.trials]
     assert list(y) == [trial.loss - tuning.best.loss for trial in tuning.trials]

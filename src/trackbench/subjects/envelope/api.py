@@ -115,7 +115,6 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         scenario=config.name,
         file=shown_name(task.loaded.path),
         text=task.loaded.text,
-        files=hashes_of(task.loaded),
         overrides=list(task.loaded.overrides),
         claim=task.config.claim,
         confidence=task.config.confidence,

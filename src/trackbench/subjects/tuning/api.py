@@ -60,7 +60,7 @@ class TunePlan:
 
 
 def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
-    """The objective of a name; unless given, T-GOSPA where there is one, and else the likelihood."""
+    """Return the objective of a name; unless given, T-GOSPA where there is one, and else the likelihood."""
     if name is None:
         hidden = any(item.config.sensing.identities == "hidden" and not lacks_truth(item) for item in scenarios)
         name = "tgospa" if hidden else "likelihood"
@@ -110,7 +110,7 @@ def tune_trackers(
 
 
 def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: TunePlan) -> TuningTask:
-    """What is tuned of one tracker; the first scenario says what its options are, and the others must take them."""
+    """Return the task of one tracker; the first scenario says what its options are, and the others must take them."""
     first = scenarios[0]
     # A range is for a tracker that has the option, or for all where none of those that are tuned has.
     own = [
@@ -146,27 +146,26 @@ def _bench(loaded: Scenario, executor: Executor, listener: Listener) -> Bench:
 
 
 class TunedTrackers:
-    """What a tuning found. A notebook shows it as a page, ``print`` as text; ``found["ekf_cv"]`` is one tracker's."""
+    """Tuned trackers. A notebook shows them as a page, ``print`` as text; ``tuned["ekf_cv"]`` is one of them."""
 
     def __init__(self, tunings: Sequence[Tuning], scenarios: Sequence[Scenario], command: str) -> None:
         self._found, self._scenarios, self._command = tunings, scenarios, command
 
     @property
     def values(self) -> dict[str, dict[str, Any]]:
-        """By tracker, its best values by option, as ``load`` takes them after ``trackers.NAME.``."""
+        """Best values by tracker and option, as ``load`` takes them after ``trackers.NAME.``."""
         return {item.tracker: dict(item.best.values) for item in self._found}
 
     def json(self) -> dict[str, Any]:
-        """All numbers, as ``trackbench tune --json`` prints them."""
+        """Return all numbers, as ``trackbench tune --json`` prints them."""
         return tuning_content(self._found, self._command)
 
     def report(self) -> Report:
-        """The report, as ``trackbench tune`` writes it."""
+        """Return the report, as ``trackbench tune`` writes it."""
         return Report(tuning_document(self._found, self._command))
 
     def save(self, out: Path | str) -> list[str]:
-        """Write the scenario with the found values, the report and the numbers; returns the names of the files
-        and of the folder of the figures.
+        """Write the scenario with the tuned values, the report and the numbers; return the names of the files.
 
         Args:
             out: a file whose name ends in ``.yaml``; for several scenarios a folder.
@@ -256,7 +255,7 @@ def _require_numbers(least: int, **options: Any) -> None:
 
 
 def _texts(ranges: Any) -> tuple[str, ...]:
-    """Ranges as the command line writes them."""
+    """Return ranges as the command line writes them."""
     if isinstance(ranges, Mapping):
         return tuple(_text(key, value) for key, value in ranges.items())
     texts = tuple(listed(ranges)) if isinstance(ranges, Iterable) else (ranges,)
@@ -276,7 +275,7 @@ def _text(key: str, values: Any) -> str:
 
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:
-    """What repeats a tuning."""
+    """Return the command that repeats a tuning."""
     options = {
         "--objective": plan.objective.name,
         "--trials": plan.trials,

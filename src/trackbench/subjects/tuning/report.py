@@ -24,7 +24,7 @@ _VERDICTS = ("better", "worse", "equivalent", "undecided")
 
 
 def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
-    """The verdict on the tuned values, in a line, and how good it is."""
+    """Return the verdict on the tuned values, in a line, and how good it is."""
     compared = tuning.held_out.of(tuning.objective.measure)
     if tuning.held_out.failed:
         return tuning.held_out.failed, "bad"
@@ -55,7 +55,7 @@ def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
 
 
 def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str]) -> str:
-    """The verdict on the tuned values in the only scenario."""
+    """Return the verdict on the tuned values in the only scenario."""
     where, measure = "".join(f" on {text}" for text in narrow), comparison.measure
     sign = 1.0 if tuning.objective.better == "larger" else -1.0
     if comparison.verdict == "better":
@@ -73,7 +73,7 @@ def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str
 
 
 def _values(compared: list[MeasureComparison]) -> str:
-    """Start and tuned of the main measure; over several scenarios by how much it changes in the mean."""
+    """Return start and tuned of the main measure; over several scenarios, its mean change."""
     start, tuned = ([getattr(item, which).value for item in compared] for which in ("start", "tuned"))
     word = WORDS[compared[0].measure]
     if compared[0].measure == "log_likelihood":
@@ -86,7 +86,7 @@ def _values(compared: list[MeasureComparison]) -> str:
 
 
 def _pair(tuned: float, start: float, unit: str = "") -> str:
-    """Two values with the same decimals: those that show the smaller one to four digits, at most four."""
+    """Return two values with the same decimals, at most four: the smaller one has four digits."""
     least = min((abs(value) for value in (tuned, start) if value), default=1.0)
     places = min(4, max(0, 3 - math.floor(math.log10(least))))
     return f"{tuned:.{places}f}{unit}, start {start:.{places}f}{unit}".replace("-", "\N{MINUS SIGN}")
@@ -97,7 +97,7 @@ def _percent(change: float) -> str:
 
 
 def remarks(tuning: Tuning) -> Iterator[str]:
-    """What else should be known of the values."""
+    """Yield what else should be known of the values."""
     for parameter, edge in tuning.edges:
         side = "smallest" if edge == parameter.low else "largest"
         yield (
@@ -138,45 +138,33 @@ _METHOD = (
 
 
 def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
-    """The whole report.
+    """Return the whole report.
 
     Args:
-        tunings: of each tracker.
-        command: what repeats it.
+        tunings: one of each tracker.
+        command: repeats them.
     """
-    several = len(tunings) > 1
-    blocks: list[Block] = [*_answer(tunings)]
-    for item in tunings:
-        inner = tuple(_tracker(item, f"{item.tracker}-" if several else ""))
-        blocks += [Section(item.tracker, (Paragraph(tuning_headline(item)[0]), *inner))] if several else inner
-    blocks.append(Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh"))))
-    return _document(tunings, blocks)
-
-
-def _answer(tunings: Sequence[Tuning]) -> Iterator[Block]:
-    """One headline, and the gain of each tracker on one axis."""
-    if len(tunings) == 1:
-        yield Paragraph(tuning_headline(tunings[0])[0], strong=True)
-    else:
-        verdicts = {item.tracker: {row.verdict for row in item.held_out.of(item.objective.measure)} for item in tunings}
-        better = [name for name, words in verdicts.items() if "better" in words]
-        worse = [name for name, words in verdicts.items() if "worse" in words]
-        harm = f" Shown to be worse: {joined_names(worse)}." if worse else ""
-        yield Paragraph(f"Shown to be better than the start: {joined_names(better) or 'none'}.{harm}", strong=True)
-    table = tables.gains_table(tunings)
-    if table.rows:
-        yield table
+    pages = [tuple(_page(item, f"{item.tracker}-" if len(tunings) > 1 else "")) for item in tunings]
+    method = Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh")))
+    return _document(tunings, [*_answer(tunings, pages), method])
 
 
 def tuning_summary(tunings: Sequence[Tuning]) -> Document:
-    """What a terminal shows: the values, whether they are better, and how sharply they are known."""
+    """Return what a terminal shows: the values, and whether they are better."""
+    pages = [(tables.values_table(item), tables.held_out_table(item), *_remarks(item)) for item in tunings]
+    return _document(tunings, _answer(tunings, pages))
+
+
+def _answer(tunings: Sequence[Tuning], pages: Sequence[Sequence[Block]]) -> list[Block]:
+    """Return the verdict on each tracker, then the page of each."""
     heads = [tuning_headline(item) for item in tunings]
-    inner = [(tables.values_table(item), tables.held_out_table(item), *_remarks(item)) for item in tunings]
     if len(tunings) == 1:
-        return _document(tunings, [Status(*heads[0]), *inner[0]])
+        return [Status(*heads[0]), *pages[0]]
     answers = [Item(text, item.tracker, tone=tone) for item, (text, tone) in zip(tunings, heads, strict=True)]
-    sections = [Section(item.tracker, blocks) for item, blocks in zip(tunings, inner, strict=True)]
-    return _document(tunings, [Items(tuple(answers)), *sections])
+    return [
+        Items(tuple(answers)),
+        *(Section(item.tracker, tuple(page)) for item, page in zip(tunings, pages, strict=True)),
+    ]
 
 
 def _document(tunings: Sequence[Tuning], blocks: Sequence[Block]) -> Document:
@@ -195,7 +183,7 @@ def _remarks(item: Tuning) -> list[Block]:
     return [Items(items)] if items else []
 
 
-def _tracker(item: Tuning, name: str) -> Iterator[Block]:
+def _page(item: Tuning, name: str) -> Iterator[Block]:
     yield from _remarks(item)
     yield tables.values_table(item, name)
     yield Section(
@@ -203,11 +191,12 @@ def _tracker(item: Tuning, name: str) -> Iterator[Block]:
         (tables.held_out_table(item, name),),
     )
     figures = tuple(trials_figure(item, parameter, name) for parameter in item.parameters if parameter.is_number)
-    yield Section("Trials", (Row(figures), tables.trials_table(item, name)), folded=True)
+    if figures:
+        yield Section("Trials", (Row(figures),))
 
 
 def _split(item: Tuning) -> Block:
-    """On what it was tuned, and on what it was tried."""
+    """Return on what the tracker was tuned and tried, by scenario."""
     rows = []
     for number, scenario in enumerate(item.scenarios):
         trained = f"{counted(item.train_scenes[number], 'scene')} of {counted(item.train_runs[number], 'run')}"

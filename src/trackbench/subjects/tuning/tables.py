@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.report.numbers import decimals, interval_text, rounded, signed
-from trackbench.report.tables import unit_after_heading
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.parameters import Parameter, option_text
 from trackbench.subjects.tuning.tune import Tuning
 
-#: Trials of the report; the JSON has all.
-MOST = 100
 _TONES: dict[str, Tone] = {"better": "good", "worse": "bad"}
-#: What a verdict on the tuned values makes of their gain.
-_GAINS: dict[str, tuple[str, Tone]] = {
-    "better": ("an improvement", "good"),
-    "worse": ("harm", "bad"),
-    "equivalent": ("within the margin", ""),
-    "undecided": ("may be noise", "warn"),
-}
 NONE = "-"
 
 
@@ -40,42 +27,6 @@ def values_table(item: Tuning, name: str = "") -> Table:
         (Column("tried"), [Cell(_tried(parameter)) for parameter in item.parameters]),
     ]
     return Table.of_columns(f"{name}values", columns)
-
-
-def gains_table(tunings: Sequence[Tuning]) -> Table:
-    """Return the table of gains over the start, on one axis for all trackers; harm is below 0."""
-    rows = [(item, row) for item in tunings for row in item.held_out.of(item.objective.measure)]
-    relative = tunings[0].objective.measure != "log_likelihood"
-    cells = [_gain(item, row, relative) for item, row in rows]
-    ends = [end for cell in cells if cell.bar for end in cell.bar]
-    gain = Column(
-        f"gain, {'%' if relative else 'log-likelihood'}",
-        "Above 0 the tuned values are better. With its 95 % interval.",
-        axis=(min([0.0, *ends]), max([0.0, *ends])),
-    )
-    words = [_GAINS.get(row.verdict, (row.verdict, "warn")) for _, row in rows]
-    columns = [
-        (Column("tracker", left=True), [Cell(item.tracker, tracker=item.tracker) for item, _ in rows]),
-        (gain, cells),
-        (Column("which is", left=True), [Cell(word, tone=tone, chip=True) for word, tone in words]),
-        (
-            Column(f"start, tuned{unit_after_heading(rows[0][1].unit or '1') if rows else ''}"),
-            [replace(_start_and_tuned(row), details=(), tone="") for _, row in rows],
-        ),
-        (Column("scenario", left=True), [Cell(row.scenario) for _, row in rows]),
-    ]
-    return Table.of_columns("gains", columns)
-
-
-def _gain(item: Tuning, row: MeasureComparison, relative: bool) -> Cell:
-    sign = 1.0 if item.objective.better == "larger" else -1.0
-    scale = sign * (100.0 / abs(row.start.value) if relative and row.start.value else 1.0)
-    value, low, high = (scale * end for end in (row.difference.value, *(row.difference.ci95 or (0.0, 0.0))))
-    if row.difference.ci95 is None:
-        low = high = value
-    places = 1 if relative else 3
-    ends = (min(low, high), max(low, high))
-    return Cell(signed(value, places), _interval(ends if low != high else None, places), bar=(value, *ends))
 
 
 def held_out_table(item: Tuning, name: str = "") -> Table:
@@ -104,24 +55,6 @@ def held_out_table(item: Tuning, name: str = "") -> Table:
         cells = [_start_and_tuned(by_scenario.get(row.scenario)) for row in compared]
         columns.append((Column(f"{WORDS[measure]}: start, tuned", details="verdict"), cells))
     return Table.of_columns(f"{name}held-out", columns)
-
-
-def trials_table(item: Tuning, name: str = "") -> Table:
-    """Return the table of the trials, best first."""
-    done = sorted((trial for trial in item.trials if not trial.failed), key=lambda trial: trial.loss)[:MOST]
-    columns = [
-        (
-            Column(parameter.key),
-            [Cell(option_text(trial.values[parameter.key]), strong=trial is item.best) for trial in done],
-        )
-        for parameter in item.parameters
-    ]
-    for measure in dict.fromkeys([*WORDS, item.objective.measure]):
-        values = [trial.measures.get(measure) for trial in done]
-        if any(value is not None for value in values):
-            cells = [Cell(NONE if value is None else f"{value:.4g}") for value in values]
-            columns.append((Column(WORDS[measure]), cells))
-    return Table.of_columns(f"{name}trials", columns, "Best first, on what it was tuned on; the tuned values stand out")
 
 
 def _tried(parameter: Parameter) -> str:

@@ -51,12 +51,12 @@ class Tuning(TuningTask):
 
     scenarios: tuple[str, ...]
     start_measures: Mapping[str, float]
-    """What the start gives where the values were tuned, as a trial's ``measures``."""
+    """Measures of the start where the values were tuned."""
     best: TuningTrial
     trials: tuple[TuningTrial, ...]
     held_out: HeldOut
     apart: tuple[str, ...]
-    """What tells the scenes and noise tried on from those tuned on, by scenario; empty where nothing does."""
+    """Difference of what is tried on from what is tuned on, in words, by scenario; empty where there is none."""
     train_scenes: tuple[int, ...]
     train_runs: tuple[int, ...]
     engine: ComputedBy | None
