@@ -79,10 +79,10 @@ def _spent(path: Path) -> dict[str, float]:
     from click.testing import CliRunner
 
     from trackbench.cli.commands import cli
-    from trackbench.runner import block
+    from trackbench.runner import loop
 
     filtering = filtering_gib = 0.0
-    run_block = block.run_block
+    run_block = loop.run_block
 
     def timed(*arguments: Any, **options: Any) -> Any:
         nonlocal filtering, filtering_gib
@@ -93,7 +93,7 @@ def _spent(path: Path) -> dict[str, float]:
             filtering += time.process_time() - begin
             filtering_gib = _largest_gib()
 
-    block.run_block = timed
+    loop.run_block = timed
     sets = [word for setting in SETTINGS for word in ("--set", setting)]
     out = path.parent / "results"
     command = ["run", str(path), "--no-recording", "--workers", "1", "--out", str(out), *sets]

@@ -16,8 +16,8 @@ from trackbench.metrics.differences import contrast_verdict
 from trackbench.metrics.intervals import FEWEST_STRETCHES, Interval, ratio, root
 from trackbench.metrics.protocol import Chunk, Scope
 from trackbench.metrics.sums import ERROR, stretch_numbers
-from trackbench.runner.block import run_block
 from trackbench.runner.labelled_run import LabelledOutcome
+from trackbench.runner.loop import run_block
 from trackbench.runner.work import BlockRuns, work_of
 from trackbench.scenario.truth import truths_of
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.api.plan import Listener
-from trackbench.base.execution import InProcess
+from trackbench.base.execution import Executor as WorkExecutor
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.held_out import Split
 from trackbench.subjects.tuning.objectives import OBJECTIVES
@@ -30,7 +30,7 @@ def tuned(protocol: Protocol, tracker: str, scenarios: Sequence[str], storage: P
     objective = OBJECTIVES[protocol.objective]
     plan = TunePlan(objective, tuple(stated["ranges"]), protocol.trials, 0, storage, split, engine="fused")
     loaded = [protocol.loaded(name, {tracker: stated["entry"]}) for name in scenarios]
-    (tuning,) = tune_trackers(loaded, [tracker], plan, InProcess(), Listener())
+    (tuning,) = tune_trackers(loaded, [tracker], plan, WorkExecutor(), Listener())
     return dict(tuning.best.values)
 
 

@@ -20,7 +20,7 @@ from trackbench.engine.choice import chosen
 from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.results import Result
 from trackbench.runner import run, work
-from trackbench.runner.block import run_block
+from trackbench.runner.loop import run_block
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of

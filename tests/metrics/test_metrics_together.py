@@ -17,8 +17,8 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
 from trackbench.results import MetricValue
 from trackbench.results.scenario_summary import MarginSummary
-from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
+from trackbench.runner.loop import run_block
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Scene
 from trackbench.sensing.scans import ideal_sensors, sense_known

@@ -38,7 +38,7 @@ def outcomes(monkeypatch: pytest.MonkeyPatch, scenario: tb.Scenario, by_steps: b
     with monkeypatch.context() as patch:
         patch.setattr(LabelledRun, "close", kept)
         if by_steps:
-            patch.setattr(LabelledRun, "advance_many", lambda self, first: 0)
+            patch.setattr(LabelledRun, "_taken_at_once", lambda self, instant: 0)
         tb.run(scenario, engine="fused")
     return left
 

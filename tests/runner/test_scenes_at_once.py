@@ -15,8 +15,8 @@ from trackbench.metrics.traffic import TRACKS
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import Clutter
 from trackbench.results import Failure
-from trackbench.runner.block import run_blocks
 from trackbench.runner.hidden_run import TrafficScores
+from trackbench.runner.loop import run_blocks
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.config import FilterConfig

@@ -11,7 +11,8 @@ from trackbench.metrics import BUILT_IN, BlockScores, evaluate
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import MetricValue
-from trackbench.runner.block import Block, run_block
+from trackbench.runner.block import Block
+from trackbench.runner.loop import run_block
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import build

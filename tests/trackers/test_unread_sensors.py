@@ -11,7 +11,7 @@ import pytest
 import yaml
 from tests.support.scenes import NOISE, TRACKERS, scan, tracker
 
-from trackbench.runner.block import run_block
+from trackbench.runner.loop import run_block
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.run import run_scenario
 from trackbench.runner.work import work_of

@@ -17,8 +17,8 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
 from trackbench.cli.commands import cli
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS
-from trackbench.runner.block import run_block
 from trackbench.runner.hidden_run import TrafficScores
+from trackbench.runner.loop import run_block
 from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of

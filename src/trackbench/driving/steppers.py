@@ -134,23 +134,23 @@ class DirectTracks(Stepper):
     """A built-in tracker of several objects, whose answers have the right form by construction."""
 
     def __init__(self, tracker: MultiObjectTracker) -> None:
-        self._tracker = tracker
+        self.tracker = tracker
         self._state: MultiObjectState | None = None
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
         """The tracks of all runs."""
-        self._state, tracks = self._tracker.step(self._state, scan, origins if self._tracker.wants_origins else None)
+        self._state, tracks = self.tracker.step(self._state, scan, origins if self.tracker.wants_origins else None)
         return tracks
 
     def predicted(self, run: int) -> Tracks:
         """The tracks of one run as they were expected at the latest scan, before its detections."""
         assert self._state is not None
-        return self._tracker.predicted(self._state, run)
+        return self.tracker.predicted(self._state, run)
 
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return self._tracker.engine_used
+        return self.tracker.engine_used
 
 
 class Offline(Stepper):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.results import MetricValue
 from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
-from trackbench.runner.hidden_run import HiddenRun, SceneRuns
+from trackbench.runner.hidden_run import HiddenRun, SceneRuns, TrafficScores
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
@@ -192,15 +192,19 @@ def _slope(sums: Array) -> Array:
 class FiledRun(HiddenRun):
     """Tracks of a file: they are there before the first scan, and nothing is driven."""
 
-    def advance(self) -> None:
-        """Take them all at the first instant."""
-        if not self._outcomes:
-            self._offsets: list[np.ndarray] = []
-            self._counts = np.zeros(3, dtype=np.intp)
-            self._outcomes = self._scored()
-            (outcome,) = self._outcomes
-            outcome.offset = np.concatenate(self._offsets, axis=1)
-            outcome.filed = self._counts
+    def __enter__(self) -> Self:
+        return self
+
+    def __iter__(self) -> Iterator[tuple[Any, ...]]:
+        return iter(())
+
+    def close(self) -> list[TrafficScores]:
+        """What it leaves of the piece."""
+        self._offsets: list[np.ndarray] = []
+        self._counts = np.zeros(3, dtype=np.intp)
+        (outcome,) = self._scored()
+        outcome.offset, outcome.filed = np.concatenate(self._offsets, axis=1), self._counts
+        return [outcome]
 
     def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:
         config = self._work.trackers[self.name]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices, Tracks, of_runs, scan_of_run
-from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
+from trackbench.base.types import Array, Indices, Scan, Tracks, of_runs, scan_of_run
+from trackbench.driving.drive import Delivery, DriveStep
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.remote import start_stepper
-from trackbench.driving.steppers import DirectTracks, Stepper
+from trackbench.driving.steppers import Stepper
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.evaluate import MetricSums, accumulators
 from trackbench.metrics.traffic import (
@@ -41,6 +42,7 @@ from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.due import unscored
 from trackbench.trackers.answers import NO_TRACK, TrackerFault, require_covariances, tracks_of_run
+from trackbench.trackers.multi import MultiObjectTracker
 from trackbench.truth.recorded.cycles import stretch_of
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
@@ -108,26 +110,10 @@ class HiddenRun(TrackerRun[Tracks]):
     """
 
     def __init__(self, work: Work, batch: HiddenBatch, name: str, second_drives: SecondDrives | None) -> None:
-        config, scene = work.trackers[name], work.scenes[batch.pieces[0].scene]
+        scene = work.scenes[batch.pieces[0].scene]
         self._batch, self._hidden = batch, batch.measurements
-        steps, scans = scene.due.steps, self._hidden.scans
-        drive = TrackerDrive[Tracks](
-            lambda: start_stepper(
-                work.driven(name),
-                work.folder,
-                batch.runs,
-                lambda tracker: replace(tracker, **work.tracker_options),
-                work.isolation,
-                True,
-                work.sensors,
-            ),
-            scans,
-            config.sensors_used,
-            engine=work.engine_here,
-            origins=[np.stack(both) for both in zip(self._hidden.origins, self._hidden.merged, strict=True)],
-            after=self._note_predicted,
-        )
-        super().__init__(work, batch.pieces[0], name, drive, scene.truth.time[steps], second_drives)
+        time, scans = scene.truth.time[scene.due.steps], self._hidden.scans
+        super().__init__(work, batch.pieces[0], name, time, scans, second_drives)
         firsts = np.cumsum([0, *(len(piece.runs) for piece in batch.pieces)]).tolist()
         scenes = [work.scenes[piece.scene] for piece in batch.pieces]
         self._parts = list(map(SceneRuns, batch.pieces, scenes, firsts))
@@ -141,28 +127,24 @@ class HiddenRun(TrackerRun[Tracks]):
         ]
         self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._predicted_runs}
         self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(scans))
-        self._outcomes: list[TrafficScores] = []
 
     @property
     def pieces(self) -> Sequence[BlockRuns]:
         """Of the batch."""
         return self._batch.pieces
 
-    @property
-    def chunk(self) -> int:
-        """Number of instants after which it is scored: all."""
-        return len(self._time)
+    def _start(self) -> Stepper:
+        work = self._work
+        prepare = partial(replace, **work.tracker_options)
+        options = work.isolation, True, work.sensors
+        return start_stepper(work.driven(self.name), work.folder, self._batch.runs, prepare, *options)
 
-    def advance(self) -> None:
-        """Take the tracker through the next instant, unless it has failed; after the last one, end and score it."""
-        super().advance()
-        if self.failure is None and len(self._tracks_at) == self.chunk:
-            self.end()
-            self._require_finite()
-            if self.failure is None:
-                self._outcomes = self._scored()
-            # Several trackers' tracks of all instants at once may not fit the memory.
-            self._tracks_at, self._taken, self._predicted = [], [], {}
+    def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
+        """With the objects that each detection and the second part of a merged one stem from, where it wants them."""
+        if not getattr(self.tracker, "wants_origins", False):
+            return (delivery.scan,)
+        origins = np.stack([each[delivery.number or 0] for each in (self._hidden.origins, self._hidden.merged)])
+        return delivery.scan, origins if delivery.read and delivery.number is not None else origins[:, :0]
 
     def _require_finite(self) -> None:
         """Fail where a built-in tracker, whose answers are not checked step by step, has a track that is not finite."""
@@ -176,9 +158,10 @@ class HiddenRun(TrackerRun[Tracks]):
                     self.fail(fault_of(error), instant, None)
 
     def close(self) -> list[TrafficScores] | Failure:
-        """What it left behind of each piece, once all instants were taken."""
-        self.end()
-        return self._outcomes if self.failure is None else self.failure
+        """What it left behind of each piece, once the context is left."""
+        if self.failure is None:
+            self._require_finite()
+        return self._scored() if self.failure is None else self.failure
 
     def _take(self, step: DriveStep[Tracks]) -> None:
         if self._untimed:
@@ -188,6 +171,9 @@ class HiddenRun(TrackerRun[Tracks]):
             self._timed += 1
         if step.read and step.number is not None:
             self._taken.append((step.instant, step.answer, step.number))
+            if isinstance(self.tracker, MultiObjectTracker) and step.scan.arrival_time == step.scan.time:
+                for run in self._predicted_runs:
+                    self._predicted[run][step.number] = self.tracker.predicted(self.state, run)
         if step.last:
             self._tracks_at.append(step.answer)
             self._note_spread(step.instant, step.answer)
@@ -200,15 +186,6 @@ class HiddenRun(TrackerRun[Tracks]):
         count = there.sum(axis=0)
         mean = np.where(there, tracks.mean[:2], 0.0).sum(axis=1) / np.maximum(count, 1)
         self.spread.take(instant, mean[:, None], (count > 0)[None])
-
-    def _note_predicted(self, tracker: Stepper, delivery: Delivery) -> None:
-        """Keep what a built-in tracker expected before a scan."""
-        scan, number, read = delivery
-        if not read or number is None or scan.arrival_time != scan.time:
-            return
-        if isinstance(tracker, DirectTracks):
-            for run in self._predicted_runs:
-                self._predicted[run][number] = tracker.predicted(run)
 
     def _scored(self) -> list[TrafficScores]:
         taken = self._associations() if self._parts[0].scene.truth.known else None
@@ -333,7 +310,7 @@ class HiddenRun(TrackerRun[Tracks]):
 
     def _explained(self, fault: TrackFault) -> TrackFault:
         """An error before the first track may be that of a tracker of one object."""
-        begun = self._drive.sensor is not None
+        begun = self._delivery is not None
         if begun and fault.kind == "raised" and not any(len(tracks.ids) for tracks in self._tracks_at):
             return TrackFault(f"{fault.cause} ({NO_TRACKS_YET})", fault.kind, fault.place, fault.member)
         return fault

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Gaussian, Scan
-from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive, scans_read
+from trackbench.driving.drive import DriveStep, scans_read
 from trackbench.driving.faults import TrackFault
-from trackbench.driving.steppers import Direct
+from trackbench.driving.steppers import Direct, Stepper
 from trackbench.engine.choice import compute_by
-from trackbench.metrics import BlockScores, MetricSums, Scorer, score_waiting
+from trackbench.metrics import BlockScores, Fault, MetricSums, Scorer
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
-from trackbench.runner.recorded import ModeSums, RecordedEstimates
+from trackbench.runner.recorded import ModeSums, RecordedEstimates, RecordedInstant
 from trackbench.runner.start import SecondDrives, stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.tracker_run import TrackerRun
@@ -66,21 +66,22 @@ class LabelledRun(TrackerRun[Estimate | None]):
         name: of the tracker.
         targets: what trackers are held against.
         second_drives: as of ``TrackerRun``.
+        observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
 
     def __init__(
-        self, work: Work, piece: BlockRuns, name: str, targets: Targets, second_drives: SecondDrives | None
+        self,
+        work: Work,
+        piece: BlockRuns,
+        name: str,
+        targets: Targets,
+        second_drives: SecondDrives | None,
+        observe: Callable[[RecordedInstant], None] | None = None,
     ) -> None:
-        config, scene, scans = work.driven(name), work.scenes[piece.scene], targets.scans
-        self._target, self._scene, self._kept = targets.of(config), scene, work.recorded_in(piece)
-        drive = TrackerDrive[Estimate | None](
-            lambda: stepper_of(work, piece, config, scans_read(scans, config.sensors_used)),
-            scans,
-            config.sensors_used,
-            engine=work.engine_here,
-            each_measurement=scene.each_measurement,
-        )
-        super().__init__(work, piece, name, drive, self._target.time, second_drives)
+        config, scene = work.driven(name), work.scenes[piece.scene]
+        self._config, self._scene, self._kept = config, scene, work.recorded_in(piece)
+        self._target, self._observe = targets.of(config), observe
+        super().__init__(work, piece, name, self._target.time, targets.scans, second_drives)
         self.scorer = Scorer(
             self._target,
             targets.conditions(config),
@@ -113,43 +114,51 @@ class LabelledRun(TrackerRun[Estimate | None]):
             )
             counts = dict.fromkeys(self._recorded.nis, 0)
             self._of_sensor: list[int] = []
-            for scan in scans:
+            for scan in self._scans:
                 self._of_sensor.append(counts[scan.sensor])
                 counts[scan.sensor] += 1
 
-    @property
-    def chunk(self) -> int:
-        """Number of instants that are scored at a time."""
-        return self.scorer.chunk
+    def close(self) -> LabelledOutcome | Failure:
+        """What it left behind, once the context is left."""
+        if self.failure is not None:
+            return self.failure
+        outcome = LabelledOutcome(self.scorer.close(), self._recorded, self._modes)
+        if outcome.scores.due.sum() > 0 and not outcome.scores.given:
+            self.fail(TrackFault("it gave no estimate at all", "answer"), len(self._time) - 1, None)
+        return self.failure or outcome
 
-    def advance_many(self, first: int) -> int:
-        """Take the tracker through the instants from ``first`` on by one sequence of calls, and score it.
+    def _start(self) -> Stepper:
+        scans = scans_read(self._scans, self._config.sensors_used)
+        return stepper_of(self._work, self._piece, self._config, scans)
 
-        Returns:
-            How many instants; 0 where they have to be taken step by step.
-        """
-        direct = self._drive.stepper
-        if self._work.engine_here == "numpy" or first < self._step_by_step_until or not isinstance(direct, Direct):
+    def _taken_at_once(self, instant: int) -> int:
+        """By one sequence of calls, which scores them too; none where they have to be taken step by step."""
+        if self._work.engine_here == "numpy" or instant < self._step_by_step_until:
             return 0
-        if self.failure is not None or self._second is not None or direct.state is None or self.scorer.waits:
+        if not isinstance(self._stepper, Direct) or self._second is not None:
+            return 0
+        if self.state is None or self.scorer.waits:
             return 0
         from trackbench.runner.filter_sequence import through
 
-        instants = self._deliveries[first : first + INSTANTS]
+        instants = self._deliveries[instant : instant + INSTANTS]
         scans = [[delivery.scan for delivery in group] for group in instants]
-        taken = through(direct.tracker, direct.state, scans, self.scorer, first, self._kept)
+        taken = through(self.tracker, self.state, scans, self.scorer, instant, self._kept)
         if taken is None:
             # Most of the time it is because of a single instant.
-            self._step_by_step_until = first + self.chunk
+            self._step_by_step_until = instant + self.scorer.chunk
             return 0
-        self._keep_sequence(taken, first, [delivery.number for group in instants for delivery in group])
-        direct.state, count = taken.sequence.state(), taken.steps[-1].instant + 1
-        self._drive.skip(count)
-        return count
+        self._keep_sequence(taken, instant, [delivery.number for group in instants for delivery in group])
+        self.state = taken.sequence.state()
+        return taken.steps[-1].instant + 1
 
-    @cached_property
-    def _deliveries(self) -> list[list[Delivery]]:
-        return list(self._drive.deliveries())
+    def _end_of(self, instant: int) -> None:
+        if not (self.scorer.full or instant == len(self._time) - 1):
+            return
+        try:
+            self.scorer.score()
+        except Fault as fault:
+            self.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
 
     def _keep_sequence(self, taken: SequenceResult, first: int, numbers: Sequence[int | None]) -> None:
         """Keep what the recorded run and the modes have of a sequence; ``numbers``: of the scans of its steps."""
@@ -163,17 +172,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             if taken.recorded is not None and number is not None and place in taken.whitened:
                 self._keep_nis(number, step.scan, taken.whitened[place][:, members], members)
 
-    def close(self) -> LabelledOutcome | Failure:
-        """What it left behind, once all instants were taken and scored."""
-        self.end()
-        if self.failure is not None:
-            return self.failure
-        outcome = LabelledOutcome(self.scorer.close(), self._recorded, self._modes)
-        if outcome.scores.due.sum() > 0 and not outcome.scores.given:
-            self.fail(TrackFault("it gave no estimate at all", "answer"), len(self._target.time) - 1, None)
-        return self.failure or outcome
-
-    def _take(self, step: DriveStep[Estimate | None]) -> Gaussian | None:
+    def _take(self, step: DriveStep[Estimate | None]) -> None:
         self._has_answered = True
         latest = step.answer or self._none
         self.scorer.scan(step.instant, step.scan, latest, step.seconds)
@@ -183,28 +182,28 @@ class LabelledRun(TrackerRun[Estimate | None]):
             if white is not None:
                 self._keep_nis(step.number, step.scan, white, members)
         if not step.last:
-            return None
+            return
         self.scorer.estimate(latest)
         if self.spread is not None:
             due = self._target.due[step.instant]
             self.spread.take(step.instant, latest.mean[:2].reshape(2, *due.shape), due)
         if latest.mode_probabilities is not None:
             self._take_modes(step.instant, latest.mode_probabilities)
-        if self._recorded is None:
-            return None
-        return self._keep(step.instant, latest.mean[:, members], latest.covariance[:, :, members])
+        if self._recorded is not None:
+            self._keep(step.instant, latest.mean[:, members], latest.covariance[:, :, members])
 
     def _take_modes(self, instant: int, probability: Array) -> None:
         self._modes = self._modes or ModeSums(len(probability), self._target, self._kept)
         self._modes.take(instant, probability, self._target)
 
-    def _keep(self, instant: int, mean: Array, covariance: Array) -> Gaussian:
+    def _keep(self, instant: int, mean: Array, covariance: Array) -> None:
         """What the recorded run has of estimates ``(4, objects)``."""
         assert self._recorded is not None
         alive = self._target.alive[instant]
         recorded = Gaussian(np.where(alive, mean, np.nan), np.where(alive, covariance, np.nan))
         self._recorded.mean[:, instant], self._recorded.covariance[:, :, instant] = recorded
-        return recorded
+        if self._observe is not None:
+            self._observe(RecordedInstant(instant, {self.name: recorded}))
 
     def _keep_nis(self, number: int, scan: Scan, white: Array, members: slice) -> None:
         """What it has of the whitened innovations ``(m, objects)`` of a scan."""
@@ -223,13 +222,3 @@ class LabelledRun(TrackerRun[Estimate | None]):
             return None, None
         object, run = divmod(member, len(self._piece.runs))
         return self._scene.truth.ids[object], run
-
-
-def score_labelled_runs(trackers: Sequence[LabelledRun]) -> None:
-    """Score what those that have not failed gave at the latest instants."""
-    going = [tracker for tracker in trackers if tracker.failure is None]
-    faults = score_waiting([tracker.scorer for tracker in going])
-    for tracker in going:
-        fault = faults.get(tracker.name)
-        if fault is not None:
-            tracker.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)

@@ -6,21 +6,24 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
+from functools import cache, partial
 
 from trackbench.base.errors import InputError, counted
-from trackbench.base.execution import InProcess
-from trackbench.base.types import Progress, no_progress
+from trackbench.base.execution import Executor
+from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics.contrasts import paired
 from trackbench.results import PrecisionReached, Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks, failures_and_outcomes
+from trackbench.runner.block import Block, OnRecordedRun, failures_and_outcomes
 from trackbench.runner.evaluated import evaluated
-from trackbench.runner.work import Work, work_of
+from trackbench.runner.loop import run_blocks
+from trackbench.runner.recorded import RecordedInstant
+from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
+from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
 from trackbench.truth import LoadedTruth
 
@@ -63,15 +66,9 @@ def run_scenario(
         InputError: the engine cannot be had.
         TrackbenchError: the processes that make the runs died.
     """
-    pending = PendingRun(
-        loaded,
-        truths,
-        executor or InProcess(),
-        isolation=isolation,
-        engine=engine,
-        observed=on_recorded_run is not None,
-    )
-    return pending.collect(command, progress, on_recorded_run)
+    observed = on_recorded_run is not None
+    pending = PendingRun(loaded, truths, executor or Executor(), isolation=isolation, engine=engine, observed=observed)
+    return pending.collect(lambda _: command, progress, on_recorded_run)
 
 
 class PendingRun:
@@ -83,6 +80,7 @@ class PendingRun:
         executor: what makes the blocks of runs.
         isolation: how trackers that are not built in are kept apart.
         engine: what computes.
+        until: the precision and the largest number of runs of ``run_until``; None: as many runs as the scenario says.
         observed: whether the recorded run is looked at.
         alone: whether no other scenario is run at the same time.
     """
@@ -92,24 +90,117 @@ class PendingRun:
         loaded: Scenario,
         truths: Sequence[LoadedTruth],
         executor: Executor,
-        *,
         isolation: Isolation = ISOLATED,
         engine: EngineName = "auto",
+        *,
+        until: tuple[float, int] | None = None,
         observed: bool = False,
         alone: bool = True,
     ) -> None:
         self._loaded, self._truths = loaded, truths
+        self._until = None
+        if until is not None:
+            self._until = partial(
+                run_until, loaded, truths, *until, executor=executor, isolation=isolation, engine=engine
+            )
+            return
         self._work = work_of(loaded, truths, isolation, engine)
         self._begin = time.perf_counter()
         self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
 
     def collect(
-        self, command: str = "", progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
+        self,
+        command: Callable[[Scenario], str],
+        progress: Progress = no_progress,
+        on_recorded_run: OnRecordedRun | None = None,
     ) -> Result:
-        """The result, once all runs are done; as ``run_scenario``."""
+        """The result, once all runs are done; as ``run_scenario``.
+
+        Args:
+            command: gives what reproduces the result of a scenario.
+            progress: called with the number of runs done and of all.
+            on_recorded_run: called with the recorded run while it is made.
+        """
+        if self._until is not None:
+            return self._until(command=command, progress=progress, on_recorded_run=on_recorded_run)
         blocks = self._blocks.collect(progress, on_recorded_run)
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
-        return assemble(self._loaded, self._truths, self._work, blocks, command)
+        return assemble(self._loaded, self._truths, self._work, blocks, command(self._loaded))
+
+
+class PendingBlocks:
+    """The blocks of a run, being made.
+
+    Args:
+        loaded: the scenario.
+        work: what is the same for all of them.
+        pieces: which blocks.
+        executor: what makes them.
+        observed: whether the recorded run is looked at, so that its block has to be made in this process.
+        alone: whether nothing else is made at the same time, so that a single block is no work for another process.
+    """
+
+    def __init__(
+        self,
+        loaded: Scenario,
+        work: Work,
+        pieces: Sequence[BlockRuns],
+        executor: Executor,
+        *,
+        observed: bool = False,
+        alone: bool = True,
+    ) -> None:
+        options = {"observed": observed, "alone": alone}
+        self._by_numpy = partial(PendingBlocks, loaded, replace(work, engine="numpy"), pieces, executor, **options)
+        self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
+        self._progress: Progress = no_progress
+        self._on_recorded_run: OnRecordedRun | None = None
+        self._groups = work.groups(pieces)
+        of_scenes = cache(work.of_scenes)
+        here: list[tuple[Work, list[BlockRuns]]] = []
+        there: list[tuple[Work, list[BlockRuns]]] = []
+        self._is_here = []
+        for group in self._groups:
+            call = of_scenes(tuple(dict.fromkeys(piece.scene for piece in group))), group
+            is_here = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
+            self._is_here.append(is_here)
+            (here if is_here else there).append(call)
+        observers = self._advance, self._observe if observed else None
+        self._here = Executor().map(run_blocks, here, observers=observers)
+        self._there = executor.map(run_blocks, there, own_folder(loaded), observers)
+
+    def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
+        """The blocks in their order; all of them by NumPy where a kernel of a user's model differs from NumPy.
+
+        Args:
+            progress: called with the number of runs done and of all.
+            on_recorded_run: called with the recorded run as it is made, where it is observed.
+
+        Raises:
+            TrackbenchError: the processes that make them died.
+        """
+        self._progress, self._on_recorded_run = progress, on_recorded_run
+        blocks: list[Block] = []
+        for group, is_here in zip(self._groups, self._is_here, strict=True):
+            blocks += next(self._here if is_here else self._there)
+            self._done += sum(len(piece.runs) for piece in group)
+            self._progress(self._done, self._total)
+        if any(used.differs for block in blocks for used in block.engines.values()):
+            engines = [block.engines for block in blocks]
+            # Blocks of many runs are large.
+            blocks.clear()
+            blocks = self._by_numpy().collect(progress, on_recorded_run)
+            for block, before in zip(blocks, engines, strict=True):
+                reasons = {name: used._replace(engine="numpy", again=0, differs=False) for name, used in before.items()}
+                block.engines |= reasons
+        return blocks
+
+    def _advance(self, done: float, _: float) -> None:
+        self._progress(self._done + done, self._total)
+
+    def _observe(self, seen: list[Scan] | RecordedInstant) -> None:
+        if self._on_recorded_run is not None:
+            self._on_recorded_run(seen)
 
 
 def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:
@@ -161,7 +252,7 @@ def run_until(
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         made = {block.piece: block for block in blocks}
         missing = [piece for piece in work.pieces() if piece not in made]
-        pending = PendingBlocks(loaded, work, missing, executor or InProcess(), observed=on_recorded_run is not None)
+        pending = PendingBlocks(loaded, work, missing, executor or Executor(), observed=on_recorded_run is not None)
         made |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
         blocks = [made[piece] for piece in work.pieces()]
         on_recorded_run = None

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from trackbench import results
-from trackbench.base import at_hand
 from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.notebook_classes import reference_to
 from trackbench.base.types import Progress, no_progress
+from trackbench.driving.child import ChildProcess
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.tracker_process import TrackerProcess
+from trackbench.driving.program import host_launch
 from trackbench.results import EXAMINATION
 from trackbench.scenario import Scenario
 from trackbench.subjects.doctor.assumptions import require_known_checks
@@ -70,7 +71,7 @@ def _examined_there(
     try:
         if not lives_elsewhere(tracker, isolation):
             return None
-        process = TrackerProcess(isolation, tracker)
+        process = ChildProcess(isolation, host_launch(tracker))
         arguments = {"tracker": tracker, "in_process": True, **request}
         examination = process.work(f"{__name__}:doctor", arguments, progress)
     except (TrackbenchError, TrackFault):
@@ -131,7 +132,7 @@ def doctor(
         TrackbenchError: the folder cannot be written.
     """
     if not isinstance(tracker, str):
-        tracker = at_hand.reference_to(tracker)
+        tracker = reference_to(tracker)
     values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout, tracker_memory)
     request = {
         "options": values,

@@ -6,7 +6,6 @@ import hashlib
 import json
 import platform
 import shlex
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 from trackbench.api.plan import Counter, Listener
 from trackbench.api.result import Report
 from trackbench.api.scenario import Named, loaded_scenario
-from trackbench.base.execution import executor
+from trackbench.base.execution import Executor, executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine

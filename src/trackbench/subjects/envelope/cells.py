@@ -28,8 +28,9 @@ from trackbench.metrics.protocol import Field
 from trackbench.metrics.registry import by_path
 from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
-from trackbench.runner.block import failures_and_outcomes, run_blocks
+from trackbench.runner.block import failures_and_outcomes
 from trackbench.runner.labelled_run import LabelledOutcome
+from trackbench.runner.loop import run_blocks
 from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.keys import Expectation

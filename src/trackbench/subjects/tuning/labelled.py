@@ -16,7 +16,7 @@ from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.silence import Silence
 from trackbench.metrics.sums import SHORTEST, STRETCHES, stretch_numbers
 from trackbench.metrics.verdicts import HALVES
-from trackbench.runner.block import keep_freed_memory
+from trackbench.runner.loop import keep_freed_memory
 from trackbench.runner.start import stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
