@@ -14,7 +14,7 @@ from trackbench.subjects.tuning.tune import Tuning
 from .claim import Claim, rate
 
 SEEDS, RUNS, TRIALS = 200, 40, 34
-TRUE, WRONG = 2.0, 3.3
+TRUE = 2.0
 SCENARIO = {
     "name": "own",
     "truth": {
@@ -34,19 +34,16 @@ SCENARIO = {
 
 
 def claims() -> Iterator[Claim]:
-    """The interval of the optimum has the true sigma; a start that is right is not called worse than what is found."""
+    """Tuned values are seldom called better than a start that is right."""
     for objective in ("likelihood", "position_rmse"):
-        ends = [_tuned(objective, seed, WRONG).responses[0].optimum95 for seed in range(SEEDS)]
-        covers = [(low is None or low <= TRUE) and (high is None or high >= TRUE) for low, high in ends]
-        yield rate(f"{objective}, {RUNS} runs: the 95 % interval of the optimum has the true sigma", covers, 0.92, 0.98)
-        found = [_tuned(objective, seed, TRUE) for seed in range(SEEDS)]
+        found = [_tuned(objective, seed) for seed in range(SEEDS)]
         gains = [one.verdict == "better" for item in found for one in item.held_out.of(item.objective.measure)]
         yield rate(f"{objective}, {RUNS} runs: tuned values called better than the true ones", gains, 0.0, 0.05)
 
 
-def _tuned(objective: str, seed: int, start: float) -> Tuning:
+def _tuned(objective: str, seed: int) -> Tuning:
     """Seeds are two apart, since the noise that is tuned on has the next one."""
-    scenario = tb.load(SCENARIO, {"trackers.kf.acceleration_sigma_mps2": start}, runs=RUNS, seed=2 * seed)
+    scenario = tb.load(SCENARIO, runs=RUNS, seed=2 * seed)
     plan = TunePlan(OBJECTIVES[objective], ("acceleration_sigma_mps2=0.3:20",), TRIALS)
     (found,) = tune_trackers([scenario], ["kf"], plan, Executor(), Listener())
     return found

@@ -33,8 +33,8 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
     yield "Made by `make tuned` from `benchmarks/tuned/protocol.yaml`."
     yield ""
     yield (
-        f"Every tracker is tuned in the same way: {protocol.trials} trials, of which {protocol.spread} are spread over "
-        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune`, on {protocol.tuned_on}. It is "
+        f"Every tracker is tuned in the same way: {protocol.trials} trials "
+        f"for the objective `{protocol.objective}` of `trackbench tune`, on {protocol.tuned_on}. It is "
         f"scored on {protocol.scored_on} with other traffic and other noise. It has one set of values for a family of "
         "scenarios, and beside it one for the scenario alone:"
     )

@@ -27,33 +27,18 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Refinement:
-    """Trials around the best ones so far, in passes that look ever closer."""
-
-    size: int
-    """Of each pass."""
-    radii: list[float]
-    """Of each pass, as a share of the range."""
-
-
-@dataclass(frozen=True)
 class Protocol:
     """How trackers are tuned and compared."""
 
     objective: str
-    spread: int
-    around_the_best: Refinement
+    trials: int
+    """Of each search."""
     tuned_on: Budget
     scored_on: Budget
     families: dict[str, list[str]]
     trackers: dict[str, dict[str, Any]]
     remarks: str
     """What a reader of the scores should know."""
-
-    @property
-    def trials(self) -> int:
-        """Of each search."""
-        return self.spread + self.around_the_best.size * len(self.around_the_best.radii)
 
     @property
     def scenarios(self) -> list[str]:
@@ -83,4 +68,4 @@ def read() -> Protocol:
     """The protocol of the file."""
     content = yaml.safe_load((HERE / "protocol.yaml").read_text(encoding="utf-8"))
     budgets = {name: Budget(**content.pop(name)) for name in ("tuned_on", "scored_on")}
-    return Protocol(around_the_best=Refinement(**content.pop("around_the_best")), **budgets, **content)
+    return Protocol(**budgets, **content)

@@ -200,7 +200,7 @@ def test_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str], mo
 def test_tuning_says_the_best_so_far(tiny: Path, tmp_path: Path, trackbench: str) -> None:
     command = [trackbench, "tune", "tiny.yaml", "--trackers", "ekf", "--trials", "12", "--objective", "position_rmse"]
     lines = on_a_terminal(command, tmp_path, {**os.environ, "TERM": "xterm"})
-    assert any(re.search(r"^ekf .* \d+ of \d+ evaluations, best 0\.\d+", line) for line in lines)
+    assert any(re.search(r"^ekf .* \d+ of \d+ trials, best 0\.\d+", line) for line in lines)
 
 
 def result_of(names: list[str], like: Result, position: float = 0.1) -> Result:

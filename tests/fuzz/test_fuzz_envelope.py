@@ -51,7 +51,6 @@ def test_mutated_claims(whole: Path, tried: Tried, tmp_path: Path) -> None:
         damage(chance, file)
         a, b = "damaged/a/small-envelope", "damaged/b/small-envelope"
         commands = [
-            ["envelope", "--verify", a, "--seed", str(case)],
             ["envelope", "diff", a, b, "--junit", "cells.xml"],
             ["envelope", "diff", b, a, "--json"],
             ["report", a, "--format", "markdown", "--out", "report"],

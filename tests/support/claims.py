@@ -73,7 +73,6 @@ def claim_of(
         ],
         base=list(base) if base is not None else [axis.values[len(axis.values) // 2] for axis in ways],
         cells=cells,
-        files={},
         parts_hash="",
     )
 

@@ -64,12 +64,9 @@ class Subject:
     blocks: Mapping[str, str] = field(default_factory=dict)
     """Top-level keys of a scenario, each with the class of its value, which has an ``EXAMPLE``, or a
     :class:`FieldBlock`."""
-    tuners: Mapping[str, str] = field(default_factory=dict)
-    """Functions that take a scenario and an executor and return the scenario with tuned trackers. The names are free,
-    as are those of all functions below."""
     examiners: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a scenario and the name of one of its trackers and return a sentence on what is wrong with
-    the tracker, or None."""
+    the tracker, or None. The names are free, as are those of all functions below."""
     metrics: Mapping[str, str] = field(default_factory=dict)
     """Keys of blocks, each with a function that takes the block, and whether identities are hidden, and returns the
     metrics of a run."""

@@ -14,7 +14,6 @@ from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.claim import Claim
 from trackbench.subjects.envelope.margins import margins, slices
-from trackbench.subjects.envelope.replay import contradictions
 from trackbench.subjects.envelope.task import task_of
 
 QUALITY = "envelope/sensor_quality"
@@ -51,15 +50,6 @@ def test_the_page_says_where_there_is_none(made: FinishedEnvelope) -> None:
     # The map over azimuth and rate, of the world recorded.
     part = next(part for part in slices(made.claim, 1, 2) if part.at[0][1] == "recorded")
     assert part.absent == ((1.0, "none (recorded at 10 Hz)"),)
-
-
-def test_the_claim_follows_from_itself(made: FinishedEnvelope) -> None:
-    task = task_of(load_scenario(QUALITY, FEW))
-    assert not [*contradictions(made.envelope, made.claim, task)]
-    false = AbsentCells(at={"world": "ideal", "rate": 20.0}, reason="recorded at 10 Hz")
-    claim = made.claim.model_copy(update={"absent": [*made.claim.absent, false]})
-    problems = [str(each) for each in contradictions(type(made.envelope)(claim, made.envelope.parts), claim, task)]
-    assert any("world ideal, rate 20 Hz" in each for each in problems)
 
 
 def test_a_map_of_nothing_but_copies_is_refused() -> None:

@@ -144,10 +144,6 @@ def test_the_command(worse: EnvelopeDiff, before: Envelope, after: Envelope, tmp
         (["diff"], "Missing argument 'A'"),
         (["diff", "a", "b", "c"], "unexpected extra argument"),
         (["dif", "a", "b"], "Did you mean 'diff'?"),
-        (["verify", "a"], "Did you mean '--verify'?"),
-        (["--verify"], "Missing argument 'CLAIM'"),
-        (["small.yaml", "--verify", "a"], "unexpected extra argument"),
-        (["--verify=a"], "there is no such file"),
         (["diff", "a", "b"], "there is no such file"),
         ([], "Missing argument 'SCENARIO'"),
     ],
@@ -159,7 +155,7 @@ def test_mistaken_use(words: list[str], message: str, cli: Cli) -> None:
     assert message in done.err
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--verify", "--help"], ["diff", "-h"]])
+@pytest.mark.parametrize("words", [["--help"], ["diff", "-h"]])
 def test_help(words: list[str], cli: Cli) -> None:
     done = cli("envelope", *words)
 

@@ -17,11 +17,11 @@ from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning import evaluation
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import compare_held_out
-from trackbench.subjects.tuning.labelled import PackedAvailability, score_labelled
+from trackbench.subjects.tuning.labelled import score_labelled
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.study import trial_of
+from trackbench.subjects.tuning.trials import trial_of
 
 CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
 SCENARIO = {
@@ -67,7 +67,7 @@ def test_what_a_trial_gives_beyond_the_start_does_not_count(scenario: Scenario) 
     assert (trial.values["log_likelihood"][1] < all_of_it.values["log_likelihood"][1]).all()
     assert (trial.values["log_likelihood"][0] != all_of_it.values["log_likelihood"][0]).all()
     found = trial_of(OBJECTIVES["likelihood"], {"initial.skip": 0}, late([{"initial.skip": 0}])[0], [start])
-    assert found.parts["likelihood"] == pytest.approx(-trial.value("log_likelihood"), rel=1e-12)
+    assert found.loss == pytest.approx(-trial.value("log_likelihood"), rel=1e-12)
 
 
 def test_a_trial_that_lacks_an_innovation_of_the_start_is_refused(scenario: Scenario) -> None:
@@ -131,14 +131,6 @@ def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch:
         assert other is not None
         for name, values in one.values.items():
             np.testing.assert_allclose(values, other.values[name], rtol=1e-12, err_msg=name)
-
-
-def test_masks_are_packed_and_unpacked() -> None:
-    mask = np.random.default_rng(0).random((21, 2, 5)) < 0.5
-    parts = [PackedAvailability.of(mask[..., runs]) for runs in (slice(0, 2), slice(2, 5))]
-    joined = PackedAvailability.joined(parts)
-    np.testing.assert_array_equal(joined.unpacked(), mask)
-    np.testing.assert_array_equal(joined.of_runs(range(1, 4)).unpacked(), mask[..., 1:4])
 
 
 SENSORS = {

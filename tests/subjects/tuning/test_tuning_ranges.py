@@ -15,7 +15,6 @@ import trackbench as tb
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
-from trackbench.subjects.tuning.entry import stated_default
 from trackbench.subjects.tuning.parameters import has_option, parse_range, require_tunable, start_values, why_no_start
 
 Cli = Callable[..., Any]
@@ -23,14 +22,6 @@ IMM = "{filter: ekf, motion: {imm: [{model: cv, acceleration_sigma_mps2: 1}, {mo
 MORE = f"""trackers:
   imm: {IMM}stay_s: [5, 2]}}}}
   own: {{use: 'own:Own', options: {{alpha: 2}}}}
-"""
-OWN = """class Own:
-    def __init__(self, alpha, beta=0.25, *, gamma=-1, delta=len("ab")):
-        pass
-
-
-def made(beta=3) -> Own:
-    return Own(beta)
 """
 
 
@@ -95,16 +86,9 @@ def test_an_option_is_there_whether_or_not_a_value_suits_it(scenario: Scenario) 
         assert not has_option(scenario, "ekf", text)
 
 
-def test_the_default_of_an_argument_is_read_from_its_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
-    found = [stated_default("own:Own", option, tmp_path) for option in ("alpha", "beta", "gamma", "delta")]
-    assert found == [None, 0.25, -1, None]
-    assert stated_default("own:made", "beta", tmp_path) == 3
-    assert stated_default("other:made", "beta", tmp_path) is None
-    monkeypatch.chdir(tmp_path)
-    scenario = load(TEXT.replace("trackers:\n", MORE))
-    ranges = [parse_range(text, scenario, "own") for text in ("options.alpha=1:3", "options.beta=0.1:1")]
-    assert start_values(scenario, "own", ranges) == {"options.alpha": 2.0, "options.beta": 0.25}
+def test_a_start_that_is_not_tried_is_told(scenario: Scenario) -> None:
+    ranges = [parse_range(text, scenario, "own") for text in ("options.alpha=1:3", "options.alpha=0.5,2")]
+    assert [start_values(scenario, "own", [item]) for item in ranges] == [{"options.alpha": 2.0}, {"options.alpha": 2}]
     ranges = [parse_range(text, scenario, "own") for text in ("options.alpha=3:4", "options.delta=0.1:1")]
     assert list(why_no_start(scenario, "own", ranges)) == [
         "options.alpha is 2 in the scenario, which is not in its range, so the search did not begin with the start.",

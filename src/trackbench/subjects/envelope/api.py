@@ -6,7 +6,6 @@ import hashlib
 import json
 import platform
 import shlex
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -15,9 +14,7 @@ from typing import Any
 from trackbench.api.plan import Counter, Listener
 from trackbench.api.result import Report
 from trackbench.api.scenario import Named, loaded_scenario
-from trackbench.base.errors import InputError
 from trackbench.base.execution import Executor, executor
-from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
@@ -95,9 +92,8 @@ def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: L
     task = task_of(loaded)
     for note in check_plugins(task.loaded, plan.isolation):
         listener.note(note)
-    retune = _retuner(executor) if task.config.retune else None
     store = Store(plan.store, map_signature(task, plan))
-    return EnvelopeMap(task, executor, plan.isolation, plan.engine, store, retune)
+    return EnvelopeMap(task, executor, plan.isolation, plan.engine, store)
 
 
 def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
@@ -118,7 +114,6 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         scenario=config.name,
         file=shown_name(task.loaded.path),
         text=task.loaded.text,
-        files=hashes_of(task.loaded),
         overrides=list(task.loaded.overrides),
         claim=task.config.claim,
         confidence=task.config.confidence,
@@ -183,19 +178,6 @@ def map_signature(task: EnvelopeTask, plan: EnvelopePlan) -> str:
 
 def _versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
-
-
-def _retuner(executor: Executor) -> Callable[[Scenario], Scenario]:
-    """What tunes the trackers of a cell: another subject offers it.
-
-    Raises:
-        InputError: none does.
-    """
-    tuners = [target for _, target in offered("tuners")]
-    if not tuners:
-        raise InputError("nothing here tunes trackers", key="envelope.retune")
-    tune: Callable[[Scenario, Executor], Scenario] = resolve(tuners[0])
-    return lambda loaded: tune(loaded, executor)
 
 
 def command_of_envelope(loaded: Scenario, plan: EnvelopePlan) -> str:

@@ -113,8 +113,6 @@ class Claim(ResultModel):
     """The scenario file, as it was named."""
     text: str
     """Of that file."""
-    files: dict[str, str]
-    """By name, the sha256 of each module, program and log that the scenario names."""
     overrides: list[str]
     claim: Literal["these scenes", "traffic like these"]
     confidence: float
@@ -202,10 +200,6 @@ class Claim(ResultModel):
             for name in self.trackers
         }
 
-    def by_point(self) -> dict[Point, ClaimCell]:
-        """The cells by their values of the axes."""
-        return {cell.at: cell for cell in self.cells}
-
 
 @dataclass(frozen=True)
 class Envelope:
@@ -276,12 +270,11 @@ def read_claim(place: Path) -> Claim:
         raise InputError(f"there is no {CLAIM} of an envelope", file=place) from None
 
 
-def read_envelope(place: Path, *, hashed: bool = True) -> Envelope:
+def read_envelope(place: Path) -> Envelope:
     """The claim of a folder with the values of its runs.
 
     Args:
         place: the folder, or the claim in it.
-        hashed: whether the values must have the hash that the claim states.
 
     Raises:
         InputError: one is not there, damaged, or of another map.
@@ -298,7 +291,7 @@ def read_envelope(place: Path, *, hashed: bool = True) -> Envelope:
         raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from None
     if parts.schema != parts_of([]).schema or any(column.null_count for column in parts.columns):
         raise InputError("is not the table of a claim: cell, limit, part and value", file=file)
-    if hashed and hash_of(parts) != claim.parts_hash:
+    if hash_of(parts) != claim.parts_hash:
         raise InputError("is not the table of this claim: its values have another hash", file=file)
     return Envelope(claim, parts)
 

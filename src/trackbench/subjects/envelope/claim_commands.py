@@ -1,4 +1,4 @@
-"""What is done with finished maps: ``trackbench envelope --verify``, ``diff``, and cells as test cases."""
+"""What is done with finished maps: ``trackbench envelope diff``, and cells as test cases."""
 
 from __future__ import annotations
 
@@ -9,12 +9,8 @@ from typing import Literal
 import click
 
 from trackbench import results
-from trackbench.base.execution import executor
 from trackbench.cli.answer import print_answer
-from trackbench.cli.options import FAILED_EXPECTATION, WORKERS, Whole, github_option, isolation_options, write_suites
-from trackbench.cli.run_output import RunOutput
-from trackbench.cli.terminal import quiet_option
-from trackbench.driving.isolation import Isolation
+from trackbench.cli.options import FAILED_EXPECTATION, github_option, write_suites
 from trackbench.report.junit import Case, Suite
 from trackbench.scenario import Scenario
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit, State, TrackerState, place_of_cell
@@ -47,66 +43,6 @@ def _values(limits: list[ClaimedLimit], tracker: TrackerState) -> Iterator[str]:
         if value.value is not None:
             ends = ["" if end is None else f"{end:.4g}" for end in (value.low, value.high)]
             yield f"{value.state}: {limit.metric} is {value.value:.4g}, surely {' to '.join(filter(None, ends))}"
-
-
-#: Discrepancies that are printed.
-MOST_SHOWN = 20
-
-
-@click.command("--verify")
-@click.argument("claim", type=click.Path(path_type=Path), metavar="CLAIM")
-@click.option("--seed", type=Whole(0), metavar="S", help="Repeat the draw of the cells that printed it.")
-@click.option(
-    "--beside",
-    type=click.Path(path_type=Path, file_okay=False, exists=True),
-    metavar="DIR",
-    help="Folder of the modules and logs that the scenario names.",
-)
-@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays.")
-@click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N.")
-@isolation_options
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and nothing else.")
-@quiet_option("The outcome alone.")
-def verify_command(
-    claim: Path,
-    seed: int | None,
-    beside: Path | None,
-    workers: int | None,
-    cluster: str | None,
-    isolation: Isolation,
-    as_json: bool,
-    quiet: bool,
-) -> None:
-    """Replay a tenth of the cells of a claim.
-
-    What the claim states must also follow from itself.
-
-    CLAIM is the folder of an envelope, or the claim.json in it. The cells are drawn anew each time. They are made
-    again from what the claim holds, by the trackers that its scenario names, and must give the same states and
-    runs, and the same values to 1e-9.
-
-    \b
-    Examples:
-      trackbench envelope --verify results/highway-envelope
-      trackbench envelope --verify claim.json --seed 7 --json
-
-    \b
-    Exit status: 0 equal, 1 not, 2 bad input
-    """
-    from trackbench.subjects.envelope.replay import verify
-
-    output = RunOutput(as_json, quiet)
-    with executor(workers, cluster) as chosen:
-        verification = verify(claim, seed=seed, beside=beside, isolation=isolation, chosen=chosen, listener=output)
-    if as_json:
-        print_answer(results.json_text(verification.json()), nl=False)
-    else:
-        for note in verification.notes:
-            click.echo(note, err=True)
-        for item in [] if quiet else verification.discrepancies[:MOST_SHOWN]:
-            print_answer(f"DIFFERS  {item}")
-        print_answer(verification.outcome)
-    raise click.exceptions.Exit(0 if verification.passed else FAILED_EXPECTATION)
 
 
 @click.command("diff")

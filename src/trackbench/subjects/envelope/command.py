@@ -32,12 +32,8 @@ from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import require_file
 
-_PACKAGE = "trackbench.subjects.envelope"
-#: Commands on claims: the first word of the line, and of ``--verify`` any.
-WORDS = {
-    "--verify": f"{_PACKAGE}.claim_commands:verify_command",
-    "diff": f"{_PACKAGE}.claim_commands:diff_command",
-}
+#: Commands on claims, by the first word of the line.
+WORDS = {"diff": "trackbench.subjects.envelope.claim_commands:diff_command"}
 
 
 class EnvelopeGroup(click.Group):
@@ -49,11 +45,9 @@ class EnvelopeGroup(click.Group):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        words = [part for item in args for part in _parts(item)]
-        word = "--verify" if "--verify" in words else words[0] if words else ""
+        word, words = (args[0], args[1:]) if args else ("", [])
         if word not in WORDS:
             return super().make_context(info_name, args, parent, **extra)
-        words.remove(word)
         command: click.Command = resolve(WORDS[word])
         return command.make_context(f"{info_name} {word}", words, parent, **extra)
 
@@ -76,14 +70,9 @@ class EnvelopeGroup(click.Group):
         return command
 
 
-def _parts(item: str) -> list[str]:
-    """``--verify=CLAIM`` as two words."""
-    return item.split("=", 1) if item.startswith("--verify=") else [item]
-
-
 def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """The commands and the scenarios."""
-    words = [CompletionItem(word) for word in WORDS if word.startswith(incomplete) and not word.startswith("-")]
+    words = [CompletionItem(word) for word in WORDS if word.startswith(incomplete)]
     return words + scenario_paths(ctx, parameter, incomplete)
 
 
@@ -91,7 +80,7 @@ def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str)
     "envelope",
     cls=EnvelopeGroup,
     invoke_without_command=True,
-    subcommand_metavar="| --verify CLAIM | diff A B",
+    subcommand_metavar="| diff A B",
 )
 @click.argument(
     "scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True, shell_complete=first_words

@@ -160,9 +160,6 @@ envelope:
     resolution: Annotated[float, Field(gt=0, le=0.5)] = Field(
         1 / 32, description="Share of a continuous axis down to which the map is refined near a border."
     )
-    retune: bool = Field(
-        False, description="Whether the process noise of each tracker is tuned anew in each cell before it is judged."
-    )
     scale: dict[Name, Positive] = Field(
         default_factory=dict,
         description="What counts as one unit of distance along an axis, instead of its range, for the nearest "

@@ -153,12 +153,11 @@ def counter_sections(claim: Claim, listed: bool = True) -> Iterator[Section]:
 
 
 def nearest_section(claim: Claim) -> Section:
-    """The nearest counter-example in a sentence, and the command that shows it; that which checks the claim else."""
+    """The nearest counter-example in a sentence, and the command that shows it."""
     counter = claim.counter_examples
     if counter is None or not counter.examples:
         none = "None was made." if any(claim.counts(name)["fails"] for name in claim.trackers) else "No cell fails."
-        commands = Code("trackbench envelope --verify claim.json", "sh")
-        return Section("Nearest counter-example", (Paragraph(none), Paragraph(_NEXT), commands))
+        return Section("Nearest counter-example", (Paragraph(none),))
     item = min(counter.examples, key=lambda example: example.distance)
     facts = Items(
         (

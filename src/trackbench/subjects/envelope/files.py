@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from trackbench import results
 from trackbench.api.save import pages, with_artifacts
-from trackbench.base.errors import InputError
 from trackbench.base.files import read_bytes
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
@@ -96,22 +95,6 @@ def hashes_of(loaded: Scenario) -> dict[str, str]:
     """By name, as the scenario has it or relative to its folder, the sha256 of each file."""
     files = sorted(dict(_named(loaded)).items())
     return {name: hashlib.sha256(read_bytes(file)).hexdigest() for name, file in files}
-
-
-def require_same(loaded: Scenario, hashes: Mapping[str, str]) -> None:
-    """Make sure that the files are those of which the hashes are.
-
-    Raises:
-        InputError: one is missing or another.
-    """
-    here = hashes_of(loaded)
-    for name, digest in hashes.items():
-        if name not in here:
-            message = f"{name}, which the scenario names, is not there: say by --beside in which folder it is"
-            raise InputError(message, file=loaded.path)
-        if here[name] != digest:
-            message = f"{name} is not the one of the claim: its sha256 is {here[name][:12]}..., not {digest[:12]}..."
-            raise InputError(message, file=loaded.path)
 
 
 def _named(loaded: Scenario) -> Iterator[tuple[str, Path]]:

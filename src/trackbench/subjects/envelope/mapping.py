@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -183,7 +183,6 @@ class EnvelopeMap:
         isolation: how plug-ins are kept apart.
         engine: what computes.
         store: keeps what was made, so that an interrupted command goes on.
-        retune: makes the scenario of a cell one with tuned trackers.
     """
 
     def __init__(
@@ -193,7 +192,6 @@ class EnvelopeMap:
         isolation: Isolation = ISOLATED,
         engine: EngineName = "auto",
         store: Store | None = None,
-        retune: Callable[[Scenario], Scenario] | None = None,
     ) -> None:
         self.task = task
         self.cells: dict[Point, MapCell] = {}
@@ -203,13 +201,12 @@ class EnvelopeMap:
         """That computed the cells."""
         self.executor, self.isolation, self.engine_choice = executor, isolation, engine
         self._store = store or Store(None, "")
-        self._retune = retune
         numbers = tuple(extent.parts for extent in task.extents)
         self._spending = Spending(1.0 - task.config.confidence, task.config.cells * len(task.trackers), numbers)
         self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
 
     def another(self) -> EnvelopeMap:
-        """One of the same task that is made in the same way, without cells; it keeps no runs and tunes no tracker."""
+        """One of the same task that is made in the same way, without cells; it keeps no runs."""
         return EnvelopeMap(self.task, self.executor, self.isolation, self.engine_choice)
 
     def make(self, progress: NotedProgress = no_progress) -> None:
@@ -246,8 +243,7 @@ class EnvelopeMap:
     def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:
         """Make those of some points, until each is decided or its budget is spent; see :meth:`make`."""
         scenarios = (self.task.scenario_at(point) for point in points)
-        tuned = scenarios if self._retune is None else map(self._retune, scenarios)
-        self.finish([self.empty(*pair, added) for pair in zip(points, tuned, strict=True)], progress)
+        self.finish([self.empty(*pair, added) for pair in zip(points, scenarios, strict=True)], progress)
 
     def finish(self, cells: Sequence[MapCell], progress: NotedProgress = no_progress) -> None:
         """Make the runs of some cells, until each is decided or its budget is spent; see :meth:`make`."""

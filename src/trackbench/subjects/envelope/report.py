@@ -154,10 +154,9 @@ def claim_sentence(claim: Claim) -> str:
     resting = [cell for cell in claim.cells if cell.assumed]
     assumed = f" {counted(len(resting), 'cell')} of them rest on figures assumed for {_assumed(resting)}."
     assumed = assumed if resting else ""
-    tuned = " The process noise of each built-in tracker is tuned in each cell." if claim.config.retune else ""
     return (
         f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
-        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{absent}{assumed}{_rests_on(claim)}{tuned}"
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{absent}{assumed}{_rests_on(claim)}"
     )
 
 

@@ -26,8 +26,7 @@ _PAGES = {
     "claim": (
         (
             "file",
-            "`claim.json`: every cell of a map, and what is needed to make it again. `trackbench envelope --verify` "
-            "replays a tenth of the cells.",
+            "`claim.json`: every cell of a map, and what is needed to make it again.",
         ),
     ),
     "undecided": (

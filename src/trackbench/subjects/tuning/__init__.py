@@ -4,6 +4,5 @@ from trackbench.base.subjects import Offer, Subject
 
 SUBJECT = Subject(
     commands={"tune": Offer(f"{__name__}.command:tune_command", "Find the options with which trackers do best.")},
-    tuners={"process noise": f"{__name__}.retune:retuned"},
     api={"tune": f"{__name__}.api:tune"},
 )

@@ -36,8 +36,7 @@ from trackbench.subjects.tuning.parameters import (
     why_no_start,
 )
 from trackbench.subjects.tuning.report import tuning_document, tuning_summary
-from trackbench.subjects.tuning.search import usual_trials
-from trackbench.subjects.tuning.study import require_optuna
+from trackbench.subjects.tuning.study import require_optuna, usual_trials
 from trackbench.subjects.tuning.tune import Tuning, TuningTask, lacks_truth, require_objective, tune_tracker
 
 
@@ -60,7 +59,7 @@ class TunePlan:
 
 
 def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
-    """The objective of a name; unless given, T-GOSPA where there is one, and else the likelihood."""
+    """Return the objective of a name; unless given, T-GOSPA where there is one, and else the likelihood."""
     if name is None:
         hidden = any(item.config.sensing.identities == "hidden" and not lacks_truth(item) for item in scenarios)
         name = "tgospa" if hidden else "likelihood"
@@ -104,13 +103,13 @@ def tune_trackers(
     ]
     tunings = []
     for task in tasks:
-        with listener.progress(task.tracker, "evaluations") as advance:
+        with listener.progress(task.tracker, "trials") as advance:
             tunings.append(tune_tracker(task, benches, executor, plan.isolation, plan.engine, advance))
     return tunings
 
 
 def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: TunePlan) -> TuningTask:
-    """What is tuned of one tracker; the first scenario says what its options are, and the others must take them."""
+    """Return the task of one tracker; the first scenario says what its options are, and the others must take them."""
     first = scenarios[0]
     # A range is for a tracker that has the option, or for all where none of those that are tuned has.
     own = [
@@ -132,7 +131,7 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
         objective=plan.objective,
         parameters=tuple(parameters),
         start=start_values(first, name, parameters),
-        count=plan.trials or usual_trials(parameters, len(plan.objective.axes) > 1),
+        count=plan.trials or usual_trials(parameters),
         seed=plan.seed,
         storage=plan.storage,
         notes=(*notes, *why_no_start(first, name, parameters)),
@@ -146,27 +145,26 @@ def _bench(loaded: Scenario, executor: Executor, listener: Listener) -> Bench:
 
 
 class TunedTrackers:
-    """What a tuning found. A notebook shows it as a page, ``print`` as text; ``found["ekf_cv"]`` is one tracker's."""
+    """Tuned trackers. A notebook shows them as a page, ``print`` as text; ``tuned["ekf_cv"]`` is one of them."""
 
     def __init__(self, tunings: Sequence[Tuning], scenarios: Sequence[Scenario], command: str) -> None:
         self._found, self._scenarios, self._command = tunings, scenarios, command
 
     @property
     def values(self) -> dict[str, dict[str, Any]]:
-        """By tracker, its best values by option, as ``load`` takes them after ``trackers.NAME.``."""
+        """Best values by tracker and option, as ``load`` takes them after ``trackers.NAME.``."""
         return {item.tracker: dict(item.best.values) for item in self._found}
 
     def json(self) -> dict[str, Any]:
-        """All numbers, as ``trackbench tune --json`` prints them."""
+        """Return all numbers, as ``trackbench tune --json`` prints them."""
         return tuning_content(self._found, self._command)
 
     def report(self) -> Report:
-        """The report, as ``trackbench tune`` writes it."""
+        """Return the report, as ``trackbench tune`` writes it."""
         return Report(tuning_document(self._found, self._command))
 
     def save(self, out: Path | str) -> list[str]:
-        """Write the scenario with the found values, the report and the numbers; returns the names of the files
-        and of the folder of the figures.
+        """Write the scenario with the tuned values, the report and the numbers; return the names of the files.
 
         Args:
             out: a file whose name ends in ``.yaml``; for several scenarios a folder.
@@ -217,7 +215,7 @@ def tune(
         trackers: names of those that are tuned, each by itself.
         ranges: by option the least and the largest value as a tuple, or a list of choices; or texts such as
             ``"acceleration_sigma_mps2=0.1:30"``. The process noise, unless given.
-        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``tgospa``, ``pareto`` or a metric of the
+        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``tgospa`` or a metric of the
             scenario; unless given, ``tgospa`` with hidden identities and a truth, else ``likelihood``.
         trials: how many sets of values are tried.
         storage: an SQLite file that keeps the trials, so that an interrupted search goes on.
@@ -230,8 +228,7 @@ def tune(
         seed: of the search.
         workers: number of processes.
         engine: what computes, as for :func:`run`.
-        progress: called with the number of evaluations done and of all of a tracker: the trials, then a pass over each
-            option.
+        progress: called with the number of trials made and of all of a tracker.
 
     Raises:
         InputError: something is wrong in a scenario, a range or the storage, or Optuna is not installed.
@@ -246,7 +243,7 @@ def tune(
     plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split, engine=engine)
     names = listed(trackers)
     with executor(workers, None) as chosen:
-        tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "evaluations"))
+        tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
     return TunedTrackers(tunings, loaded, command_of_tuning(loaded, names, plan, default_out(loaded)))
 
 
@@ -257,7 +254,7 @@ def _require_numbers(least: int, **options: Any) -> None:
 
 
 def _texts(ranges: Any) -> tuple[str, ...]:
-    """Ranges as the command line writes them."""
+    """Return ranges as the command line writes them."""
     if isinstance(ranges, Mapping):
         return tuple(_text(key, value) for key, value in ranges.items())
     texts = tuple(listed(ranges)) if isinstance(ranges, Iterable) else (ranges,)
@@ -277,7 +274,7 @@ def _text(key: str, values: Any) -> str:
 
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:
-    """What repeats a tuning."""
+    """Return the command that repeats a tuning."""
     options = {
         "--objective": plan.objective.name,
         "--trials": plan.trials,

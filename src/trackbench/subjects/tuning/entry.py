@@ -1,11 +1,9 @@
-"""The source of a tracker of one's own, and the defaults that it states."""
+"""The entry of a tracker in a scenario, some of its options changed."""
 
 from __future__ import annotations
 
-import ast
 import copy
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -20,61 +18,16 @@ from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
 from trackbench.trackers.config import AnyTracker, FilterConfig, ImmConfig, PluginConfig
 
-
-def stated_default(use: str, option: str, folder: Path) -> Any:
-    """The default of an argument of a tracker's class, or of a function that makes it; None where it is not known.
-
-    The source is read and not run: such a tracker is imported in its own process alone.
-
-    Args:
-        use: ``"module:Class"``; the default of a published name is not known.
-        option: the argument.
-        folder: where the module is looked for, before the working directory.
-    """
-    file = module_file(use, folder)
-    if file is None:
-        return None
-    try:
-        maker = _named(use.partition(":")[2], ast.parse(file.read_bytes()).body)
-        function = _named("__init__", maker.body) if isinstance(maker, ast.ClassDef) else maker
-        if not isinstance(function, ast.FunctionDef):
-            return None
-        arguments = function.args
-        positional = [*arguments.posonlyargs, *arguments.args]
-        defaults: dict[str, ast.expr | None] = {
-            argument.arg: default
-            for argument, default in (
-                *zip(reversed(positional), reversed(arguments.defaults), strict=False),
-                *zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True),
-            )
-        }
-        default = defaults.get(option)
-        return None if default is None else ast.literal_eval(default)
-    except (SyntaxError, ValueError):
-        return None
-
-
-def module_file(use: str, folder: Path) -> Path | None:
-    """The file of the module of ``"module:Class"`` in a folder or the working directory; None where there is none."""
-    module, _, name = use.partition(":")
-    files = (place.joinpath(*module.split(".")).with_suffix(".py") for place in (folder, Path.cwd()))
-    return next((file for file in files if name and file.is_file()), None)
-
-
-def _named(name: str, body: Sequence[ast.stmt]) -> ast.stmt | None:
-    return next((item for item in body if isinstance(item, ast.ClassDef | ast.FunctionDef) and item.name == name), None)
-
-
 Entry = FilterConfig | PluginConfig
 Values = Mapping[str, Any]
-#: Before the number of a model in the key of its mean time.
+#: Key of the mean time of a model, before the number of the model.
 STAYS = "motion.stay_s."
 
 _TRACKER: TypeAdapter[Entry] = TypeAdapter(AnyTracker)
 
 
 def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]:  # noqa: B006
-    """The entry as a scenario writes it, with some options changed."""
+    """Return the entry as a scenario writes it, with some options changed."""
     entry: dict[str, Any] = copy.deepcopy(loaded.document.value["trackers"][tracker])
     for key, value in values.items():
         set_value(entry, key.split("."), copy.deepcopy(value), Origin("--range"))
@@ -82,7 +35,7 @@ def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]
 
 
 def entry_with(loaded: Scenario, tracker: str, values: Values) -> Entry:
-    """The entry of a tracker, some of its options changed.
+    """Return the entry of a tracker, with some options changed.
 
     Raises:
         ValidationError: the values do not go together.
@@ -91,7 +44,7 @@ def entry_with(loaded: Scenario, tracker: str, values: Values) -> Entry:
 
 
 def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
-    """Why the scenario does not take these values of a tracker's options; None where it does."""
+    """Return why the scenario does not take these values of a tracker's options; None where it does."""
     try:
         trackers = {**loaded.document.value["trackers"], tracker: plain(loaded, tracker, values)}
         ScenarioConfig.model_validate(
@@ -106,15 +59,13 @@ def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
 
 
 def current(loaded: Scenario, tracker: str, key: str) -> Any:
-    """The value that an option has in the scenario, or by default; None where that is not known."""
+    """Return the value that an option has in the scenario, or by default; None where it is unknown."""
     config = loaded.config
     node: Any = config.trackers[tracker]
     parts = key.split(".")
     if parts[0] == "measurement_noise" and len(parts) == 3 and isinstance(node, FilterConfig):
         stated = node.measurement_noise.get(parts[1], {}).get(parts[2])
         return getattr(config.sensors.get(parts[1]), parts[2], None) if stated is None else stated
-    if isinstance(node, PluginConfig) and len(parts) == 2 and parts[0] == "options" and parts[1] not in node.options:
-        return stated_default(node.reference, parts[1], loaded.folder)
     if (
         isinstance(node, FilterConfig)
         and isinstance(node.motion, MotionModel)
@@ -134,7 +85,7 @@ def current(loaded: Scenario, tracker: str, key: str) -> Any:
 
 
 def varies_in_batch(entry: Entry, key: str) -> bool:
-    """Whether trials that differ in this option alone can go through the filter as one batch."""
+    """Return whether trials that differ in this option alone can go through the filter as one batch."""
     if not isinstance(entry, FilterConfig) or entry.associate is not None:
         return False
     if key.startswith("measurement_noise."):
@@ -148,7 +99,7 @@ def varies_in_batch(entry: Entry, key: str) -> bool:
 
 
 def combined(entry: FilterConfig, columns: Mapping[str, Array]) -> FilterConfig:
-    """The entry with an array ``(batch,)`` for each of some noise levels, one for each of the batch."""
+    """Return the entry with an array ``(batch,)`` for each of some noise levels, one level a member."""
     noise: dict[str, dict[str, Any]] = {name: dict(sigmas) for name, sigmas in entry.measurement_noise.items()}
     motion: Any = entry.motion
     for key, column in columns.items():
@@ -170,7 +121,7 @@ def combined(entry: FilterConfig, columns: Mapping[str, Array]) -> FilterConfig:
 
 
 def _motion_option(entry: FilterConfig, key: str) -> tuple[MotionModel, str] | None:
-    """The motion model that a key is an option of, and the option's name."""
+    """Return the motion model that a key is an option of, and the option's name."""
     parts = key.split(".")
     if isinstance(entry.motion, ImmConfig):
         if len(parts) == 4 and parts[:2] == ["motion", "imm"] and parts[2].isdecimal():

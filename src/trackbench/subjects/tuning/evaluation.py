@@ -27,7 +27,7 @@ from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.subjects.tuning.entry import Entry, Values, combined, entry_with, varies_in_batch
-from trackbench.subjects.tuning.labelled import GAP, LogTime, PackedAvailability, score_labelled
+from trackbench.subjects.tuning.labelled import GAP, Availability, LogTime, score_labelled
 from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import FilterConfig
@@ -41,11 +41,11 @@ MOST_TRIALS = 64
 
 
 class Outcome(NamedTuple):
-    """What became of a trial in one scenario."""
+    """Result of a trial in one scenario."""
 
     sums: Sums | None
     failed: str = ""
-    """Why it has none."""
+    """Reason why there are none."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +55,16 @@ class Bench:
     scenario: Scenario
     truths: Sequence[LoadedTruth]
     held_out: bool | None = None
-    """Of a log, whether it is the stretches of time that are held out, or those that are tuned on; None: all."""
+    """Whether the held-out stretches of a log are scored, or the stretches that are tuned on; None for all."""
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """Name of the scenario."""
         return self.scenario.config.name
 
     @property
     def hidden(self) -> bool:
-        """Whether nobody labelled the detections."""
+        """Whether the identities of detections are hidden."""
         return self.scenario.config.sensing.identities == "hidden"
 
 
@@ -72,54 +72,54 @@ class _Batch(NamedTuple):
     """Trials that go through the measurements together."""
 
     trials: tuple[int, ...]
-    """Their places among all."""
+    """Indices of the trials among all."""
     entries: tuple[Entry, ...]
     points: tuple[Values, ...]
     keys: tuple[str, ...]
-    """In which they differ."""
+    """Options in which the trials differ."""
 
     def part(self, here: slice) -> _Batch:
-        """Some of the trials."""
+        """Return the batch of some of the trials."""
         return _Batch(self.trials[here], self.entries[here], self.points[here], self.keys)
 
 
 class _Start(NamedTuple):
-    """What the tracker gives as it is in one scenario."""
+    """Result of the tracker before it is tuned, in one scenario."""
 
     outcome: Outcome
-    counted: tuple[PackedAvailability | None, ...]
-    """Of each scene; None where it failed, and where nobody labelled the detections."""
+    counted: tuple[Availability | None, ...]
+    """Counted innovations by scene; None where the tracker failed or identities are hidden."""
     engine: EngineUsed | None
-    """What computed it; None of a tracker that is not built in."""
+    """What computed a built-in tracker; None for any other."""
 
 
 class _Piece(NamedTuple):
-    """What a trial gives in some runs of one scene."""
+    """Result of a trial in some runs of one scene."""
 
     sums: Sums | str
-    """Or why there are none."""
-    available: PackedAvailability | None = None
-    """Of the start of a tracker of labelled objects."""
+    """Sums, or the reason why there are none."""
+    available: Availability | None = None
+    """Innovations of the start, if identities are known."""
     engine: EngineUsed | None = None
-    """What computed the tracker."""
+    """What computed a built-in tracker."""
 
 
 class _Scene(NamedTuple):
-    """What all trials of a scene share."""
+    """Constants of all trials of a scene."""
 
     work: Work
-    counted: PackedAvailability | None
-    """None where nobody labelled the detections, and for the start, which says what is counted."""
+    counted: Availability | None
+    """Counted innovations; None where identities are hidden, and for the start, which decides what counts."""
     metric: Metric | None
-    """That is summed beside the usual measures, where it is none of these."""
+    """Metric of the objective, if it is none of the usual measures."""
     measure: str
-    """Of tracks, that is kept beside the usual ones."""
+    """Measure of tracks that is summed beside the usual ones."""
     log_time: LogTime | None = None
-    """Of a single run, the stretches of time that are summed by themselves."""
+    """Stretches of a single run that are summed by themselves."""
 
 
 class Evaluator:
-    """Makes trials of one tracker, each scored on the estimates and innovations that the tracker gives as it is.
+    """Makes trials of one tracker, each scored on the estimates and innovations that the start gives.
 
     Args:
         benches: the scenarios.
@@ -161,24 +161,24 @@ class Evaluator:
         return np.zeros(sums.values["nees"].shape[1], dtype=np.intp)
 
     def _log_time(self, bench: Bench, work: Work) -> LogTime | None:
-        """The stretches of time of a single run; None where runs or scenes are what is independent."""
+        """Return the stretches of time of a single run; None where runs or scenes are independent."""
         if bench.hidden or self._metric is not None or not work.over_stretches:
             return None
         return LogTime(max(work.settle, GAP), bench.held_out)
 
     @property
     def start(self) -> list[Outcome]:
-        """What the tracker gives as it is, in each scenario."""
+        """Outcomes of the tracker before it is tuned, by scenario."""
         return [start.outcome for start in self._start]
 
     @property
     def engine_used(self) -> EngineUsed | None:
-        """What computes the tracker; None of one that is not built in."""
+        """What computes a built-in tracker; None for any other."""
         return joined_engines(start.engine for start in self._start if start.engine is not None)
 
     @cached_property
     def _start(self) -> list[_Start]:
-        """What the tracker gives as it is; by NumPy, as all trials then, where a kernel of a user's model differs."""
+        """Results of the start. Where a kernel of a user's model differs, NumPy computes the start and all trials."""
         starts = self._started()
         if not any(start.engine is not None and start.engine.differs for start in starts):
             return starts
@@ -198,14 +198,14 @@ class Evaluator:
             counted = []
             for pieces in results:
                 masks = [piece.available for piece in pieces if piece.available is not None]
-                counted.append(PackedAvailability.joined(masks) if len(masks) == len(pieces) else None)
+                counted.append(np.concatenate(masks, axis=-1) if len(masks) == len(pieces) else None)
             every = [piece for pieces in results for piece in pieces]
             engine = joined_engines(piece.engine for piece in every if piece.engine is not None)
             starts.append(_Start(_joined([piece.sums for piece in every]), tuple(counted), engine))
         return starts
 
     def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[Outcome]]:
-        """Of each point its outcome in each scenario.
+        """Return the outcome of each point in each scenario.
 
         Args:
             points: values by the parameters' keys; empty for the tracker as it is.
@@ -230,7 +230,7 @@ class Evaluator:
         return [[_joined(parts) for parts in outcomes] for outcomes in sums]
 
     def _made(
-        self, bench: Bench, work: Work, batches: Sequence[_Batch], counted: Sequence[PackedAvailability | None] = ()
+        self, bench: Bench, work: Work, batches: Sequence[_Batch], counted: Sequence[Availability | None] = ()
     ) -> Iterator[list[_Piece]]:
         """Make the pieces of some batches, as ``_all_pieces`` orders them; an outcome for each trial of the batch."""
         make, log_time = _hidden if bench.hidden else _labelled, self._log_time(bench, work)
@@ -244,7 +244,7 @@ class Evaluator:
     def _batches(
         self, loaded: Scenario, points: Sequence[Values], sums: Sequence[list[Sums | str]]
     ) -> Iterator[_Batch]:
-        """The trials in batches; of one whose values do not go together it is noted why."""
+        """Yield the trials in batches; note why a trial has values that do not go together."""
         groups: dict[str, _Batch] = {}
         for trial, point in enumerate(points):
             try:
@@ -262,20 +262,20 @@ class Evaluator:
 
 
 def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
-    """The runs of a scene, so many at a time that a batch fits the processor's cache; it does not change them."""
+    """Yield the runs of a scene in pieces that fit the processor's cache; pieces do not change the results."""
     size = max(1, LARGEST_BATCH // (trials * max(1, len(work.scenes[scene].truth.ids))))
     for first in range(0, work.runs, size):
         yield BlockRuns(scene, range(first, min(first + size, work.runs)))
 
 
 def _all_pieces(work: Work, batch: _Batch) -> Iterator[BlockRuns]:
-    """The runs of all scenes, in pieces for the trials of a batch."""
+    """Yield the runs of all scenes, in pieces for the trials of a batch."""
     for scene in range(len(work.scenes)):
         yield from _pieces(work, scene, len(batch.trials))
 
 
 def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
-    """Trials that follow several objects from detections of hidden identities, one after the other."""
+    """Make trials with hidden identities, one after the other."""
     pieces = []
     for entry in batch.entries:
         block = run_block(replace(scene.work, trackers={TRIAL: entry}), piece)
@@ -293,7 +293,7 @@ def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
 
 
 def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
-    """Trials of single objects, with what the objective's metric sums of the same runs, as a run sums it."""
+    """Make trials with known identities; the metric of the objective is summed in a second pass, as a run does."""
     pieces = _together(scene, piece, batch)
     if scene.metric is None:
         return pieces
@@ -310,9 +310,9 @@ def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
 
 
 def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
-    """The usual measures of the trials of a batch; where the arithmetic of one fails, each by itself."""
+    """Return the usual measures of a batch; where the arithmetic of one trial fails, make each trial by itself."""
     number, entry, work = len(batch.trials), batch.entries[0], scene.work
-    counted = None if scene.counted is None else scene.counted.of_runs(piece.runs).unpacked()
+    counted = None if scene.counted is None else scene.counted[..., piece.runs.start : piece.runs.stop]
     if number > 1 and isinstance(entry, FilterConfig) and batch.keys:
         size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
         # Trials come slowest.
@@ -328,11 +328,11 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
         if not isinstance(error, np.linalg.LinAlgError):
             raise
         return [_together(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
-    return [_Piece(item, PackedAvailability.of(available) if counted is None else None, engine) for item in sums]
+    return [_Piece(item, available if counted is None else None, engine) for item in sums]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:
-    """The runs of all scenes together."""
+    """Return the outcome over the runs of all scenes."""
     for part in parts:
         if isinstance(part, str):
             return Outcome(None, part)

@@ -41,7 +41,7 @@ OTHER_STRETCHES = "other stretches of the same logs"
 
 @dataclass(frozen=True)
 class Split:
-    """What is tuned on and what is tried on; None: as usual."""
+    """Sizes and seeds of what is tuned on and tried on; None as usual."""
 
     train_scenes: int | None = None
     test_scenes: int | None = None
@@ -58,11 +58,11 @@ class Halves:
     train: Scenario
     test: Scenario
     apart: str
-    """What tells them apart, in words; empty where nothing does."""
+    """Difference of the two in words; empty where there is none."""
 
 
 def halved(loaded: Scenario, split: Split) -> Halves:
-    """The scenario with some scenes and noise, and with others.
+    """Return the scenario with some scenes and noise, and with others.
 
     The scenes tried on are the scenario's own, and those after them; the noise of both is drawn by different seeds.
 
@@ -101,12 +101,12 @@ def halved(loaded: Scenario, split: Split) -> Halves:
 
 
 def number_of_parts(config: ScenarioConfig) -> int:
-    """Of scenes, or of the stretches of logs."""
+    """Return the number of scenes, or of stretches of logs."""
     return len(config.truth.counted_stretches) or len(config.truth.scenes())
 
 
 def _halved_logs(loaded: Scenario) -> Halves:
-    """Every second log or stretch is held out; of one log nothing yet, see :func:`halved_in_time`."""
+    """Hold out every second log or stretch; one log is divided by :func:`halved_in_time`."""
     truth = loaded.config.truth
     if not isinstance(truth, RecordingTruth) or number_of_parts(loaded.config) == 1:
         return Halves(loaded, loaded, "")
@@ -118,7 +118,7 @@ def _halved_logs(loaded: Scenario) -> Halves:
 
 
 def halved_in_time(bench: Bench, objective: Objective) -> tuple[Bench, Bench, str]:
-    """A log with the stretches of time to tune on, the same with those to try on, and what tells the two apart.
+    """Return a log with stretches of time to tune on, with others to try on, and the difference in words.
 
     Nothing is held out, and nothing tells them apart, where the log is too short, or where the score is not a sum over
     time: with hidden identities, and of a metric that has one value in a run.
@@ -132,7 +132,7 @@ def halved_in_time(bench: Bench, objective: Objective) -> tuple[Bench, Bench, st
 
 
 def _drawn(loaded: Scenario, runs: int, seed: int, scenes: list[int] | None = None) -> Scenario:
-    """The scenario with other runs, noise and scenes."""
+    """Return the scenario with other runs, noise and scenes."""
     config = loaded.config
     truth = config.truth if scenes is None else config.truth.model_copy(update={"seeds": scenes})
     monte_carlo = config.monte_carlo.model_copy(update={"runs": runs, "seed": seed})
@@ -151,9 +151,9 @@ class MeasureComparison:
     difference: Contrast
     """Tuned minus start."""
     p_value: float
-    """Corrected for the number of scenarios."""
+    """p-value, corrected for the number of scenarios."""
     verdict: str
-    """Of the tuned values: better, worse, larger, smaller, equivalent or undecided."""
+    """Verdict on the tuned values: better, worse, larger, smaller, equivalent or undecided."""
 
 
 class LackingMeasure(NamedTuple):
@@ -162,23 +162,23 @@ class LackingMeasure(NamedTuple):
     scenario: str
     measure: str
     why: str
-    """What the tuned values lack."""
+    """Reason, in words."""
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """What start and tuned values reach where the search has not looked."""
+    """Comparison of start and tuned values where the search has not looked."""
 
     comparisons: tuple[MeasureComparison, ...]
     scenes: dict[str, int]
-    """By scenario."""
+    """Number of scenes by scenario."""
     runs: dict[str, int]
     failed: str = ""
-    """Why there is no comparison."""
+    """Reason why there is no comparison."""
     not_compared: tuple[LackingMeasure, ...] = ()
 
     def of(self, measure: str) -> list[MeasureComparison]:
-        """The comparisons by one measure."""
+        """Return the comparisons by one measure."""
         return [item for item in self.comparisons if item.measure == measure]
 
 
@@ -216,7 +216,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
 def _by(
     measure: str, metric: Metric, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
 ) -> list[MeasureComparison]:
-    """By one measure, the p-values corrected for the number of scenarios."""
+    """Compare by one measure, with p-values corrected for the number of scenarios."""
     better, unit = metric.better, "" if metric.unit == "1" else metric.unit
     rows = []
     for number, own_sums, other_sums in pairs:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import closing
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
 from trackbench.driving.drive import deliveries, scans_read
@@ -34,7 +32,7 @@ GAP = 1.0
 
 
 class LogTime(NamedTuple):
-    """Which stretches of time of a single run are scored, each by itself.
+    """The stretches of time of a single run that are scored, each by itself.
 
     Held-out stretches alternate with those that are tuned on, so that both have whatever the log has at all times.
     """
@@ -46,11 +44,11 @@ class LogTime(NamedTuple):
 
     @property
     def shortest(self) -> float:
-        """Duration of a log of which something can be held out, s."""
+        """Shortest duration of a log of which a part can be held out, s."""
         return 2 * (SHORTEST + self.gap)
 
     def stretch(self, time: Array) -> Indices:
-        """``(instants,)`` number of the stretch of each, -1 where it does not count.
+        """Return the number of the stretch of each instant ``(instants,)``, -1 where it does not count.
 
         Args:
             time: ``(instants,)`` s.
@@ -65,40 +63,13 @@ class LogTime(NamedTuple):
         return np.where(scored, number // 2, -1)
 
 
-Bytes = npt.NDArray[np.uint8]
+#: Where a tracker gives an innovation, ``(scans, objects, runs)``, the scans in the order in which they are taken.
+#: Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is
+#: a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the true
+#: values.
+Availability = Mask
 #: So many instants are summed at once, as far as their estimates fit the processor's cache.
 KEPT_INSTANTS, KEPT_ESTIMATES = 64, 8000
-
-
-class PackedAvailability(NamedTuple):
-    """Of which objects and runs of one scene there is an innovation of a scan, in bits, as it is sent to processes.
-
-    Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is
-    a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the true
-    values.
-    """
-
-    innovations: Bytes
-    """``(scans / 8, objects, runs)`` of bytes, the scans in the order in which they were taken."""
-    scans: int
-
-    @classmethod
-    def of(cls, innovations: Mask) -> PackedAvailability:
-        """The packed mask ``(scans, objects, runs)``."""
-        return cls(np.packbits(innovations, axis=0), len(innovations))
-
-    @classmethod
-    def joined(cls, parts: Sequence[PackedAvailability]) -> PackedAvailability:
-        """Those of consecutive runs of a scene as one."""
-        return cls(np.concatenate([part.innovations for part in parts], axis=-1), parts[0].scans)
-
-    def of_runs(self, runs: range) -> PackedAvailability:
-        """Of some runs alone."""
-        return self._replace(innovations=self.innovations[..., runs.start : runs.stop])
-
-    def unpacked(self) -> Mask:
-        """The mask."""
-        return np.unpackbits(self.innovations, axis=0, count=self.scans).view(bool)
 
 
 def score_labelled(
@@ -106,10 +77,10 @@ def score_labelled(
     piece: BlockRuns,
     entry: Entry,
     trials: int = 1,
-    counted: Mask | None = None,
+    counted: Availability | None = None,
     log_time: LogTime | None = None,
-) -> tuple[list[Sums], Mask, EngineUsed | None]:
-    """The sums of several trials over some runs of one scene, and what computed them.
+) -> tuple[list[Sums], Availability, EngineUsed | None]:
+    """Return the sums of several trials over some runs of one scene, the counted innovations, and what computed them.
 
     Args:
         work: what all blocks share.
@@ -153,7 +124,7 @@ def score_labelled(
 
 
 def _tiled(scan: Scan, trials: int) -> Scan:
-    """The scan for a batch of trials, which come slowest."""
+    """Return the scan for a batch of trials, which vary slowest."""
     if trials == 1:
         return scan
     return scan._replace(measurement=np.tile(scan.measurement, (1, trials)), valid=np.tile(scan.valid, trials))
@@ -168,7 +139,7 @@ class _Sums:
         entry: Entry,
         shape: tuple[int, int, int],
         scans: int,
-        counted: Mask | None,
+        counted: Availability | None,
         stretch: Indices | None,
     ) -> None:
         self._state, self._due = targets.state, targets.due
@@ -189,10 +160,9 @@ class _Sums:
         kept = max(1, min(KEPT_INSTANTS, KEPT_ESTIMATES // batch))
         self._mean, self._covariance = np.empty((4, kept, batch)), np.empty((4, 4, kept, batch))
         self._first = self._held = 0
-        self._innovations: list[tuple[int, int, Mask, Estimate]] = []
 
     def add_error(self, instant: int, estimate: Estimate | None) -> None:
-        """Of what is due; a missing estimate is charged as in a run, and has no NEES."""
+        """Hold the estimates of an instant; a missing one is charged as in a run, and has no NEES."""
         if self._held and self._part(instant) != self._part(self._first):
             self.flush()
         if not self._held:
@@ -204,17 +174,25 @@ class _Sums:
             self.flush()
 
     def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
-        """Of the scan of a number."""
-        self._innovations.append((instant, number, scan.valid, estimate))
+        """Add the log-likelihoods of the innovations of a scan."""
+        log_density = log_likelihood(estimate)
+        if log_density is None:
+            return
+        log_density = log_density.reshape(self._shape)
+        summed = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
+        if self._counted is None:
+            summed = np.asarray(summed & self._due[instant])
+            self.available[number] = summed[0]
+        else:
+            summed = summed & self._counted[number]
+        self._add("log_likelihood", log_density[None], summed[None], self._part(instant))
 
     def flush(self) -> None:
-        """Sum what was kept of the latest instants, in their order."""
-        with np.errstate(all="ignore"):
-            if self._held:
+        """Sum the estimates that are held, in the order of their instants."""
+        if self._held:
+            with np.errstate(all="ignore"):
                 self._sum_errors(slice(self._first, self._first + self._held))
-            self._sum_innovations()
         self._held = 0
-        self._innovations.clear()
 
     def _sum_errors(self, here: slice) -> None:
         mean, shape = self._mean[:, : self._held], (self._held, *self._shape)
@@ -237,19 +215,6 @@ class _Sums:
         for k in range(self._held):
             self._nees[..., part] += np.einsum("cor,ftor->fctr", self._member[:, here.start + k], counted[:, k])
 
-    def _sum_innovations(self) -> None:
-        densities = _log_likelihoods([estimate for *_, estimate in self._innovations])
-        for (instant, number, valid, _), log_density in zip(self._innovations, densities, strict=True):
-            if log_density is not None:
-                log_density = log_density.reshape(self._shape)
-                predicted = valid.reshape(self._shape) & ~np.isnan(log_density)
-                if self._counted is None:
-                    summed = np.asarray(predicted & self._due[instant])
-                    self.available[number] = summed[0]
-                else:
-                    summed = predicted & self._counted[number]
-                self._add("log_likelihood", log_density[None], summed[None], self._part(instant))
-
     def of_trials(self) -> list[Sums]:
         by_run = {name: [values.sum(axis=1) for values in both] for name, both in self._sums.items()}
         by_run |= {name: list(self._nees[:, number]) for number, name in enumerate(CONDITIONS)}
@@ -259,35 +224,15 @@ class _Sums:
         ]
 
     def _part(self, instant: int) -> slice:
-        """The sums that an instant belongs to: those of all runs, or of its stretch."""
+        """Return the part of the sums that an instant belongs to: all runs, or its stretch."""
         if self._stretch is None:
             return slice(None)
         number = max(0, int(self._stretch[instant]))
         return slice(number, number + 1)
 
     def _add(self, name: str, values: Array, where: Mask, part: slice) -> None:
-        """Of consecutive instants, one after the other, so that the sums do not depend on how many are kept."""
+        """Add values instant by instant, so that the sums do not depend on how many instants are held."""
         total, count = self._sums[name]
         for value, counted in zip(np.where(where, values, 0.0), where, strict=True):
             total[..., part] += value
             count[..., part] += counted
-
-
-def _log_likelihoods(estimates: Sequence[Estimate]) -> list[Array | None]:
-    """As ``log_likelihood`` of each; those of equally many components are computed together."""
-    groups: dict[int, list[tuple[int, Array, Array]]] = {}
-    densities: list[Array | None] = []
-    for place, estimate in enumerate(estimates):
-        y, s = estimate.innovation, estimate.innovation_covariance
-        together = estimate.log_likelihood is None and y is not None and s is not None
-        densities.append(None if together else log_likelihood(estimate))
-        if y is not None and s is not None and together:
-            size = len(y)
-            groups.setdefault(size, []).append((place, y.reshape(size, -1), s.reshape(size, size, -1)))
-    for group in groups.values():
-        places, innovations, covariances = zip(*group, strict=True)
-        y, s = np.stack(innovations, axis=1), np.stack(covariances, axis=2)
-        values = log_likelihood(estimates[0]._replace(innovation=y, innovation_covariance=s, log_likelihood=None))
-        for place, value in zip(places, values if values is not None else (), strict=True):
-            densities[place] = value
-    return densities

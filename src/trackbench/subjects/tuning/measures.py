@@ -1,4 +1,4 @@
-"""What is kept of a trial: of each run the sums of its errors and of the likelihood of its innovations."""
+"""Sums that are kept of a trial, by run: errors and the log-likelihood of innovations."""
 
 from __future__ import annotations
 
@@ -53,34 +53,34 @@ NEES_DOF = 4
 
 @dataclass(frozen=True)
 class Sums:
-    """Of each run and measure, the total of its terms and their number."""
+    """Total and number of the terms of each measure, by run."""
 
     values: dict[str, Array]
-    """By measure ``(2, runs)``."""
+    """``(2, runs)`` total and number, by measure."""
     metric: Metric | None = None
-    """That of the objective, if it is none of the measures."""
+    """Metric of the objective, if it is none of the measures."""
     blocks: tuple[MetricSums, ...] = ()
-    """Its sums of consecutive runs, by accumulator."""
+    """Sums of the metric over consecutive runs, by accumulator."""
 
     @classmethod
     def joined(cls, parts: Sequence[Sums]) -> Sums:
-        """Those of consecutive runs as one."""
+        """Return the sums of consecutive runs as one."""
         values = {name: np.concatenate([part.values[name] for part in parts], axis=1) for name in parts[0].values}
         return cls(values, parts[0].metric, tuple(block for part in parts for block in part.blocks))
 
     @property
     def measures(self) -> dict[str, Metric]:
-        """By name, every measure that start and tuned may be compared by."""
+        """Measures by which start and tuned values may be compared, by name."""
         names = dict.fromkeys([*OF_ALL, *(name for name in self.values if name in TRACK_METRICS)])
         own = {} if self.metric is None else {self.metric.name: self.metric}
         return {name: MEASURES[name] for name in names} | own
 
     def has(self, name: str) -> bool:
-        """Whether a measure was summed."""
+        """Return whether a measure was summed."""
         return name in self.values or (self.metric is not None and name == self.metric.name)
 
     def interval(self, name: str, scene: Indices) -> Interval | None:
-        """A measure with what each run, or scene, adds to it; None where no run tells it.
+        """Return a measure with what each run, or scene, adds to it; None where no run has it.
 
         Args:
             name: of the measure.
@@ -96,13 +96,13 @@ class Sums:
         return None if interval is None else clustered(interval, scene)
 
     def value(self, name: str) -> float:
-        """A measure over all runs; NaN where no run tells it."""
+        """Return a measure over all runs; NaN where no run has it."""
         runs = next(iter(self.values.values())).shape[1]
         interval = self.interval(name, np.zeros(runs, dtype=np.intp))
         return np.nan if interval is None else interval.value
 
     def lacking(self, start: Sums, measures: Sequence[str]) -> str | None:
-        """What there is less of than with the start's values, or is not finite, so that the two cannot be compared.
+        """Return what is missing beside the start, or is not finite, so that the two cannot be compared; else None.
 
         An error is charged for a missing estimate, a likelihood and a NEES are not.
 
@@ -124,7 +124,7 @@ class Sums:
 
 
 def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
-    """What a block computes for a metric: that, and of estimates the sums that any block has."""
+    """Return the metrics that a block computes for one; a block of estimates needs their coverage too."""
     return (Coverage(), metric) if metric.scores == "estimates" else (metric,)
 
 
@@ -151,8 +151,10 @@ def condition_members(classes: Classes) -> Array:
 
 
 def log_nees_by_condition(sums: Sums, start: Sums) -> Iterator[tuple[str, float]]:
-    """By condition of which the start gives enough estimates, the logarithm of the mean NEES over its degrees of
-    freedom: of every trial the same conditions."""
+    """Yield each condition with the logarithm of the mean NEES over its degrees of freedom.
+
+    All trials have the same conditions: those under which the start gives enough estimates.
+    """
     everything = start.values["nees"][1].sum()
     for name in (*CONDITIONS, *HALVES):
         if start.values[name][1].sum() >= SMALLEST_SHARE * everything:
@@ -161,5 +163,5 @@ def log_nees_by_condition(sums: Sums, start: Sums) -> Iterator[tuple[str, float]
 
 
 def condition_excess(value: float) -> float:
-    """How far such a logarithm is beyond what is allowed."""
+    """Return how far the logarithm of a mean NEES over its degrees of freedom is beyond the tolerance."""
     return max(0.0, value - HIGH, LOW - value)

@@ -1,4 +1,4 @@
-"""What is tuned of a tracker: options and the ranges of their values, as given or as usual."""
+"""Options of a tracker that are tuned, and the ranges of their values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Parameter:
     """An option of a tracker and the values that are tried."""
 
     key: str
-    """As ``sweep:`` writes it: ``initial.velocity_sigma_mps``."""
+    """Key as ``sweep:`` writes it: ``initial.velocity_sigma_mps``."""
     scale: Scale
     low: float = 0.0
     high: float = 1.0
@@ -37,29 +37,25 @@ class Parameter:
     """Whether the option takes no smaller values than the low end, and no larger ones than the high end."""
 
     @property
-    def continuous(self) -> bool:
-        """Whether values lie between any two."""
-        return self.scale in ("log", "linear", "odds")
+    def is_number(self) -> bool:
+        """Whether the values are numbers."""
+        return self.scale != "choice"
 
-    def from_unit(self, share: float) -> float:
-        """The value at a share of the range, on the scale; of a continuous one."""
-        low, high = self._stretch(self.low), self._stretch(self.high)
-        stretched = low + min(max(share, 0.0), 1.0) * (high - low)
-        if self.scale == "odds":
-            # With as many digits of its distance from one as of itself.
-            odds = 1.0 / (1.0 + math.exp(-stretched))
-            near_one = round(1.0 - float(f"{1.0 - odds:.{DIGITS}g}"), 12)
-            return float(f"{odds:.{DIGITS}g}") if odds < 0.5 else near_one
-        value = math.exp(stretched) if self.scale == "log" else stretched
-        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+    def rounded(self, value: float) -> float:
+        """Return a number in the range, with few digits; of a probability near one, few of its distance from one."""
+        if self.scale == "odds" and value > 0.5:
+            short = round(1.0 - float(f"{1.0 - value:.{DIGITS}g}"), 12)
+        else:
+            short = float(f"{value:.{DIGITS}g}")
+        return min(max(short, self.low), self.high)
 
     def to_unit(self, value: float) -> float:
-        """The share of the range at which a value lies, on the scale."""
+        """Return the share of the range at which a value lies, on the scale."""
         low, high = self._stretch(self.low), self._stretch(self.high)
         return (self._stretch(value) - low) / (high - low)
 
     def edge(self, value: Any) -> float | None:
-        """The end of the range that a value is at, if it is and the range could be wider there."""
+        """Return the end of the range that a value is at; None where it is at none, or the range cannot be wider."""
         if self.scale == "choice":
             return None
         near = 0.0 if self.scale == "integer" else EDGE
@@ -69,13 +65,13 @@ class Parameter:
         return self.high if share >= 1.0 - near and not self.bounds[1] else None
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is one of those that are tried."""
+        """Return whether a value is in the range, or one of the choices."""
         if self.scale == "choice":
             return value in self.choices
         return isinstance(value, int | float) and self.low <= value <= self.high
 
     def as_json(self) -> dict[str, Any]:
-        """What tells it from others."""
+        """Return what tells the parameter from others."""
         if self.scale == "choice":
             return {"key": self.key, "choices": list(self.choices)}
         return {"key": self.key, "low": self.low, "high": self.high, "scale": self.scale}
@@ -92,7 +88,7 @@ class Parameter:
 
 
 def option_text(value: Any) -> str:
-    """A value as a scenario writes it."""
+    """Return a value as a scenario writes it."""
     return f"{value:.10g}" if isinstance(value, float) else json.dumps(value)
 
 
@@ -118,7 +114,7 @@ REPORT_EXISTENCE = (0.5, 0.999)
 
 
 def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
-    """A range as the command line gives it, checked against the tracker.
+    """Parse a range of the command line, checked against the tracker.
 
     Raises:
         InputError: it is no range, or the tracker does not take its values; says which it would.
@@ -156,8 +152,7 @@ def require_tunable(loaded: Scenario, tracker: str) -> None:
 
 
 def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
-    """The ranges for a built-in tracker: its process noise and the mean times of its models; of several objects, gate
-    and confirmation too.
+    """Return the usual ranges of a built-in tracker: process noise, mean times of models, gate and confirmation.
 
     Raises:
         InputError: it is not built in, or has no such option.
@@ -182,7 +177,7 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
 
 
 def noise_ranges(loaded: Scenario, tracker: str, entry: FilterConfig) -> list[Parameter]:
-    """The usual ranges of the process noise of a built-in tracker; none where its motion models do not drive it."""
+    """Return the usual ranges of the process noise; none where the motion models do not drive it."""
     if entry.process_noise_diag is not None:
         return []
     parameters = []
@@ -196,7 +191,7 @@ def noise_ranges(loaded: Scenario, tracker: str, entry: FilterConfig) -> list[Pa
 
 
 def has_option(loaded: Scenario, tracker: str, text: str) -> bool:
-    """Whether a range is of an option that the tracker has: it takes the present value, or one of the range's.
+    """Return whether the tracker has the option of a range: it takes the present value, or one of the range's.
 
     Raises:
         InputError: it is no range.
@@ -208,7 +203,7 @@ def has_option(loaded: Scenario, tracker: str, text: str) -> bool:
 
 
 def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> dict[str, Any] | None:
-    """The values that the tracker has in the scenario; None where one of them is in no range."""
+    """Return the values that the tracker has in the scenario; None where one of them is in no range."""
     values = {item.key: current(loaded, tracker, item.key) for item in parameters}
     if not all(item.holds(values[item.key]) for item in parameters):
         return None
@@ -216,13 +211,13 @@ def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]
         # Of the type of those that are tried: 2 of a scenario may be 2.0 of its tracker.
         if item.scale == "choice":
             values[item.key] = item.choices[item.choices.index(values[item.key])]
-        elif item.continuous:
+        elif item.scale != "integer":
             values[item.key] = float(values[item.key])
     return values
 
 
 def why_no_start(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> Iterator[str]:
-    """For each option whose value of the scenario is not tried, a sentence that says why."""
+    """Yield a sentence for each option whose value of the scenario is not tried."""
     for item in parameters:
         value = current(loaded, tracker, item.key)
         if item.holds(value):
@@ -240,7 +235,7 @@ def _usual(key: str, option: str, start: float) -> Parameter:
 
 
 def _read_range(text: str) -> tuple[str, tuple[Any, ...], bool]:
-    """The key of a range, its ends or choices, and whether they are ends.
+    """Return the key of a range, its ends or choices, and whether they are ends.
 
     Raises:
         InputError: it is no range.

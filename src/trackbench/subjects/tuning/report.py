@@ -8,28 +8,23 @@ from typing import Literal
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
-from trackbench.metrics.breakdown import DOF
-from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, mean_verdict
+from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.tuning import tables
-from trackbench.subjects.tuning.figures import front_figure, pair_figures, response_figure
+from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureComparison
 from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
-from trackbench.subjects.tuning.objectives import NeesDeviation, nees_deviations
 from trackbench.subjects.tuning.parameters import option_text
-from trackbench.subjects.tuning.search import STRONG, correlations
 from trackbench.subjects.tuning.tune import Tuning
 
 Tone = Literal["good", "warn", "bad"]
 
-#: Of the logarithm of a mean NEES over its degrees of freedom, what the verdict tolerates.
-OFF = math.log(1.0 + TOLERANCE)
 _TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad"}
 _VERDICTS = ("better", "worse", "equivalent", "undecided")
 
 
 def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
-    """The verdict on the tuned values, in a line, and how good it is."""
+    """Return the verdict on the tuned values, in a line, and how good it is."""
     compared = tuning.held_out.of(tuning.objective.measure)
     if tuning.held_out.failed:
         return tuning.held_out.failed, "bad"
@@ -60,7 +55,7 @@ def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
 
 
 def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str]) -> str:
-    """The verdict on the tuned values in the only scenario."""
+    """Return the verdict on the tuned values in the only scenario."""
     where, measure = "".join(f" on {text}" for text in narrow), comparison.measure
     sign = 1.0 if tuning.objective.better == "larger" else -1.0
     if comparison.verdict == "better":
@@ -69,7 +64,7 @@ def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str
         gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
         if sign * gain > 0.0:
             return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
-        price = ", the price of consistency" if list(nees_deviations(tuning.best.parts)) else ""
+        price = ", the price of consistency" if tuning.objective.consistent else ""
         return f"worse than the start{where}, as on what they were tuned on{price}"
     if comparison.verdict == "equivalent":
         return f"no better than the start{where}: the difference is within the margin"
@@ -78,7 +73,7 @@ def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str
 
 
 def _values(compared: list[MeasureComparison]) -> str:
-    """Start and tuned of the main measure; over several scenarios by how much it changes in the mean."""
+    """Return start and tuned of the main measure; over several scenarios, its mean change."""
     start, tuned = ([getattr(item, which).value for item in compared] for which in ("start", "tuned"))
     word = WORDS[compared[0].measure]
     if compared[0].measure == "log_likelihood":
@@ -91,7 +86,7 @@ def _values(compared: list[MeasureComparison]) -> str:
 
 
 def _pair(tuned: float, start: float, unit: str = "") -> str:
-    """Two values with the same decimals: those that show the smaller one to four digits, at most four."""
+    """Return two values with the same decimals, at most four: the smaller one has four digits."""
     least = min((abs(value) for value in (tuned, start) if value), default=1.0)
     places = min(4, max(0, 3 - math.floor(math.log10(least))))
     return f"{tuned:.{places}f}{unit}, start {start:.{places}f}{unit}".replace("-", "\N{MINUS SIGN}")
@@ -102,7 +97,7 @@ def _percent(change: float) -> str:
 
 
 def remarks(tuning: Tuning) -> Iterator[str]:
-    """What else should be known of the values."""
+    """Yield what else should be known of the values."""
     for parameter, edge in tuning.edges:
         side = "smallest" if edge == parameter.low else "largest"
         yield (
@@ -110,11 +105,14 @@ def remarks(tuning: Tuning) -> Iterator[str]:
             "tried; widen the range"
         )
     yield from tuning.notes
-    failed = [trial for trial in tuning.trials if not trial.losses]
+    failed = [trial for trial in tuning.trials if trial.failed]
     if failed:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
-    yield from _consistency(tuning)
+    for comparison in tuning.held_out.of("nees") if tuning.objective.consistent else ():
+        word = mean_verdict(comparison.tuned.ci95, NEES_DOF)
+        value = f"mean NEES {comparison.tuned.value:.2f} where {NEES_DOF} is right"
+        yield f"{comparison.scenario}, held out: {value}, {word}"
     for comparison in tuning.held_out.comparisons:
         if comparison.verdict == "worse" and comparison.measure != tuning.objective.measure and any(tuning.apart):
             values = _pair(comparison.tuned.value, comparison.start.value, f" {comparison.unit}".rstrip())
@@ -132,81 +130,41 @@ def remarks(tuning: Tuning) -> Iterator[str]:
             )
 
 
-def _consistency(tuning: Tuning) -> Iterator[str]:
-    """Where a mean NEES is off: on what the values were tuned on, and on what was held out."""
-    for number, (scenario, apart) in enumerate(zip(tuning.scenarios, tuning.apart, strict=True)):
-        off = [nees for nees in nees_deviations(tuning.best.parts) if nees.scenario == number]
-        if not off:
-            continue
-        worst = max(off, key=_beyond)
-        if _beyond(worst) > 0.0:
-            dof = DOF["nees_position"] if worst.condition in HALVES else NEES_DOF
-            where = f" {worst.condition}" if worst.condition else ""
-            text = f"mean NEES {dof * math.exp(worst.value):.2f}{where}, where {dof} is right"
-            tried = [trial.parts for trial in tuning.trials if trial.parts]
-            if all(any(_beyond(nees) > 0.0 for nees in nees_deviations(parts)) for parts in tried):
-                text += "; no values that were tried are consistent"
-            yield f"{scenario}, tuned on: {text}" if apart else f"{scenario}: {text}"
-        for comparison in tuning.held_out.of("nees"):
-            if comparison.scenario == scenario and apart:
-                word = mean_verdict(comparison.tuned.ci95, NEES_DOF)
-                yield f"{scenario}, held out: mean NEES {comparison.tuned.value:.2f} where {NEES_DOF} is right, {word}"
-
-
-def _beyond(nees: NeesDeviation) -> float:
-    """How far a mean NEES is beyond what a verdict tolerates, as a logarithm."""
-    low, high = (math.log(1.0 - BELOW), math.log(1.0 + ABOVE)) if nees.condition else (-OFF, OFF)
-    return max(nees.value - high, low - nees.value)
-
-
 _METHOD = (
-    "All trials took the same measurements. The search begins with evenly spread values, goes on where good ones are "
-    "frequent (the tree-structured Parzen estimator), then follows a quadratic model around the best, and ends with "
-    "each option by itself. Start and tuned values are then held against each other on other scenes or noise, run by "
-    "run."
+    "All trials took the same measurements. The search begins with evenly spread values and goes on where good ones "
+    "are frequent (the tree-structured Parzen estimator of Optuna). Start and tuned values are then compared on other "
+    "scenes or noise, run by run."
 )
 
 
 def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
-    """The whole report.
+    """Return the whole report.
 
     Args:
-        tunings: of each tracker.
-        command: what repeats it.
+        tunings: one of each tracker.
+        command: repeats them.
     """
-    several = len(tunings) > 1
-    blocks: list[Block] = [*_answer(tunings)]
-    for item in tunings:
-        inner = tuple(_tracker(item, f"{item.tracker}-" if several else ""))
-        blocks += [Section(item.tracker, (Paragraph(tuning_headline(item)[0]), *inner))] if several else inner
-    blocks.append(Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh"))))
-    return _document(tunings, blocks)
-
-
-def _answer(tunings: Sequence[Tuning]) -> Iterator[Block]:
-    """One headline, and the gain of each tracker on one axis."""
-    if len(tunings) == 1:
-        yield Paragraph(tuning_headline(tunings[0])[0], strong=True)
-    else:
-        verdicts = {item.tracker: {row.verdict for row in item.held_out.of(item.objective.measure)} for item in tunings}
-        better = [name for name, words in verdicts.items() if "better" in words]
-        worse = [name for name, words in verdicts.items() if "worse" in words]
-        harm = f" Shown to be worse: {joined_names(worse)}." if worse else ""
-        yield Paragraph(f"Shown to be better than the start: {joined_names(better) or 'none'}.{harm}", strong=True)
-    table = tables.gains_table(tunings)
-    if table.rows:
-        yield table
+    pages = [tuple(_page(item, f"{item.tracker}-" if len(tunings) > 1 else "")) for item in tunings]
+    method = Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh")))
+    return _document(tunings, [*_answer(tunings, pages), method])
 
 
 def tuning_summary(tunings: Sequence[Tuning]) -> Document:
-    """What a terminal shows: the values, whether they are better, and how sharply they are known."""
+    """Return what a terminal shows: the values, and whether they are better."""
+    pages = [(tables.values_table(item), tables.held_out_table(item), *_remarks(item)) for item in tunings]
+    return _document(tunings, _answer(tunings, pages))
+
+
+def _answer(tunings: Sequence[Tuning], pages: Sequence[Sequence[Block]]) -> list[Block]:
+    """Return the verdict on each tracker, then the page of each."""
     heads = [tuning_headline(item) for item in tunings]
-    inner = [(tables.values_table(item), tables.held_out_table(item), *_remarks(item)) for item in tunings]
     if len(tunings) == 1:
-        return _document(tunings, [Status(*heads[0]), *inner[0]])
+        return [Status(*heads[0]), *pages[0]]
     answers = [Item(text, item.tracker, tone=tone) for item, (text, tone) in zip(tunings, heads, strict=True)]
-    sections = [Section(item.tracker, blocks) for item, blocks in zip(tunings, inner, strict=True)]
-    return _document(tunings, [Items(tuple(answers)), *sections])
+    return [
+        Items(tuple(answers)),
+        *(Section(item.tracker, tuple(page)) for item, page in zip(tunings, pages, strict=True)),
+    ]
 
 
 def _document(tunings: Sequence[Tuning], blocks: Sequence[Block]) -> Document:
@@ -225,38 +183,20 @@ def _remarks(item: Tuning) -> list[Block]:
     return [Items(items)] if items else []
 
 
-def _tracker(item: Tuning, name: str) -> Iterator[Block]:
+def _page(item: Tuning, name: str) -> Iterator[Block]:
     yield from _remarks(item)
     yield tables.values_table(item, name)
     yield Section(
         "On measurements that it was not tuned on" if any(item.apart) else "Start and tuned",
         (tables.held_out_table(item, name),),
     )
-    if item.front:
-        yield Section("The front", (Row((front_figure(item, name),)), tables.front_table(item, name)))
-    figures = [figure for response in item.responses if (figure := response_figure(item, response, name)) is not None]
+    figures = tuple(trials_figure(item, parameter, name) for parameter in item.parameters if parameter.is_number)
     if figures:
-        around = (tables.response_table(item, name), Row(tuple(figures)), *_pairs(item, name))
-        yield Section("The response around the optimum", around)
-    yield Section("Trials", (tables.trials_table(item, name),), folded=True)
-
-
-def _pairs(item: Tuning, name: str) -> Iterator[Block]:
-    """The trials over each pair of options, and which pairs make up for each other."""
-    pairs = correlations(item.parameters, item.trials, item.best)
-    strong = [f"{a} and {b} ({value:+.2f})" for (a, b), value in pairs.items() if abs(value) > STRONG]
-    if strong:
-        yield Paragraph(
-            f"Hard to tell apart: {joined_names(strong)}. A change of one is made up for by the other; fix one of "
-            "them, or tune on measurements that tell them apart."
-        )
-    figures = pair_figures(item, name)
-    if figures:
-        yield Row(tuple(figures))
+        yield Section("Trials", (Row(figures),))
 
 
 def _split(item: Tuning) -> Block:
-    """On what it was tuned, and on what it was tried."""
+    """Return on what the tracker was tuned and tried, by scenario."""
     rows = []
     for number, scenario in enumerate(item.scenarios):
         trained = f"{counted(item.train_scenes[number], 'scene')} of {counted(item.train_runs[number], 'run')}"

@@ -1,183 +1,32 @@
-"""The trials of a search in an Optuna study: in memory, or in a file that only the same search continues."""
+"""The search for the best values: Optuna proposes them and keeps the trials."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError
-from trackbench.subjects.tuning.entry import Values, module_file, plain
-from trackbench.subjects.tuning.evaluation import Bench, Outcome
-from trackbench.subjects.tuning.measures import WORDS, Sums
-from trackbench.subjects.tuning.objectives import Objective
+from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.trackers.config import PluginConfig
+from trackbench.subjects.tuning.signature import setting_differences
+from trackbench.subjects.tuning.trials import TuningTrial
 
 if TYPE_CHECKING:
     import optuna
     from optuna.distributions import BaseDistribution
 
-
-@dataclass(frozen=True)
-class TuningTrial:
-    """Values that were tried, and what came of them."""
-
-    values: Mapping[str, Any]
-    parts: Mapping[str, float] = field(default_factory=dict)
-    """Quantities of the objective; empty where it failed."""
-    losses: tuple[float, ...] = ()
-    failed: str = ""
-    measures: Mapping[str, float] = field(default_factory=dict)
-    """Geometric mean over the scenarios of what start and tuned are compared by."""
-
-    @property
-    def loss(self) -> float:
-        """The first loss; infinite where it failed."""
-        return self.losses[0] if self.losses else math.inf
-
-
-def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> TuningTrial:
-    """What came of a trial, from its outcome in each scenario and the start's."""
-    parts = objective(outcomes, start)
-    if isinstance(parts, str):
-        return TuningTrial(dict(values), failed=parts)
-    sums = [outcome.sums for outcome in outcomes if outcome.sums is not None]
-    return TuningTrial(dict(values), parts, objective.losses(parts), measures=measures_of(sums))
-
-
-def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
-    """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
-    measures = {}
-    for name in sums[0].measures if sums else ():
-        values = np.array([item.value(name) for item in sums])
-        if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
-            measures[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
-    return measures
-
-
-def best_trial(trials: Sequence[TuningTrial]) -> TuningTrial | None:
-    """The trial with the smallest loss, the first of several; None where all failed."""
-    done = [trial for trial in trials if trial.losses]
-    return min(done, key=lambda trial: trial.loss) if done else None
-
-
-def chosen_of(objective: Objective, trials: Sequence[TuningTrial]) -> TuningTrial | None:
-    """The trial whose values are written, one of the front where there are two losses; None where all failed."""
-    done = [trial for trial in trials if trial.losses]
-    among = front_of(done) if len(objective.axes) > 1 else done
-    return min(among, key=lambda trial: objective.rank(trial.parts)) if among else None
-
-
-def front_of(trials: Sequence[TuningTrial]) -> list[TuningTrial]:
-    """The trials that no other one beats in both losses, by the first one."""
-    done = sorted((trial for trial in trials if trial.losses), key=lambda trial: trial.losses)
-    front: list[TuningTrial] = []
-    for trial in done:
-        if not front or trial.losses[1] < front[-1].losses[1]:
-            front.append(trial)
-    return front
-
-
-#: Results that differ by less, relative to themselves, are those of another processor.
-ROUNDING = 1e-9
-#: Most differences that are told.
-MOST = 3
-#: The part of a signature that follows from all others, unless a file or a program changed.
-START = "start"
-
-
-def study_signature(
-    tracker: str, objective: str, parameters: Sequence[Parameter], seed: int, train: Sequence[Bench], start: list[Sums]
-) -> dict[str, Any]:
-    """What determines the trials of a tracker, as JSON.
-
-    Args:
-        tracker: its name.
-        objective: name of what it is tuned for.
-        parameters: what is tuned.
-        seed: of the search.
-        train: the scenarios.
-        start: what the tracker gives as it is in each. It tells of a changed log, plug-in or program.
-    """
-    return {
-        "objective": objective,
-        "seed": seed,
-        "ranges": {item.key: item.as_json() for item in parameters},
-        "scenarios": {bench.name: _settings(bench, tracker) for bench in train},
-        START: {
-            bench.name: {name: value for name in sums.measures if math.isfinite(value := sums.value(name))}
-            for bench, sums in zip(train, start, strict=True)
-        },
-    }
-
-
-def setting_differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """In what two signatures differ, in words; empty where they do not."""
-    before, after = (
-        dict(_leaves({key: value for key, value in each.items() if key != START}, "")) for each in (kept, now)
-    )
-    pairs = {key: (before.get(key, "not given"), after.get(key, "not given")) for key in {**after, **before}}
-    changes = [f"{key} was {old} and is {new}" for key, (old, new) in pairs.items() if not _same(old, new)]
-    if changes:
-        more = f" and {len(changes) - MOST} more" if len(changes) > MOST else ""
-        return "; ".join(changes[:MOST]) + more
-    for name, measures in now[START].items():
-        for measure, value in measures.items():
-            earlier = kept.get(START, {}).get(name, {}).get(measure, math.nan)
-            if not _same(earlier, value):
-                return (
-                    f"in {name} the start now gives {WORDS[measure]} {value:.6g}, and gave {earlier:.6g}: its code, "
-                    "the measurements or trackbench changed"
-                )
-    return ""
-
-
-def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
-    """Of a scenario what one tracker's trials depend on."""
-    config, document = bench.scenario.config, bench.scenario.document.value
-    entry = config.trackers[tracker]
-    use = entry.reference if isinstance(entry, PluginConfig) else ""
-    source = module_file(use, bench.scenario.folder)
-    return {
-        **{key: value for key, value in document.items() if key not in ("trackers", "expect")},
-        "truth": config.truth.model_dump(mode="json", fallback=str),
-        "monte_carlo": config.monte_carlo.model_dump(mode="json"),
-        "tracker": plain(bench.scenario, tracker),
-        "module": hashlib.sha256(source.read_bytes()).hexdigest()[:12] if source is not None else "",
-    }
-
-
-def _leaves(node: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """The values that are neither mapping nor list, each with its dotted key."""
-    if isinstance(node, Mapping):
-        parts = [*node.items()]
-    elif isinstance(node, list | tuple):
-        parts = [*enumerate(node)]
-    else:
-        yield path, node
-        return
-    for key, value in parts:
-        yield from _leaves(value, f"{path}.{key}" if path else str(key))
-
-
-def _same(first: Any, second: Any) -> bool:
-    if isinstance(first, float) and isinstance(second, float):
-        return math.isclose(first, second, rel_tol=ROUNDING)
-    return bool(first == second)
-
-
-SIGNATURE = "trackbench"
-Direction = Literal["minimize", "maximize"]
+#: Name of the attribute that holds the signature of a study, and of that which holds the values of a trial.
+ATTRIBUTE = "tuning"
+#: Trials that are made between two looks at what was found.
+BATCH = 6
 
 
 def require_optuna() -> None:
@@ -192,140 +41,161 @@ def require_optuna() -> None:
         raise InputError("tuning needs Optuna: pip install 'trackbench[tune]'") from None
 
 
+def usual_trials(parameters: Sequence[Parameter]) -> int:
+    """Return how many trials are made unless the user says."""
+    return 20 + 40 * len(parameters)
+
+
 class Study:
     """The trials of one tracker.
 
     Args:
         name: of the study.
-        storage: an SQLite file; in memory unless given.
+        storage: an SQLite file; None keeps the trials in memory.
         parameters: what is tuned.
-        axes: what each loss is.
-        signature: what determines the trials; a stored study of another one is refused.
+        signature: what determines the trials, as :func:`study_signature` gives it.
+
+    Raises:
+        InputError: the file is no study, or that of another signature.
     """
 
     def __init__(
-        self,
-        name: str,
-        storage: Path | None,
-        parameters: Sequence[Parameter],
-        axes: Sequence[str],
-        signature: Mapping[str, Any],
+        self, name: str, storage: Path | None, parameters: Sequence[Parameter], signature: Mapping[str, Any]
     ) -> None:
         import optuna
-        from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._parameters = parameters
-        self._distributions: dict[str, BaseDistribution] = {}
-        for item in parameters:
-            if item.scale == "choice":
-                self._distributions[item.key] = CategoricalDistribution([json.dumps(choice) for choice in item.choices])
-            elif item.scale == "integer":
-                self._distributions[item.key] = IntDistribution(int(item.low), int(item.high))
-            else:
-                self._distributions[item.key] = FloatDistribution(item.low, item.high, log=item.scale == "log")
-        self._directions: list[Direction] = ["minimize"] * len(axes)
-        self._study = _open(name, storage, self._directions)
-        kept = self._study.user_attrs.get(SIGNATURE)
-        if kept is None:
-            if self._study.get_trials(deepcopy=False):
+        self._distributions = {item.key: _distribution(item) for item in parameters}
+        self._study = _open(name, storage)
+        stored = self._study.user_attrs.get(ATTRIBUTE)
+        if stored is None:
+            if self._stored():
                 raise InputError(f"its study {name!r} is of another program", key="--storage", file=storage)
-            self._study.set_user_attr(SIGNATURE, dict(signature))
-        elif changes := setting_differences(kept, json.loads(json.dumps(signature))):
+            self._study.set_user_attr(ATTRIBUTE, dict(signature))
+        elif changes := setting_differences(stored, signature):
             problem = f"its study {name!r} is of another search: {changes}; give another file"
             raise InputError(problem, key="--storage", file=storage)
-        with _quiet():
-            self._study.set_metric_names(list(axes))
-        self.trials = []
-        for frozen in self._study.get_trials(deepcopy=False):
-            attributes, losses = frozen.user_attrs, tuple(frozen.values or ())
-            values = self._values(frozen.params)
-            self.trials.append(
-                TuningTrial(values, attributes["parts"], losses, attributes["failed"], attributes["measures"])
-            )
 
-    def add(self, trial: TuningTrial) -> None:
-        """Keep a trial; it is there whole, or not at all."""
-        self._study.add_trial(self._frozen(trial))
-        self.trials.append(trial)
+    @property
+    def trials(self) -> list[TuningTrial]:
+        """All trials so far, in the order in which they were made."""
+        return [
+            TuningTrial(loss=math.inf if trial.value is None else trial.value, **trial.user_attrs[ATTRIBUTE])
+            for trial in self._stored()
+        ]
 
-    def space_filling(self, count: int, seed: int) -> list[dict[str, Any]]:
-        """Values spread evenly over all ranges: scrambled Sobol points."""
+    def search(
+        self,
+        start: Values | None,
+        make: Callable[[Sequence[Values]], list[TuningTrial]],
+        count: int,
+        seed: int,
+    ) -> None:
+        """Make trials until the study has so many; those that it has already are not made again.
+
+        What a batch proposes depends on the trials before it and the seed, not on when the search was interrupted.
+
+        Args:
+            start: values that the search begins with; None begins with a random one.
+            make: makes trials of values.
+            count: of trials.
+            seed: of what is drawn.
+        """
+        first, size = 0, 4 + 6 * len(self._parameters)
+        while first < count:
+            size, made = min(size, count - first), len(self._stored())
+            if made < first + size:
+                values = self._proposed(first, size, seed)
+                if first == 0 and start is not None:
+                    values = [dict(start), *values[:-1]]
+                for trial in make(values[max(0, made - first) :]):
+                    # A trial is in the study whole, or not at all.
+                    self._study.add_trial(self._frozen(trial))
+            first, size = first + size, BATCH
+
+    def _proposed(self, first: int, size: int, seed: int) -> list[dict[str, Any]]:
+        """Return scrambled Sobol points at first, then those of the tree-structured Parzen estimator."""
         import optuna
 
-        with _quiet():
-            sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=seed)
-            return self._proposed(sampler, [], count)
+        drawn = int(np.random.SeedSequence([seed, first]).generate_state(1)[0])
+        with _without_warnings():
+            sampler: optuna.samplers.BaseSampler
+            if first == 0:
+                sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=drawn)
+            else:
+                sampler = optuna.samplers.TPESampler(
+                    seed=drawn, multivariate=True, constant_liar=True, n_startup_trials=5
+                )
+            # A study in memory: proposals that were not tried leave nothing in the file.
+            study = optuna.create_study(sampler=sampler)
+            study.add_trials(self._stored()[:first])
+            return [self._values(study.ask(self._distributions).params) for _ in range(size)]
 
-    def promising(self, count: int, seed: int, made: Sequence[TuningTrial]) -> list[dict[str, Any]]:
-        """Values where good ones are frequent among the known trials: the tree-structured Parzen estimator."""
-        import optuna
-
-        with _quiet():
-            sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True, n_startup_trials=5)
-            return self._proposed(sampler, made, count)
-
-    def _proposed(
-        self, sampler: optuna.samplers.BaseSampler, made: Sequence[TuningTrial], count: int
-    ) -> list[dict[str, Any]]:
-        import optuna
-
-        # A study of its own: what it proposes depends on the known trials and the seed alone, however often the search
-        # was interrupted.
-        study = optuna.create_study(directions=self._directions, sampler=sampler)
-        study.add_trials([self._frozen(trial) for trial in made])
-        return [self._values(study.ask(self._distributions).params) for _ in range(count)]
+    def _stored(self) -> list[optuna.trial.FrozenTrial]:
+        return self._study.get_trials(deepcopy=False)
 
     def _frozen(self, trial: TuningTrial) -> optuna.trial.FrozenTrial:
         import optuna
 
-        state = optuna.trial.TrialState.COMPLETE if trial.losses else optuna.trial.TrialState.FAIL
-        kept = {"parts": dict(trial.parts), "measures": dict(trial.measures), "failed": trial.failed}
-        params = {
-            item.key: json.dumps(trial.values[item.key]) if item.scale == "choice" else trial.values[item.key]
-            for item in self._parameters
-        }
+        attribute = {"values": dict(trial.values), "failed": trial.failed, "measures": dict(trial.measures)}
         return optuna.trial.create_trial(
-            state=state,
-            values=list(trial.losses) or None,
-            params=params,
+            state=optuna.trial.TrialState.FAIL if trial.failed else optuna.trial.TrialState.COMPLETE,
+            value=None if trial.failed else trial.loss,
+            params={item.key: _param(item, trial.values[item.key]) for item in self._parameters},
             distributions=self._distributions,
-            user_attrs=kept,
+            user_attrs={ATTRIBUTE: attribute},
         )
 
     def _values(self, params: Mapping[str, Any]) -> dict[str, Any]:
-        values: dict[str, Any] = {}
-        for item in self._parameters:
-            value = params[item.key]
-            if item.scale == "choice":
-                value = json.loads(value)
-            elif item.continuous:
-                value = item.from_unit(item.to_unit(value))
-            values[item.key] = value
-        return values
+        return {item.key: _value(item, params[item.key]) for item in self._parameters}
+
+
+def _distribution(item: Parameter) -> BaseDistribution:
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
+    if item.scale == "choice":
+        return CategoricalDistribution([_param(item, choice) for choice in item.choices])
+    if item.scale == "integer":
+        return IntDistribution(int(item.low), int(item.high))
+    return FloatDistribution(_param(item, item.low), _param(item, item.high), log=item.scale != "linear")
+
+
+def _param(item: Parameter, value: Any) -> Any:
+    """Return what Optuna draws for a value: the text of a choice, the odds of a probability, else the value."""
+    if item.scale == "choice":
+        return json.dumps(value)
+    return value / (1.0 - value) if item.scale == "odds" else value
+
+
+def _value(item: Parameter, param: Any) -> Any:
+    if item.scale == "choice":
+        return json.loads(param)
+    if item.scale == "integer":
+        return param
+    return item.rounded(param / (1.0 + param) if item.scale == "odds" else param)
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Without Optuna's warnings that parts of it are new."""
+def _without_warnings() -> Iterator[None]:
+    """Silence Optuna's warnings that parts of it are new."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
 
 
-def _open(name: str, storage: Path | None, directions: list[Direction]) -> optuna.Study:
+def _open(name: str, storage: Path | None) -> optuna.Study:
     import optuna
 
     if storage is None:
-        return optuna.create_study(directions=directions, study_name=name)
+        return optuna.create_study(study_name=name)
     from sqlalchemy import NullPool
 
     try:
         if storage.is_file() and storage.stat().st_size:
             open_tables(storage).close()
-        with _quiet():
+        with _without_warnings():
             return optuna.create_study(
-                directions=directions,
                 study_name=name,
                 # Without a pool a connection is closed after each use: a study has no end at which to close it.
                 storage=optuna.storages.RDBStorage(f"sqlite:///{storage}", engine_kwargs={"poolclass": NullPool}),
