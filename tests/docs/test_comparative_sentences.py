@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.docs.test_prose import END, FENCE
 from tests.support.places import DOCS, ROOT
 
 RESULTS = ROOT / "results"
+FENCE = re.compile(r"^( *)(`{3,})[^\n]*\n.*?^\1\2$", re.MULTILINE | re.DOTALL)
+END = re.compile(r"(?<=[.!?])[)*\"]*\s+(?=[\w`*(\[/\"])|:\n")
 NAME = r"`?([a-z]\w*)`?"
 #: A comparison with a tracker that is named; "and before `gnn`" keeps the subject of the sentence.
 COMPARED = re.compile(rf"(and )?\b(ahead of|better than|beats|worse than|behind|before) {NAME}(?: and {NAME})?")
