@@ -58,7 +58,7 @@ def command_of(scenario: Scenario, engine: EngineName = "auto") -> str:
     return shlex.join(["trackbench", "run", shown_name(scenario.path), *settings, *only, *by])
 
 
-def numbered(number: int, of: Sequence[object]) -> str:
+def place_prefix(number: int, of: Sequence[object]) -> str:
     """ "2 of 3: ", before what is done of one of several; empty for a single one."""
     return f"{number} of {len(of)}: " if len(of) > 1 else ""
 

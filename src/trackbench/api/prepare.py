@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trackbench import results
-from trackbench.api.plan import Listener, Prepared, RunPlan, numbered
+from trackbench.api.plan import Listener, Prepared, RunPlan, place_prefix
 from trackbench.api.provenance import provenance_of
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Executor
@@ -30,7 +30,7 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
             results.require_replaceable(plan.out / scenario.config.full_name)
     pending = [PendingTruths(scenario, executor) for scenario in scenarios]
     return [
-        _prepared(scenario, truths, listener, numbered(i, scenarios))
+        _prepared(scenario, truths, listener, place_prefix(i, scenarios))
         for i, (scenario, truths) in enumerate(zip(scenarios, pending, strict=True), 1)
     ]
 

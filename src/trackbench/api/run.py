@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple, overload
 
 from trackbench import results
-from trackbench.api.plan import Counter, Listener, Prepared, RunPlan, command_of, numbered
+from trackbench.api.plan import Counter, Listener, Prepared, RunPlan, command_of, place_prefix
 from trackbench.api.prepare import prepare
 from trackbench.api.result import ReportableResult
 from trackbench.api.save import pages, save
@@ -145,7 +145,7 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
     for number, item in enumerate(prepared, 1):
         while waiting and len(begun) <= ahead:
             begun.append(start(waiting.popleft()))
-        place, observe = numbered(number, prepared), listener.begin(item)
+        place, observe = place_prefix(number, prepared), listener.begin(item)
         with listener.progress(f"{place}{item.scenario.config.full_name}", "runs") as advance:
             result = begun.popleft().collect(partial(command_of, engine=plan.engine), advance, observe)
             result = result.updated(provenance=item.provenance)
