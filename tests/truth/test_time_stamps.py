@@ -17,7 +17,7 @@ import yaml
 
 from trackbench.base.errors import InputError
 from trackbench.truth.formats.tables import Csv, Parquet
-from trackbench.truth.recorded.rows import Clock, rows_of_columns
+from trackbench.truth.recorded.rows import TimeColumn, rows_of_columns
 
 START = Decimal(1_714_564_800)  # 2024-05-01 12:00 UTC
 
@@ -43,7 +43,7 @@ def test_spellings_of_a_time_stamp(text: str, seconds: str) -> None:
     assert bool(clock.notes) == (text.strip() == "2024-05-01T12:00:00")
 
 
-def times(cells: list[str | None]) -> Clock:
+def times(cells: list[str | None]) -> TimeColumn:
     return rows_of_columns(Path("a.csv"), {"time": cells}).times("time", 1.0)
 
 

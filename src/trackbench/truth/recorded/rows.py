@@ -29,7 +29,7 @@ _KINDS = ("a number", "a time stamp with a zone", "a time stamp without a zone")
 FROM_ZERO_S = 1e7
 
 
-class Clock(NamedTuple):
+class TimeColumn(NamedTuple):
     """A column of times."""
 
     seconds: Array
@@ -120,7 +120,7 @@ class Rows:
             raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}")
         return values
 
-    def times(self, column: str, factor: float) -> Clock:
+    def times(self, column: str, factor: float) -> TimeColumn:
         """Return a column of times.
 
         Args:
@@ -143,13 +143,13 @@ class Rows:
             return stamps._replace(notes=(no_zone,)) if kinds[0] == _WITHOUT_ZONE else stamps
         values = self.numbers(column, 1.0, "time") / per_second
         if np.abs(values).max() <= FROM_ZERO_S:
-            return Clock(values)
+            return TimeColumn(values)
         try:
-            return _exact_clock(cells.cast(pa.int64()).to_numpy(), per_second)
+            return _exact_times(cells.cast(pa.int64()).to_numpy(), per_second)
         except pa.ArrowInvalid:
             exact = [Decimal(cell) / per_second for cell in cells.to_pylist()]
             start = min(exact).to_integral_value(ROUND_FLOOR)
-            return Clock(np.array([float(time - start) for time in exact]), start)
+            return TimeColumn(np.array([float(time - start) for time in exact]), start)
 
     def texts(self, column: str) -> list[str]:
         """Return ``(rows,)`` the cells of a column as texts."""
@@ -208,14 +208,14 @@ class Rows:
             return self.error(row, f"{column} is empty, where a number is expected")
         return self.error(row, f"{column} is not a finite number: {self.cell(row, column)}")
 
-    def _time_stamps(self, column: str) -> tuple[Indices, Clock | None]:
+    def _time_stamps(self, column: str) -> tuple[Indices, TimeColumn | None]:
         """``(rows,)`` the kind of each cell of a column of times, and the times where all are time stamps."""
         cells = self.table[column]
         if types.is_timestamp(cells.type):
             if cells.null_count:
                 raise self._no_number(int(np.argmax(cells.is_null().to_numpy())), column)
             kind = _WITHOUT_ZONE if cells.type.tz is None else _WITH_ZONE
-            stamps = _exact_clock(cells.cast(pa.int64()).to_numpy(), PER_SECOND[cells.type.unit])
+            stamps = _exact_times(cells.cast(pa.int64()).to_numpy(), PER_SECOND[cells.type.unit])
             return np.full(len(cells), kind), stamps
         if not _is_text(cells.type):
             return np.zeros(len(cells), dtype=np.intp), None
@@ -231,20 +231,24 @@ class Rows:
         if times.isna().any():
             row = int(np.argmax(times.isna()))
             raise self.error(row, f"{column} is no time of ISO 8601: {self.cell(row, column)}")
-        return kinds, _exact_clock(times.astype("int64").to_numpy(), PER_SECOND[times.dt.unit])
+        return kinds, _exact_times(times.astype("int64").to_numpy(), PER_SECOND[times.dt.unit])
 
 
-def _exact_clock(stamps: Indices, per_second: int) -> Clock:
+def _exact_times(stamps: Indices, per_second: int) -> TimeColumn:
     start = int(stamps.min()) // per_second
-    return Clock((stamps - start * per_second) / per_second, Decimal(start))
+    return TimeColumn((stamps - start * per_second) / per_second, Decimal(start))
 
 
 def _is_text(kind: pa.DataType) -> bool:
     return bool(types.is_string(kind))
 
 
-def with_rows(rows: Rows) -> Rows:
-    """Refuse a table without a row."""
+def require_rows(rows: Rows) -> Rows:
+    """Return the table.
+
+    Raises:
+        InputError: it has no row.
+    """
     if not len(rows):
         raise InputError("the file has no row of data", file=rows.file)
     return rows

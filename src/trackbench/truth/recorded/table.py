@@ -35,7 +35,7 @@ from trackbench.truth.recorded.drive import (
 )
 from trackbench.truth.recorded.mcap import LogPart, log_columns
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
-from trackbench.truth.recorded.rows import Labels, Rows, rows_of_columns, with_rows
+from trackbench.truth.recorded.rows import Labels, Rows, require_rows, rows_of_columns
 from trackbench.truth.recorded.scans import (
     column_measurements,
     columns_of,
@@ -142,7 +142,7 @@ def read_log(file: Path, form: str, wanted: Sequence[str | None], part: LogPart)
     columns = log_columns(file, part)
     names = [name for name in dict.fromkeys(wanted) if name is not None]
     require_columns(names, list(columns), file, None)
-    return with_rows(rows_of_columns(file, {name: columns[name] for name in names}))
+    return require_rows(rows_of_columns(file, {name: columns[name] for name in names}))
 
 
 def _detections_of_file(

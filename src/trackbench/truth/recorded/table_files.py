@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.files import read_text
 from trackbench.base.numbers import stated_number
-from trackbench.truth.recorded.rows import STAMP, Rows, plain_column, with_rows
+from trackbench.truth.recorded.rows import STAMP, Rows, plain_column, require_rows
 
 #: Rows among which the column names of a CSV file are looked for: programs write lines about themselves first.
 FIRST_ROWS = 20
@@ -47,7 +47,7 @@ def read_table(file: Path, form: str, wanted: Iterable[str | None]) -> Rows:
         InputError: the file cannot be read or has no such column, or no row.
     """
     names = [name for name in dict.fromkeys(wanted) if name is not None]
-    return with_rows((_csv if form == "csv" else _parquet)(file, names))
+    return require_rows((_csv if form == "csv" else _parquet)(file, names))
 
 
 def read_header(file: Path, form: str) -> list[str]:
