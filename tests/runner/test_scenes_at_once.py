@@ -10,7 +10,7 @@ import pytest
 from tests.support.scenes import truth
 
 from trackbench.base.types import Observer, Truth
-from trackbench.metrics.registry import built_in_metrics
+from trackbench.metrics.registry import metrics_for
 from trackbench.metrics.traffic import TRACKS
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import Clutter
@@ -69,7 +69,7 @@ def work(engine: Any, steps: int = 31) -> Work:
     scenes = [scene(seed, objects, steps) for seed, objects in ((1, 4), (2, 6), (3, 3))]
     return Work(
         "test", 5, 3, scenes, trackers, None, 0.0, 1e9, 5.0, 1, 2, 2.0, 20.0,
-        metrics=built_in_metrics(True, True), cutoff=5.0, engine=engine,
+        metrics=metrics_for({"tracks", "truth"}), cutoff=5.0, engine=engine,
     )  # fmt: skip
 
 

@@ -153,8 +153,6 @@ def independent_scores(merged: BlockScores, scene: Indices) -> Scores:
         nis=nis,
         classes=(None if over_scenes else sums.classes) or class_sums(cells, per_part.shape[1], over_scenes),
         spread=merged.spread,
-        seconds=merged.seconds,
-        steps=merged.steps,
     )
 
 

@@ -85,9 +85,18 @@ class Scorer:
         batch = self._objects * self._runs
         self.chunk: int = max(1, BATCH // batch)
         self.tracker = tracker
-        read_only = _read_only(target), _read_only(classes), _read_only(measurements)
-        scope = Scope(*read_only, tracker, first, single, self.chunk, compute, bodies)
-        self._due, self._starting = scope.expected, scope.starting
+        scope = Scope(
+            tracker,
+            self._runs,
+            bodies,
+            target=_read_only(target),
+            classes=_read_only(classes),
+            measurements=_read_only(measurements),
+            first=first,
+            single=single,
+            compute=compute,
+        )
+        self._due, self._starting = (scope.labelled.each(mask) for mask in (target.due, target.starting))
         self._expected = self._due | self._starting
         self._classes = classes
         self._accumulators = accumulators(metrics)
@@ -182,17 +191,23 @@ class Scorer:
             repaired: ``(instants, batch or 1)`` number of repaired covariances.
             latest: ``(4, batch)`` the estimates at the last of them.
             given: ``(batch,)`` which of them there are.
-            spent: seconds, and for how many scans.
+            spent: seconds, and for how many steps of single objects.
         """
         here = scores.here
         due = self._due[here]
         squares = SquaredErrors(
-            here, scores.squares, due, self._starting[here], np.broadcast_to(given, due.shape), self._runs
+            here,
+            scores.squares,
+            due,
+            self._starting[here],
+            np.broadcast_to(given, due.shape),
+            self._runs,
+            *spent,
         )
         repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
-                self._sums[name].add_sequence(scores, squares, repairs, (spent[0], spent[1] * len(given)))
+                self._sums[name].add_sequence(scores, squares, repairs)
             else:
                 self._sums[name] = accumulator.update(self._sums[name], squares)
         self._first = here.stop

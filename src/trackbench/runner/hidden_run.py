@@ -16,12 +16,12 @@ from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Stepper
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.evaluate import MetricSums, accumulators
+from trackbench.metrics.protocol import Scope
 from trackbench.metrics.traffic import (
     Associations,
     RunScores,
     TrackedRun,
     TrackHistory,
-    TrackScope,
     TrafficScoreOptions,
     TruthHistory,
     score_run,
@@ -202,12 +202,12 @@ class HiddenRun(TrackerRun[Tracks]):
         with_truth, count = scene.truth.known, len(piece.runs)
         share = count / self._batch.runs
         outcome = TrafficScores(TrafficSums(), np.zeros(count), share * self._seconds, self._timed * count)
-        summing = accumulators([item for item in self._work.metrics if with_truth or item.without_truth])
+        summing = accumulators([item for item in self._work.metrics if with_truth or "truth" not in item.needs])
         options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
         ends, counted = self._stretches()
-        scope = TrackScope(self.name, len(counted) if ends else count, options)
-        sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
         bodies = EgoScene.of(scene.truth, scene.due.steps)
+        scope = Scope(self.name, len(counted) if ends else count, bodies, options)
+        sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
         for run in range(count):
             truth, history = histories(part, run)
             own = None if taken is None else _associations_of(taken, part.first + run, len(scene.truth.ids))
@@ -223,7 +223,7 @@ class HiddenRun(TrackerRun[Tracks]):
                     scores = scores.without_false_tracks()
             else:
                 scores = self._scored_without_truth(run, ends)
-            tracked = TrackedRun(truth, history, own, scores, outside, bodies)
+            tracked = TrackedRun(truth, history, own, scores, outside, bodies, outcome.seconds / count, self._timed)
             pieces = in_stretches(tracked, ends) if ends else [tracked]
             for stretch in [pieces[number] for number in counted] if ends else pieces:
                 sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}

@@ -54,7 +54,8 @@ class LabelledOutcome:
     @property
     def seconds(self) -> float:
         """Time spent in the tracker."""
-        return self.scores.seconds
+        seconds: float = self.sums["step_time"][0] if "step_time" in self.sums else np.nan
+        return seconds
 
 
 class LabelledRun(TrackerRun[Estimate | None]):

@@ -288,7 +288,7 @@ def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
     evaluation = evaluate(sums, np.zeros(runs, dtype=np.intp), [metric])
     if metric.columns[0] in evaluation.run_columns:
         columns = [evaluation.run_columns[name] for name in metric.columns]
-    elif metric.scores == "tracks":
+    elif "tracks" in metric.needs:
         columns = [*run_sums(evaluation.sums[TRACKS.name], metric.name)]
     else:
         record = run_sums_record(evaluation, sums[ESTIMATES.name], ())

@@ -208,8 +208,7 @@ def requirements_of(loaded: Scenario) -> list[Requirement]:
     if not config.expect:
         message = "an envelope needs a requirement, such as {tracker: ekf, metric: position_rmse, below: 0.5}"
         raise loaded.locate(InputError(message, key="expect"))
-    hidden = config.sensing.identities == "hidden"
-    fields = by_path(config.sensors, config.own_metrics, hidden)
+    fields = by_path(config.sensors, config.own_metrics, config.properties)
     return [_requirement(loaded, fields, number, item) for number, item in enumerate(config.expect)]
 
 

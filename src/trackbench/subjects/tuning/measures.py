@@ -125,7 +125,7 @@ class Sums:
 
 def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
     """What a block computes for a metric: that, and of estimates the sums that any block has."""
-    return (Coverage(), metric) if metric.scores == "estimates" else (metric,)
+    return (Coverage(), metric) if "tracks" not in metric.needs else (metric,)
 
 
 #: Each manoeuvre, each range band and the first second.
