@@ -1,6 +1,6 @@
-"""Speed of trackbench's filters, trackers of traffic and scores beside those of other packages, on the same data.
+"""Speed of trackbench's filters and trackers beside those of other packages, on the same data, and how a run grows.
 
-Prints a table and writes it to ``results/benchmark.md`` and ``results/benchmark.json``. Everything runs on one thread.
+Prints a page and writes it to ``results/benchmark.md`` and ``results/benchmark.json``. Everything runs on one thread.
 """
 
 from __future__ import annotations
@@ -20,18 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmarks import (
-    filters,
-    growth,
-    isolation,
-    languages,
-    sensing,
-    stages,
-    table,
-    traffic_scores,
-    traffic_trackers,
-    whole_run,
-)
+from benchmarks import filters, growth, table, traffic_trackers
 from trackbench.engine.machine import unavailable
 
 RESULTS = Path(__file__).parent.parent / "results"
@@ -39,13 +28,9 @@ REPETITIONS = 7
 MEMORY_REQUIRED = 2 * 1024**3
 #: What can be measured by itself.
 PARTS: dict[str, Callable[[], Any]] = {
-    "whole_run": whole_run.measure,
     "filters": lambda: filters.measure(REPETITIONS),
-    "sensing": sensing.measure,
     "traffic_trackers": traffic_trackers.measure,
     "growth": growth.measure,
-    "stages": stages.measure,
-    "languages": languages.measure,
 }
 
 
@@ -53,7 +38,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repetitions", type=int, default=REPETITIONS)
     parser.add_argument("--no-memory", action="store_true", help="leave out the large run, which takes a minute")
-    parser.add_argument("--no-stages", action="store_true", help="leave out where the time goes, eight minutes")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=[], help="measure these again; the rest stays")
     options = parser.parse_args()
     if options.only:
@@ -65,25 +49,18 @@ def main() -> None:
         sys.exit(f"the fused engine cannot be measured: {reason}")
     found = {
         **where(),
-        "whole_run": whole_run.measure(),
         "filters": filters.measure(options.repetitions),
-        "sensing": sensing.measure(),
         "traffic_trackers": traffic_trackers.measure(),
-        "traffic_scores": traffic_scores.measure(),
         "memory": None if options.no_memory else memory(),
-        "isolation": isolation.measure(),
-        "languages": languages.measure(),
         "growth": growth.measure(),
-        "stages": None if options.no_stages else stages.measure(),
     }
     write(found)
 
 
 def write(found: dict[str, Any]) -> None:
-    """Print the tables and write them."""
-    if "growth" in found:
-        growth.draw(found["growth"])
-    text = table.markdown({**found, "stages_before": stages.before()})
+    """Print the page and write it."""
+    growth.draw(found["growth"])
+    text = table.markdown(found)
     print(text)
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / "benchmark.md").write_text(text, encoding="utf-8")
@@ -92,7 +69,7 @@ def write(found: dict[str, Any]) -> None:
 
 def where() -> dict[str, Any]:
     """The machine and the versions."""
-    names = ("trackbench", "numpy", "llvmlite", "filterpy", "stonesoup", "trackeval")
+    names = ("trackbench", "numpy", "llvmlite", "filterpy", "stonesoup")
     return {
         "machine": {"cpu": cpu_model(), "threads": 1, "python": platform.python_version()},
         "versions": {name: version(name) for name in names},

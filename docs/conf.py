@@ -41,7 +41,6 @@ MENU = {
         "tune",
         "doctor",
         "envelope",
-        "history",
         "ci",
         "execution",
         "python",

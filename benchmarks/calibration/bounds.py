@@ -135,16 +135,19 @@ def joined(samples: list[Sample]) -> Sample:
 def missed(what: str, sample: Sample, truth: float, bound_of: BoundOf, calibrated: bool = True) -> Claim:
     """How often each bound misses, at each level; it holds where none misses more often, but for the error of so many
     trials (three standard errors)."""
-    trials, texts, holds = len(sample.mean), [], True
+    trials, texts, holds, excess = len(sample.mean), [], True, -1.0
     for side, sign in (("lower", 1), ("upper", -1)):
         shares = []
         for level in LEVELS:
             share = float((sign * (bound_of(sample, level, side) - truth) > 0).mean())  # type: ignore[arg-type]
-            holds &= share <= level + 3 * (level / trials) ** 0.5
+            allowed = level + 3 * (level / trials) ** 0.5
+            holds &= share <= allowed
+            excess = max(excess, share / allowed - 1)
             shares.append(f"{100 * share:.3g}")
         texts.append(f"{side} {', '.join(shares)}")
     wanted = f"at most {', '.join(f'{100 * level:g}' for level in LEVELS)} %, but for the error of {trials:,} trials"
-    return Claim(what, f"{'; '.join(texts)} %", wanted if calibrated else STATED, holds or not calibrated)
+    wanted = wanted if calibrated else STATED
+    return Claim(what, f"{'; '.join(texts)} %", wanted, holds or not calibrated, excess=excess)
 
 
 def width(what: str, sample: Sample, bound_of: BoundOf, level: float = 1e-4) -> Claim:

@@ -17,6 +17,9 @@ class Claim(NamedTuple):
     holds: bool
     decided: bool = True
     """Whether no limit of what is wanted lies within the Monte-Carlo error of what was measured."""
+    excess: float | None = None
+    """By how much the measurement is beyond what is wanted, negative within it; None where this is no number. Claims
+    of one subject that want the same have the same unit."""
 
     @property
     def outcome(self) -> str:
@@ -48,7 +51,9 @@ def rate(what: str, hits: Sequence[float] | np.ndarray, low: float, high: float)
         wanted = f"at least {100 * low:g} %"
     measured = f"{100 * share:.1f} ± {100 * error:.1f} % of {len(hits):,}"
     decided = all(abs(share - limit) > error for limit in (low, high) if 0 < limit < 1)
-    return Claim(what, measured, wanted, low <= share <= high, decided)
+    # A share is never beyond 0 or 1, which are no limits.
+    excess = max([low - share] * (low > 0) + [share - high] * (high < 1), default=None)
+    return Claim(what, measured, wanted, low <= share <= high, decided, excess)
 
 
 def power(what: str, hits: Sequence[float] | np.ndarray, least: float = 0.0) -> Claim:

@@ -108,6 +108,7 @@ def _one(what: str, value: float, error: float) -> Claim:
         "1.00 ± 0.01",
         abs(value - 1.0) <= 0.01,
         abs(abs(value - 1.0) - 0.01) > error,
+        abs(value - 1.0) - 0.01,
     )
 
 

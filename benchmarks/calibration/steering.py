@@ -82,6 +82,7 @@ def claims() -> Iterator[Claim]:
             f"{finite.offset:.2f} m (instant steering: {instant.offset:.2f} m)",
             "at most 0.5 m more",
             finite.offset < instant.offset + 0.5,
+            excess=finite.offset - instant.offset - 0.5,
         )
         both.append((instant, finite))
     before, after = ([run[steering] for run in both] for steering in (0, 1))

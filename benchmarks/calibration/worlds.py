@@ -72,7 +72,7 @@ def of_size(random: np.random.Generator, world: str, metric: str, size: int) -> 
         what = f"{where}: either of two equal trackers called better at {margin}, most often of {len(PAIRS)} pairs"
         text = f"{100 * share:.1f} ± {100 * error:.1f} % of {TRIALS:,} ({names})"
         wanted = f"at most {100 * most:g} %" if most < 1 else STATED
-        yield Claim(what, text, wanted, share <= most, abs(share - most) > error)
+        yield Claim(what, text, wanted, share <= most, abs(share - most) > error, share - most)
     least = f"{100 * covered.mean(axis=0).min():.1f} %"
     yield Claim(f"{where}: interval of the difference covers, of the pair covered least", least, STATED, True)
     yield from shown(world, metric, draws, where)

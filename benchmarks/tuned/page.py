@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from trackbench.subjects.tuning.parameters import Parameter
-
 from ..markdown import table
 from .protocol import Protocol
 
-#: What is shown, by what it is called and its unit.
-METRICS = {"position_rmse": ("position", "m"), "velocity_rmse": ("velocity", "m/s")}
+METRICS = ("position_rmse", "velocity_rmse")
 #: What a set of values for several scenarios may cost in error against values for the very scenario.
 REGRET = 0.1
 
@@ -24,7 +21,7 @@ def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
         ["# Trackers tuned alike", ""],
         _protocol(protocol),
         _best(protocol, scores),
-        *(_errors(protocol, scores, metric) for metric in METRICS),
+        _errors(protocol, scores),
         _covariance(protocol, scores),
         _regret(protocol, scores),
         _values(protocol, values),
@@ -89,25 +86,23 @@ def _winner(scores: Scores, metric: str) -> str:
     return f"{best} {_error(scores['trackers'][best][metric])}{f' ({len(others)})' if others else ''}"
 
 
-def _errors(protocol: Protocol, scores: Scores, metric: str) -> Iterator[str]:
-    word, unit = METRICS[metric]
-    tested = " and those not shown worse" if metric == "position_rmse" else ", which is not tested"
-    yield f"## {word.capitalize()} error"
+def _errors(protocol: Protocol, scores: Scores) -> Iterator[str]:
+    yield "## Position error"
     yield ""
     yield (
-        f"RMSE with the values of the family, {unit}; bold: the best{tested}. In square brackets: runs that diverged. "
-        "Smoothed: `imm_cv_ca` with a Rauch-Tung-Striebel smoother, which uses later measurements "
-        "too."
+        "RMSE with the values of the family, m; bold: the best and those not shown worse. In square brackets: runs "
+        "that diverged. Smoothed: `imm_cv_ca` with a Rauch-Tung-Striebel smoother, which uses later measurements too. "
+        "Velocity errors are in tuned.json."
     )
     yield ""
     rows = []
     for name, of in scores.items():
-        best = {of["family"][metric]["best"], *of["family"][metric]["not worse"]}
+        best = {of["family"]["position_rmse"]["best"], *of["family"]["position_rmse"]["not worse"]}
         cells = []
         for item in (*protocol.trackers, "smoothed"):
             tracker = of["family"]["trackers"][item]
             diverged = f" [{tracker['diverged']}]" if tracker["diverged"] else ""
-            cells.append(_bold(_error(tracker[metric]) + diverged, item in best))
+            cells.append(_bold(_error(tracker["position_rmse"]) + diverged, item in best))
         rows.append([name, *cells])
     yield from table(["scenario", *protocol.trackers, "smoothed"], rows)
 
@@ -161,22 +156,17 @@ def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
 def _values(protocol: Protocol, values: Mapping[str, Any]) -> Iterator[str]:
     yield "## The values"
     yield ""
-    yield "In brackets: at an end of the range that was searched, so that a better one may lie beyond."
-    yield ""
     loaded = protocol.loaded(protocol.scenarios[0], protocol.entries)
-    rows = [
-        [
-            f"{tracker}: `{option.key}`",
-            *(_value(option, values[tracker][name][option.key]) for name in protocol.families),
-        ]
+    at_an_end = [
+        f"{tracker} `{option.key}` {values[tracker][name][option.key]:.3g} ({name})"
         for tracker in protocol.trackers
         for option in protocol.parameters(tracker, loaded)
+        for name in protocol.families
+        if option.edge(values[tracker][name][option.key]) is not None
     ]
-    yield from table(["option", *protocol.families], rows)
-
-
-def _value(option: Parameter, value: float) -> str:
-    return f"{value:.3g}" if option.edge(value) is None else f"({value:.3g})"
+    yield f"All are in [values.yaml](values.yaml). At an end of the range that was searched: {', '.join(at_an_end)}."
+    yield "A better one may lie beyond it."
+    yield ""
 
 
 def _error(error: Mapping[str, Any]) -> str:

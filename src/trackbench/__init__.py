@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from trackbench.subjects.doctor.api import doctor
     from trackbench.subjects.doctor.report import Examination
     from trackbench.subjects.export.api import export
-    from trackbench.subjects.history.api import history
     from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
     from trackbench.subjects.log_audit.api import audit
     from trackbench.subjects.score.api import score
@@ -52,7 +51,6 @@ if TYPE_CHECKING:
         "compare",
         "doctor",
         "export",
-        "history",
         "live",
         "load",
         "run",

@@ -48,17 +48,12 @@ def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callabl
 
 
 @pytest.mark.docs_pages
-def test_the_page_on_results_over_time_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(DOCS / "history.md", tmp_path) == 6
-
-
-@pytest.mark.docs_pages
 def test_the_page_on_ci_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(DOCS / "ci.md", tmp_path) == 5
+    assert run_page(DOCS / "ci.md", tmp_path) == 6
     workflow = yaml.safe_load((tmp_path / "trackers.yml").read_text(encoding="utf-8"))
     steps = workflow["jobs"]["crossing"]["steps"]
     commands = [line for step in steps for line in step.get("run", "").splitlines() if line.startswith("trackbench")]
-    assert [command.split()[1] for command in commands] == ["run", "compare", "history"]
+    assert [command.split()[1] for command in commands] == ["run", "compare", "compare"]
 
 
 @pytest.mark.docs_pages

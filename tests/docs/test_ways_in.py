@@ -13,7 +13,7 @@ RESULTS = {
     "student": ["results/loop/report.html", "results/doctor/mine/report.html"],
     "engineer": ["tuned.yaml", "tuned/commute/result.json"],
     "researcher": ["differences.tex", "tables/report.tex", "worlds/comparison.html"],
-    "team-lead": ["history/history.html", "A/approach-envelope/claim.json"],
+    "team-lead": ["nights.html", "A/approach-envelope/claim.json"],
     "maintainer": ["fading.py", "results/plugged/report.html"],
 }
 

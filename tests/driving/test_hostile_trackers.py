@@ -103,7 +103,7 @@ STEPS: dict[str, tuple[str, str | None, bool]] = {
     "closes_everything": ("os.closerange(0, 4096)", "its process ended itself", False),
     "replaces_stdout": ("sys.stdout = sys.stderr = None", None, False),
     "talks": ("print('x' * 10**5)", None, False),
-    "babbles": ("[os.write(n, b'x' * 64) for n in range(3, 64) if is_socket(n)]", "its process sent what is no", False),
+    "babbles": ("[os.write(n, b'x' * 64) for n in range(3, 64) if is_pipe(n)]", "its standard output is no", False),
     "looks_for_the_truth": (
         "assert not truth_in(sys._current_frames().values())\n        frame = sys._getframe()\n"
         "        while frame: assert not truth_in([frame]); frame = frame.f_back",
@@ -142,10 +142,10 @@ STEPS: dict[str, tuple[str, str | None, bool]] = {
 
 EXTRA = """
 
-def is_socket(number):
-    import stat
+def is_pipe(number):
+    import fcntl, stat
     try:
-        return stat.S_ISSOCK(os.fstat(number).st_mode)
+        return stat.S_ISFIFO(os.fstat(number).st_mode) and fcntl.fcntl(number, fcntl.F_GETFL) & os.O_WRONLY
     except OSError:
         return False
 

@@ -13,7 +13,6 @@ import pytest
 from tests.support.places import ROOT
 
 import trackbench as tb
-from trackbench.driving import processes
 
 SCENARIO = """\
 name: mine
@@ -80,27 +79,3 @@ def test_a_built_in_scenario_runs_and_says_nothing(folder: Path, arguments: tupl
     done = elsewhere(folder, "run", "highway", *short, *arguments)
     assert (done.returncode, done.stderr) == (0, "")
     assert (folder / "results" / "highway" / "recording.rrd").stat().st_size > 0
-
-
-def test_processes_need_no_bounds_of_messages(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on macOS, whose local sockets have no packets."""
-    monkeypatch.setattr(processes, "PACKETS", False)
-    monkeypatch.setattr(processes, "_fork_servers", {})
-    monkeypatch.chdir(folder)
-    result = tb.run("mine.yaml")
-    assert not result["mine"].failed
-    assert int(Path("process").read_text()) != os.getpid()
-    for server in processes._fork_servers.values():
-        server.close()
-
-
-def test_a_tracker_that_dies_is_named_without_bounds_of_messages(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(processes, "PACKETS", False)
-    monkeypatch.setattr(processes, "_fork_servers", {})
-    (folder / "mine.py").write_text(MINE.replace("return None", "os.kill(os.getpid(), 9)\n        return None"))
-    monkeypatch.chdir(folder)
-    failure = tb.run("mine.yaml")["mine"].failed
-    assert failure is not None
-    assert "killed by signal 9" in failure.cause
-    for server in processes._fork_servers.values():
-        server.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from trackbench.base.types import Scan
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.program import Program
-from trackbench.driving.remote import TrackerTrial, start_stepper
+from trackbench.driving.remote import check_startable, start_stepper
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Lidar
 from trackbench.runner.run import run_scenario
@@ -279,8 +278,8 @@ def test_a_program_that_is_not_there_is_said_before_a_run(tmp_path: Path, comman
         (tmp_path / name).write_text("")
         (tmp_path / name).chmod(mode)
     config = PluginConfig.model_validate({"use": {"command": command}})
-    with pytest.raises(InputError, match=said), closing(TrackerTrial(config, tmp_path, Isolation())) as trial:
-        trial.check()
+    with pytest.raises(InputError, match=said):
+        check_startable(config, tmp_path, Isolation(), started=False, several=False, sensors={})
 
 
 def test_one_that_is_no_program_says_so(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from trackbench.driving.isolation import ISOLATED
-from trackbench.driving.remote import RemoteTracker, fresh
+from trackbench.driving.program_steppers import ProgramTracker
+from trackbench.driving.remote import fresh
 from trackbench.testing.tracker import drive
 from trackbench.trackers.config import PluginConfig
 
@@ -26,50 +27,39 @@ class Tracker:
         if self.steps == 4:
             raise KeyError("four")
         return state, (np.full(4, float(self.steps)), np.eye(4))
-
-    def forget(self):
-        self.steps = 0
-        return np.zeros(1)
 """
 SCAN = next(iter(drive(["lidar"], [0.0])))
 
 
 @pytest.fixture
-def tracker(tmp_path: Path, write_module: Callable[[Path, str], str]) -> RemoteTracker:
+def tracker(tmp_path: Path, write_module: Callable[[Path, str], str]) -> ProgramTracker:
     made = fresh(
         PluginConfig.model_validate({"use": f"{write_module(tmp_path, COUNTS)}:Tracker"}), tmp_path, ISOLATED
     )()
-    assert isinstance(made, RemoteTracker)
+    assert isinstance(made, ProgramTracker)
     return made
 
 
-def steps(tracker: RemoteTracker) -> float:
+def steps(tracker: ProgramTracker) -> float:
     estimate = tracker.step(None, SCAN)[1]
     assert estimate is not None
     return float(estimate.mean[0])
 
 
-def test_a_copy_has_the_state_of_when_it_was_made(tracker: RemoteTracker) -> None:
+def test_a_copy_has_the_state_of_when_it_was_made(tracker: ProgramTracker) -> None:
     assert steps(tracker) == 1.0
     before = copy.deepcopy(tracker)
     assert (steps(tracker), steps(tracker)) == (2.0, 3.0)
     assert (steps(before), steps(before)) == (2.0, 3.0)
 
 
-def test_a_copy_of_a_copy_is_of_that_one(tracker: RemoteTracker) -> None:
+def test_a_copy_of_a_copy_is_of_that_one(tracker: ProgramTracker) -> None:
     first = copy.deepcopy(tracker)
     second = copy.deepcopy(first)
     assert (steps(first), steps(first), steps(second), steps(tracker)) == (1.0, 2.0, 1.0, 1.0)
 
 
-def test_a_copy_outlives_what_it_is_of(tracker: RemoteTracker) -> None:
+def test_a_copy_outlives_what_it_is_of(tracker: ProgramTracker) -> None:
     assert steps(tracker) == 1.0
     twin = copy.deepcopy(copy.deepcopy(tracker))
     assert steps(twin) == 2.0
-
-
-def test_a_call_of_a_method_changes_no_copy(tracker: RemoteTracker) -> None:
-    assert steps(tracker) == 1.0
-    twin = copy.deepcopy(tracker)
-    tracker.forget()
-    assert (steps(tracker), steps(twin)) == (1.0, 2.0)

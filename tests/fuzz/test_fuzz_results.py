@@ -1,4 +1,4 @@
-"""Whatever is in the folder of a run, or in a history, it is read, reported and shown, or refused in one message."""
+"""Whatever is in the folder of a run, or of several, it is read, reported and shown, or refused in one message."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from tests.support.past_results import past
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.subjects.history.report import saved_history
+from trackbench.compare import load_comparison
+from trackbench.report.comparison.document import comparison_document
 from trackbench.subjects.recording import viewer
 
 FORMATS = ["terminal", "html", "markdown", "latex", "csv", "svg"]
@@ -85,11 +86,12 @@ def _commands(chance: random.Random, damaged: Path) -> list[list[str]]:
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kept", [False, True], ids=["results", "kept"])
-def test_a_damaged_history_is_one_line(kept: bool, tmp_path: Path) -> None:
-    for number, kf in enumerate((0.1, 0.1, 0.14)):
-        past(number, {"raw": 0.2, "kf": kf}).save(tmp_path / f"night{number}")
-    file = tmp_path / "history.json"
-    file.write_text(json.dumps(tb.history(tmp_path).json()), encoding="utf-8")
+def test_damaged_results_over_time_are_one_line(kept: bool, tmp_path: Path) -> None:
+    nights = [tmp_path / f"night{number}" for number in range(3)]
+    for number, (night, kf) in enumerate(zip(nights, (0.1, 0.1, 0.14), strict=True)):
+        past(number, {"raw": 0.2, "kf": kf}).save(night)
+    file = tmp_path / "comparison.json"
+    file.write_text(json.dumps(tb.compare(*nights).json()), encoding="utf-8")
     # Of tables the one that intervals are made of.
     files = [file] if kept else [*tmp_path.rglob("result.json")] * 5 + [*tmp_path.rglob("runs.parquet")]
     messages: list[str] = []
@@ -100,9 +102,9 @@ def test_a_damaged_history_is_one_line(kept: bool, tmp_path: Path) -> None:
         damage(chance, chosen)
         try:
             if kept:
-                str(saved_history(file))
+                str(comparison_document(load_comparison(file)))
             else:
-                str(tb.history(tmp_path, limits={"position_rmse": 5}).report())
+                str(tb.compare(*nights, limits={"position_rmse": 5}).report())
         except InputError as error:
             messages.append(str(error))
         chosen.write_bytes(raw)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
 from tests.support.past_results import SCENE, past
 
 from trackbench.report.junit import Case, Suite, to_annotations
@@ -52,17 +51,11 @@ def test_regressions_stand_at_the_result(cli: Cli, tmp_path: Path) -> None:
     done = cli("compare", "nights/0", "nights/1", "--fail-on-regression", limit, "--github")
     assert done.status == 1
     assert "\n::error file=nights/1/scene/result.json,title=" in f"\n{done.out}"
-    done = cli("history", "nights", "--gate", limit, "--github")
-    assert done.status == 1
-    assert "\n::error file=nights/1/scene/result.json,title=scene%3A the last of 2 results::kf position_rmse" in (
-        f"\n{done.out}"
-    )
 
 
-@pytest.mark.parametrize("command", ["compare", "history"])
-def test_without_a_limit_there_is_nothing_to_annotate(cli: Cli, tmp_path: Path, command: str) -> None:
+def test_without_a_limit_there_is_nothing_to_annotate(cli: Cli, tmp_path: Path) -> None:
     past(0, {"raw": 0.3, "kf": 0.1}, seed=1).save(tmp_path / "scene")
-    done = cli(command, "scene", "--github")
+    done = cli("compare", "scene", "--github")
     assert done.status == 2
     assert done.err.startswith("--github: says which ")
     assert len(done.err.splitlines()) == 1

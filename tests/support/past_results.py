@@ -1,4 +1,4 @@
-"""Results of one small scene whose errors are drawn, in no time: the past that a history looks at."""
+"""Results of one small scene whose errors are drawn, in no time: the nights that a comparison looks at."""
 
 from __future__ import annotations
 

@@ -87,13 +87,13 @@ def test_what_cannot_be_meant_is_named(tmp_path: Path) -> None:
         "several frames.*: map, odom": [("/a", make.odometry(0)), ("/a", make.odometry(1, "odom"))],
         "no topic has messages with tracks": [("/a", make.header(0, "map"))],
         "a detection has no id": [("/a", make.detections(0, name=""))],
-        "car: a position, rotation or time is not finite": [("/a", make.odometry(0))],
+        "vehicle .car.: px at 0 s: it is not a finite number": [("/a", make.odometry(0))],
     }
-    cases["car: a position, rotation or time is not finite"][0][1].pose.pose.position.x = np.nan
+    cases["vehicle .car.: px at 0 s: it is not a finite number"][0][1].pose.pose.position.x = np.nan
     for number, (message, messages) in enumerate(cases.items()):
         file = write_bag(tmp_path, messages, name=f"bag{number}")
         with pytest.raises(InputError, match=message):
-            RosBag().rows(file)
+            RosBag().rows(file).ordered(file)
         if number == 0:
             assert len(RosBag(topic="/b").rows(file)) == 1
             with pytest.raises(InputError, match="there is no topic '/c' with tracks"):
@@ -103,7 +103,7 @@ def test_what_cannot_be_meant_is_named(tmp_path: Path) -> None:
 def test_a_file_that_is_no_bag_is_one_line(tmp_path: Path) -> None:
     file = tmp_path / "cut.db3"
     file.write_bytes(write_bag(tmp_path, [("/odom", Messages().odometry(0.5))]).read_bytes()[:5000])
-    with pytest.raises(InputError, match="not an SQLite database that can be read") as caught:
+    with pytest.raises(InputError, match="not a ROS bag that can be read") as caught:
         RosBag().rows(file)
     assert "\n" not in str(caught.value)
 

@@ -17,7 +17,7 @@ import yaml
 
 from trackbench.base.errors import InputError
 from trackbench.truth.formats.tables import Csv, Parquet
-from trackbench.truth.recorded.rows import iso_stamp
+from trackbench.truth.recorded.rows import Clock, rows_of_columns
 
 START = Decimal(1_714_564_800)  # 2024-05-01 12:00 UTC
 
@@ -38,15 +38,19 @@ START = Decimal(1_714_564_800)  # 2024-05-01 12:00 UTC
     ],
 )
 def test_spellings_of_a_time_stamp(text: str, seconds: str) -> None:
-    stamp = iso_stamp(text)
-    assert stamp is not None
-    assert stamp.seconds - START == Decimal(seconds)
-    assert stamp.has_zone == (text.strip() != "2024-05-01T12:00:00")
+    clock = times([text])
+    assert clock.first - START == Decimal(seconds)
+    assert bool(clock.notes) == (text.strip() == "2024-05-01T12:00:00")
 
 
-@pytest.mark.parametrize("text", ["2024-05-01", "12:00:00Z", "2024-13-01T00:00:00Z", "2024-05-01T25:00:00", "5", None])
+def times(cells: list[str | None]) -> Clock:
+    return rows_of_columns(Path("a.csv"), {"time": cells}).times("time", 1.0)
+
+
+@pytest.mark.parametrize("text", ["2024-05-01", "12:00:00Z", "2024-13-01T00:00:00Z", "2024-05-01T25:00:00", None])
 def test_what_is_no_time_stamp(text: str | None) -> None:
-    assert iso_stamp(text) is None
+    with pytest.raises(InputError, match="row 1: time is"):
+        times([text])
 
 
 def test_random_time_stamps_keep_their_nanoseconds_and_their_order() -> None:
@@ -56,9 +60,8 @@ def test_random_time_stamps_keep_their_nanoseconds_and_their_order() -> None:
     for second, nanosecond, minutes in zip(whole, nanoseconds, random.integers(-840, 840, 300).tolist(), strict=True):
         local = datetime.fromtimestamp(second, UTC) + timedelta(minutes=minutes)
         sign, (hours, rest) = "+-"[minutes < 0], divmod(abs(minutes), 60)
-        stamp = iso_stamp(f"{local:%Y-%m-%dT%H:%M:%S}.{nanosecond:09d}{sign}{hours:02d}:{rest:02d}")
-        assert stamp is not None
-        assert stamp.seconds == Decimal(second) + Decimal(nanosecond).scaleb(-9)
+        clock = times([f"{local:%Y-%m-%dT%H:%M:%S}.{nanosecond:09d}{sign}{hours:02d}:{rest:02d}"])
+        assert clock.first == Decimal(second) + Decimal(nanosecond).scaleb(-9)
 
 
 def table(stamps: list[Any]) -> str:

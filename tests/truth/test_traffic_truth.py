@@ -162,22 +162,6 @@ def test_velocities_of_noisy_positions_are_refused_with_a_smoothing_that_makes_t
     truths(smoothing=SMOOTHING, **options)
 
 
-@pytest.mark.parametrize("step", [0.1, 0.05])
-def test_acceleration_that_no_pedal_changes_so_fast_is_refused_at_any_rate(tmp_path: Path, step: float) -> None:
-    at = np.arange(round(6 / step)) * step
-    options: dict[str, Any] = {"format": "csv", "observer": ROADSIDE}
-    for change, refused in ((16.0, True), (8.0, False)):
-        acceleration = np.where(at % 0.2 < 0.1 - 1e-9, change / 2, -change / 2)
-        speed = 20 + np.concatenate([[0], np.cumsum(acceleration[1:] * step)])
-        x = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * step)])
-        rows = pd.DataFrame({"time": at, "id": "a", "x": x, "y": 0.0, "speed": speed})
-        rows.to_csv(tmp_path / "a.csv", index=False)
-        if refused:
-            assert "changes by 16 m/s^2 within 0.1 s" in refusal(path=str(tmp_path / "a.csv"), **options)
-        else:
-            truths(path=str(tmp_path / "a.csv"), **options)
-
-
 @pytest.mark.parametrize(("heading", "refused"), [(0.1, False), (np.pi / 2, True), (np.pi, True)])
 def test_a_heading_that_is_not_the_way_it_drives_is_refused(tmp_path: Path, heading: float, refused: bool) -> None:
     at = np.arange(40)
@@ -215,7 +199,7 @@ def test_speeds_in_another_unit_are_refused(tmp_path: Path, smoothing: dict[str,
 def test_smoothing_hides_no_jump(tmp_path: Path) -> None:
     options: dict[str, Any] = {"format": "csv", "observer": ROADSIDE, "smoothing": SMOOTHING}
     message = refusal(path=jerky(tmp_path, 4, 0), **options)
-    assert "a jumps: smoothing moves it by 1.9 m at 3.00 s" in message
+    assert "a jumps: smoothing moves it by 1.9 m, and at most 1.5 m is noise" in message
     truths(path=jerky(tmp_path, 0.5, 0), **options)
 
 

@@ -75,6 +75,20 @@ def test_other_version_of_the_simulator_is_another_entry(monkeypatch: pytest.Mon
     assert simulated.cache_file(CONFIG) != before
 
 
+@pytest.mark.parametrize("changed", ["highway.py", "drivers.py", "environment.py", "audit.py", "streams.py"])
+def test_another_source_of_the_motion_is_another_entry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    before = simulated.cache_file(CONFIG)
+    copies = [tmp_path / file.name for file in simulated.motion_files()]
+    for copy, file in zip(copies, simulated.motion_files(), strict=True):
+        copy.write_bytes(file.read_bytes())
+    monkeypatch.setattr(simulated, "motion_files", lambda: copies)
+    assert simulated.cache_file(CONFIG) == before
+    (tmp_path / changed).write_text((tmp_path / changed).read_text().replace("0.5", "0.25", 1) + "\n")
+    assert simulated.cache_file(CONFIG) != before
+
+
 @pytest.mark.parametrize(
     "damage",
     [

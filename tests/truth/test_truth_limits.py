@@ -13,7 +13,6 @@ from tests.support.udacity import synthetic_lines
 from trackbench.base.errors import InputError
 from trackbench.truth import Draw
 from trackbench.truth.config import ScriptedObserver, logs
-from trackbench.truth.recorded import rows
 from trackbench.truth.recorded.udacity import parse_line
 from trackbench.truth.sources import ScriptedTruth
 
@@ -93,17 +92,6 @@ def test_a_script_that_leaves_the_earth() -> None:
 def test_a_start_that_cannot_be_meant(start: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=r"(less|greater) than or equal"):
         script(start=start)
-
-
-@pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_more_rows_than_memory_holds_are_not_read(tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / f"log.{form}"
-    write(file)
-    monkeypatch.setattr(rows, "MOST_ROWS", len(ROWS))
-    load(file)
-    monkeypatch.setattr(rows, "MOST_ROWS", len(ROWS) - 1)
-    with pytest.raises(InputError, match=r"more than .* rows; cut the log"):
-        load(file)
 
 
 def test_a_file_that_is_no_table_is_not_shown(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,6 +56,11 @@ def command_of(scenario: Scenario, engine: EngineName = "auto") -> str:
     only = ["--trackers", ",".join(scenario.selected)] if scenario.selected else []
     by = [] if engine == "auto" else ["--engine", engine]
     return shlex.join(["trackbench", "run", shown_name(scenario.path), *settings, *only, *by])
+
+
+def numbered(number: int, of: Sequence[object]) -> str:
+    """ "2 of 3: ", before what is done of one of several; empty for a single one."""
+    return f"{number} of {len(of)}: " if len(of) > 1 else ""
 
 
 @dataclass(frozen=True)

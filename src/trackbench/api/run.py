@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import os
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future
+from functools import partial
 from pathlib import Path
-from typing import overload
+from typing import NamedTuple, overload
 
-from trackbench.api import session
-from trackbench.api.plan import Counter, RunPlan
+from trackbench import results
+from trackbench.api.plan import Counter, Listener, Prepared, RunPlan, command_of, numbered
+from trackbench.api.prepare import prepare
 from trackbench.api.result import ReportableResult
+from trackbench.api.save import pages, save
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError
-from trackbench.base.execution import executor
+from trackbench.base.execution import InProcess, Task
+from trackbench.base.execution import executor as executor_of
 from trackbench.base.subjects import offered
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.launch import INSIDE
+from trackbench.driving.processes import INSIDE
 from trackbench.engine.choice import EngineName
+from trackbench.results import Result
 from trackbench.scenario import Scenario
 
+#: On a cluster, whatever its size: of so many scenarios the runs are asked for beside the one that is waited for.
+AHEAD = 32
 Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
 
 
@@ -99,7 +109,89 @@ def run(
     plan = RunPlan(None if out is None else Path(out), workers, cluster, left_out, isolation, engine)
     listener = Counter(progress, "runs")
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
-    with executor(workers, cluster) as chosen:
-        prepared = session.prepare(loaded, plan, chosen, listener)
-        finished = [ReportableResult.of(result) for result in session.run_prepared(prepared, plan, chosen, listener)]
+    with executor_of(workers, cluster) as chosen:
+        prepared = prepare(loaded, plan, chosen, listener)
+        finished = [ReportableResult.of(result) for result in run_prepared(prepared, plan, chosen, listener)]
     return finished if isinstance(scenario, list | tuple) else finished[0]
+
+
+def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
+    """The result of each scenario, saved where the plan says so; several are also compared there.
+
+    Raises:
+        TrackbenchError: the processes that do the work died, or a folder cannot be written.
+    """
+    # The runner takes its time to import, which a mistake in a scenario need not wait for.
+    from trackbench.runner.run import PendingRun
+
+    # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
+    one_by_one = isinstance(executor, InProcess) or listener.observes
+    ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or os.cpu_count() or 1
+    alone = len(prepared) == 1
+
+    def start(item: Prepared) -> PendingRun:
+        return PendingRun(
+            item.scenario,
+            item.truths,
+            executor,
+            plan.isolation,
+            plan.engine,
+            until=plan.precision,
+            observed=listener.observes,
+            alone=alone,
+        )
+
+    waiting, begun, unsaved = deque(prepared), deque[PendingRun](), deque[_Computed]()
+    finished: list[Result] = []
+    for number, item in enumerate(prepared, 1):
+        while waiting and len(begun) <= ahead:
+            begun.append(start(waiting.popleft()))
+        place, observe = numbered(number, prepared), listener.begin(item)
+        with listener.progress(f"{place}{item.scenario.config.full_name}", "runs") as advance:
+            result = begun.popleft().collect(partial(command_of, engine=plan.engine), advance, observe)
+            result = result.updated(provenance=item.provenance)
+            advance(result.summary.runs, result.summary.runs)
+        made = None
+        if plan.out is not None:
+            made = (InProcess() if alone else executor).submit(Task(pages, result, None))
+        unsaved.append(_Computed(place, result, made))
+        while len(unsaved) > ahead:
+            finished.append(_saved(unsaved.popleft(), plan, listener))
+    finished += [_saved(computed, plan, listener) for computed in unsaved]
+    if plan.out is not None:
+        _compare(finished, plan.out, listener)
+    return finished
+
+
+class _Computed(NamedTuple):
+    """A result, and the pages of its folder, which are being made."""
+
+    place: str
+    result: Result
+    pages: Future[dict[str, str]] | None
+
+
+def _saved(computed: _Computed, plan: RunPlan, listener: Listener) -> Result:
+    place, result, made = computed
+    folder = None
+    if plan.out is not None and made is not None:
+        name = result.summary.scenario.name
+        folder = plan.out / name
+        with listener.progress(f"{place}writing {name}", "files") as advance:
+            result = save(result, folder, made.result(), advance, plan.left_out)
+    listener.end(result, folder)
+    return result
+
+
+def _compare(finished: Sequence[Result], out: Path, listener: Listener) -> None:
+    ranked = [result.summary.headline for result in finished if result.summary.truth.known]
+    # Comparable are results whose trackers the same metric ranks.
+    if len(set(ranked)) == len(ranked):
+        return
+    from trackbench.compare import compare_results, results_in
+    from trackbench.report.comparison.document import batch_files
+
+    comparison = compare_results([results_in(out, finished)])
+    for file, content in batch_files(comparison, out):
+        results.write_bytes(file, content)
+    listener.compared(comparison, out / "comparison.md")

@@ -146,8 +146,8 @@ def compare_command(
 ) -> None:
     """Compare the trackers of finished runs, or versions of them.
 
-    A and B are folders of a run, or of the runs of several scenarios. The first is the baseline; nothing is run
-    again. `trackbench report` shows a comparison.json again.
+    A, B and so on are folders of a run, or of the runs of several scenarios. The first is the baseline; with three
+    or more the results are drawn over time. Nothing is run again. `trackbench report` shows a comparison.json again.
 
     \b
     Examples:
@@ -155,6 +155,7 @@ def compare_command(
       trackbench compare results/
       trackbench compare before/ after/ --fail-on-regression position_rmse:5
       trackbench compare before/highway after/highway --out table.tex
+      trackbench compare nightly/* --out nights.html
 
     \b
     Exit status:

@@ -11,8 +11,9 @@ import click
 
 from trackbench import results
 from trackbench.api.plan import MAX_RUNS, RunPlan
+from trackbench.api.prepare import prepare
+from trackbench.api.run import run_prepared
 from trackbench.api.scenario import load_several
-from trackbench.api.session import prepare, run_prepared
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
 from trackbench.base.exit_status import FAILED_PLUGIN

@@ -10,7 +10,6 @@ from pathlib import Path
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import one_blas_thread
 from trackbench.compare.comparability import (
-    Comparability,
     Group,
     ScenarioResults,
     cells_of,
@@ -36,7 +35,8 @@ from trackbench.compare.differences import (
     same_tracker,
 )
 from trackbench.compare.entries import Entry, ResultSet
-from trackbench.compare.limits import OPTION, Limit, gate_results, require_directed
+from trackbench.compare.limits import OPTION, Limit, gate_results
+from trackbench.compare.origins import order_notes, origins_of_sets
 from trackbench.compare.ranking import Pairings, entrant_scores, ranked_trackers, sets_of_scenes
 from trackbench.metrics import Metric
 from trackbench.results import Result, merged_places
@@ -155,11 +155,13 @@ def compare_results(
     first, *others = comparisons
     shown = {name for own in chosen.values() for name in own}
     places = merged_places(entry.result for item in sets for entry in item.entries)
+    origins = origins_of_sets(len(sets), cells, trackers)
     update = {
         "other_groups": others,
+        "origins": origins,
         "places": {name: place for name, place in places.items() if name in shown},
         "without_truth": without_truth,
-        "notes": [*notes, *first.notes],
+        "notes": [*notes, *order_notes(origins, sets), *first.notes],
         "commands": commands(sets, metrics, trackers, limits),
     }
     return first.model_copy(update=update)
@@ -200,7 +202,7 @@ def _comparison(
         score
         for cell in cells
         for number, entry in cell.entries.items()
-        for score in entrant_scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings)
+        for score in entrant_scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings, wanted)
     ]
     scenes = sets_of_scenes({cell.scenario: cell.entries[0].result.summary.truth.motion for cell in cells})
     order, rank_differences = ranked_trackers(scored, pairings, scenes) if pairings else ([], [])
@@ -243,8 +245,8 @@ def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Se
         if not metrics:
             hint = nearest_choices(path, {name for own in by_path for name in own})
             raise InputError(f"{path!r} is not compared run by run; {hint}", key=OPTION if limited else "--metric")
-        for metric in metrics if limited else ():
-            require_directed(metric)
+        if limited and any(metric.better is None for metric in metrics):
+            raise InputError(f"neither a larger nor a smaller {path} is better; state expectations", key=OPTION)
 
 
 def _matches(cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
@@ -294,24 +296,23 @@ def _require_judgeable(
 
 
 def _compared(cell: ScenarioResults, matches: Sequence[Match]) -> ComparedScenario:
-    scenario = cell.entries[0].result.summary.scenario
-    how = {match.number: match.how for match in matches if match.scenario == cell.scenario and match.number > 0}
-    compared = [_result(number, entry, how.get(number)) for number, entry in cell.entries.items()]
-    return ComparedScenario(name=cell.scenario, description=scenario.description, results=compared)
-
-
-def _result(number: int, entry: Entry, how: Comparability | None) -> ComparedResult:
-    summary = entry.result.summary
-    return ComparedResult(
-        set=number,
-        label=entry.label,
-        runs=summary.runs,
-        seed=summary.seed,
-        expectations=len(summary.expectations),
-        expectations_met=sum(item.passed for item in summary.expectations),
-        shared_runs=None if how is None or how.shared is None else len(how.shared[0]),
-        reason="" if how is None else how.reason,
-    )
+    ways = {match.number: match.how for match in matches if match.scenario == cell.scenario and match.number > 0}
+    compared = []
+    for number, entry in cell.entries.items():
+        summary, how = entry.result.summary, ways.get(number)
+        result = ComparedResult(
+            set=number,
+            label=entry.label,
+            runs=summary.runs,
+            seed=summary.seed,
+            expectations=len(summary.expectations),
+            expectations_met=sum(item.passed for item in summary.expectations),
+            shared_runs=None if how is None or how.shared is None else len(how.shared[0]),
+            reason="" if how is None else how.reason,
+        )
+        compared.append(result)
+    description = cell.entries[0].result.summary.scenario.description
+    return ComparedScenario(name=cell.scenario, description=description, results=compared)
 
 
 def _notes(

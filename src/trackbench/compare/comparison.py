@@ -54,6 +54,19 @@ class ComparedScenario(ResultModel):
     results: list[ComparedResult]
 
 
+class SetOrigin(ResultModel):
+    """When a set of results was made, and of what."""
+
+    set: int
+    made_at: str | None
+    """When the last of its runs began: UTC, ISO 8601; None in results of earlier versions."""
+    commit: str | None
+    """Commit of the repository that holds the scenarios; None without one."""
+    changes: list[str]
+    """What else changed since the set before, as the results state: versions, engine, trackers, scenario, code, commit;
+    empty for the baseline."""
+
+
 class EntrantScore(ResultModel):
     """What an entrant reached in a scenario."""
 
@@ -195,22 +208,17 @@ class RankDifference(ResultModel):
     """Whether they are shown to differ."""
 
 
-class JudgedLimit(ResultModel):
-    """A limit on how much worse a metric may be, and what became of it."""
+class GateResult(ResultModel):
+    """A limit on how much worse a metric may be, held against one tracker of a later set in one scenario."""
 
+    scenario: str
+    entrant: Entrant
     metric: str
     percent: float
     outcome: GateOutcome
     """Outcome by the rule of :func:`trackbench.compare.limits.gate_results`; ``error``: the entrant has no value."""
     text: str
     """What was found, in one line."""
-
-
-class GateResult(JudgedLimit):
-    """A limit held against one tracker of a later set in one scenario."""
-
-    scenario: str
-    entrant: Entrant
 
 
 class OrderInWorlds(ResultModel):
@@ -272,6 +280,8 @@ class Comparison(ResultModel):
     places: dict[str, int] = Field(default_factory=dict)
     """By tracker, its place in the first scenario that has it, from which it has its colour; those of all groups stand
     in the first."""
+    origins: list[SetOrigin] = Field(default_factory=list)
+    """Origin of each of several sets; those of all groups stand in the first."""
     without_truth: list[str] = Field(default_factory=list)
     """Scenarios that are not compared, for they have no truth."""
     commands: list[str] = Field(default_factory=list)
@@ -310,7 +320,7 @@ class Comparison(ResultModel):
         for group in (values, *values["other_groups"]):
             for score in group["scores"]:
                 score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
-            for name in ("worlds", "commands", "places"):
+            for name in ("worlds", "commands", "places", "origins"):
                 if not group[name]:
                     del group[name]
         return {**values, "passed": self.passed}

@@ -43,11 +43,6 @@ class Match:
     selected: bool = False
     """Whether the others are held against the tracker that is the best of them in the same data."""
 
-    @property
-    def family(self) -> str:
-        """The scenario within which differences are corrected: its worlds together."""
-        return self.entry.result.summary.scenario.base
-
     def choices(self, metric: Metric) -> float:
         """As of :func:`trackbench.metrics.differences.corrected_p_values`."""
         return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
@@ -102,7 +97,8 @@ def judged_differences(
             if isinstance(outcome, NotCompared):
                 missing.append(outcome)
             else:
-                families.setdefault("" if over_scenarios else match.family, []).append(len(compared))
+                family = "" if over_scenarios else match.entry.result.summary.scenario.base
+                families.setdefault(family, []).append(len(compared))
                 compared.append(outcome)
     p_values: dict[int, float] = {}
     for places in families.values():

@@ -21,7 +21,7 @@ class Limit(NamedTuple):
     percent: float
 
     @classmethod
-    def parse(cls, text: str, key: str = OPTION) -> Limit:
+    def parse(cls, text: str) -> Limit:
         """``position_rmse:5`` or ``position_rmse:5%``.
 
         Raises:
@@ -29,22 +29,11 @@ class Limit(NamedTuple):
         """
         metric, colon, number = text.rpartition(":")
         if not colon:
-            raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=key)
+            raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=OPTION)
         percent = stated_number(number.removesuffix("%"))
         if not 0.0 <= percent < math.inf:
-            raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=key)
+            raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=OPTION)
         return cls(metric, percent)
-
-
-def require_directed(metric: Metric, key: str = OPTION) -> None:
-    """Make sure that a metric can become worse.
-
-    Raises:
-        InputError: neither a larger nor a smaller one is better.
-    """
-    if metric.better is None:
-        message = f"neither a larger nor a smaller {metric.path} is better; state expectations instead"
-        raise InputError(message, key=key)
 
 
 def gate_results(

@@ -51,12 +51,20 @@ class Pairings:
 
 
 def entrant_scores(
-    number: int, entry: Entry, scenario: str, trackers: Sequence[str], pairings: Pairings | None
+    number: int,
+    entry: Entry,
+    scenario: str,
+    trackers: Sequence[str],
+    pairings: Pairings | None,
+    compared: Sequence[str] = (),
 ) -> list[EntrantScore]:
-    """What the trackers of one result reached, in the order of the scenario; ranked if it is known who is better."""
+    """What the trackers of one result reached, in the order of the scenario; ranked if it is known who is better.
+
+    Besides the metrics that are always shown, ``compared`` names the metrics to keep.
+    """
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
     contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in trackers]
-    shown = SHOWN[entry.result.summary.headline]
+    shown = dict.fromkeys([*SHOWN[entry.result.summary.headline], *(path.removesuffix(".mean") for path in compared)])
     entrants = []
     for tracker in entry.result.summary.trackers:
         name = tracker.name

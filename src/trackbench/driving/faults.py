@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NoReturn, get_args
+from collections.abc import Mapping
+from typing import Any, Literal, get_args
 
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError, printable, text_of
 from trackbench.base.user_code import place_of
@@ -66,22 +67,28 @@ def error_message(error: BaseException) -> dict[str, Any]:
     """Return the message by which the process of a tracker reports an error."""
     if isinstance(error, InputError | InputErrors):
         problems = error.errors if isinstance(error, InputErrors) else [error]
-        return {"type": "error", "input": [[each.message, each.key] for each in problems]}
+        return {"type": "error", "message": str(error), "input": [[each.message, each.key] for each in problems]}
     fault = fault_of(error)
     return {"type": "error", "message": fault.cause, "kind": fault.kind, "place": fault.place, "member": fault.member}
 
 
-def raise_reported(message: dict[str, Any], members: int) -> NoReturn:
-    """Raise the error that a message reports.
+def reported_error(message: Mapping[str, Any], members: int, name: str) -> InputError | InputErrors | TrackFault:
+    """Return the error that a message reports; what is malformed in it is left out.
 
-    Raises:
-        InputError, TrackFault: the reported error.
-        KeyError, TypeError, ValueError: the report is malformed.
+    Args:
+        message: of the type ``error``.
+        members: number of members of the batch.
+        name: text with which the cause begins.
     """
-    if problems := message.get("input"):
-        errors = [InputError(str(message), key=None if key is None else str(key)) for message, key in problems]
-        raise errors[0] if len(errors) == 1 else InputErrors(errors)
-    kind, place, member = (message[name] for name in ("kind", "place", "member"))
-    if kind not in KINDS or not (member is None or (isinstance(member, int) and 0 <= member < members)):
-        raise ValueError(message)
-    raise TrackFault(str(message["message"]), kind, None if place is None else str(place), member)
+    match message.get("input"):
+        case [[str(), _], *_] as problems:
+            errors = [InputError(printable(text), key=key) for text, key in problems]
+            return errors[0] if len(errors) == 1 else InputErrors(errors)
+    kind: Kind = next((known for known in KINDS if known == message.get("kind")), "raised")
+    place, member = message.get("place"), message.get("member")
+    return TrackFault(
+        name + printable(str(message.get("message"))),
+        kind,
+        printable(place) if isinstance(place, str) else None,
+        member if isinstance(member, int) and 0 <= member < members else None,
+    )

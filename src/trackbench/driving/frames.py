@@ -126,50 +126,30 @@ def frame_message(content: bytes | bytearray) -> dict[str, Any]:
     return message
 
 
-class FrameReader:
-    """The messages that come one after the other."""
+def read_message(read: Callable[[int], bytes]) -> dict[str, Any]:
+    """Return the next message.
 
-    def __init__(self) -> None:
-        self._content = bytearray()
+    Args:
+        read: gives at most so many bytes, and none at the end.
 
-    def receive(self, read: Callable[[int], bytes]) -> dict[str, Any]:
-        """Return the next message.
-
-        Args:
-            read: gives at most so many bytes, as soon as there are some, and none at the end.
-
-        Raises:
-            EOFError: the other side has ended.
-            NotAFrame: the bytes received are none.
-        """
-        self._take(LENGTH.size, read)
-        (size,) = LENGTH.unpack_from(self._content)
-        if size > LARGEST:
-            raise NotAFrame(f"{size} bytes long")
-        end = LENGTH.size + size
-        self._take(end, read)
-        content = self._content[LENGTH.size : end]
-        del self._content[:end]
-        return frame_message(content)
-
-    def _take(self, size: int, read: Callable[[int], bytes]) -> None:
-        while len(self._content) < size:
-            content = read(READ)
-            if not content:
-                raise EOFError
-            self._content += content
+    Raises:
+        EOFError: the other side has ended.
+        NotAFrame: the bytes received are none.
+    """
+    (size,) = LENGTH.unpack(_exactly(LENGTH.size, read))
+    if size > LARGEST:
+        raise NotAFrame(f"{size} bytes long")
+    return frame_message(_exactly(size, read))
 
 
-def with_arrays(value: Any) -> Any:
-    """Return a value of a message with NumPy's arrays, which are read-only, in place of ``[shape, bytes]``."""
-    match value:
-        case [[*shape], bytes(content)]:
-            return _read_only_array(shape, content)
-        case list():
-            return [with_arrays(item) for item in value]
-        case dict():
-            return {key: with_arrays(item) for key, item in value.items()}
-    return value
+def _exactly(size: int, read: Callable[[int], bytes]) -> bytes:
+    content = read(size)
+    while len(content) < size:
+        more = read(size - len(content))
+        if not more:
+            raise EOFError
+        content += more
+    return content
 
 
 def message_scan(message: Mapping[str, Any]) -> Scan:
@@ -191,16 +171,17 @@ def _read_only_array(shape: Sequence[int], content: bytes) -> Any:
     return np.frombuffer(content, dtype=FLOAT).reshape(shape)[()]
 
 
-def answer_frame(number: int, answer: Estimate | Tracks | None) -> bytes:
-    """Return the frame of a tracker's answer to a scan."""
+def answer_frame(number: int, answer: Estimate | Tracks | None, more: Mapping[str, Any] = {}) -> bytes:
+    """Return the frame of a tracker's answer to a scan; ``more``: what else it says."""
     if answer is None:
-        return message_frame({"type": "none", "id": number})
+        return message_frame({"type": "none", "id": number, **more})
     parts = {name: value for name, value in answer._asdict().items() if value is not None}
     if isinstance(answer, Estimate) and "state" in parts and not _is_numeric(parts["state"]):
         # A state of another form is the tracker's own affair.
         del parts["state"]
     kind = "tracks" if isinstance(answer, Tracks) else "estimate"
-    return message_frame({"type": kind, "id": number} | {name: packed_array(value) for name, value in parts.items()})
+    arrays = {name: packed_array(value) for name, value in parts.items()}
+    return message_frame({"type": kind, "id": number, **arrays, **more})
 
 
 def _is_numeric(value: Any) -> bool:

@@ -1,26 +1,27 @@
-"""The process in which a tracker lives. It is given scans and gives estimates; there is no truth in it."""
+"""The program that serves a tracker in Python, by the protocol of docs/any-language.md; there is no truth in it.
+
+Run as ``python -m trackbench.driving.host MODULE:CLASS``.
+"""
 
 from __future__ import annotations
 
+import argparse
 import copy
 import faulthandler
 import io
 import os
 import pickle
-import socket
 import sys
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
-
 from trackbench.base import at_hand
-from trackbench.base.types import Progress
 from trackbench.driving.alone import Alone
-from trackbench.driving.faults import error_message, fault_of
-from trackbench.driving.frames import FrameReader, answer_frame, message_frame, message_scan, with_arrays
+from trackbench.driving.faults import error_message
+from trackbench.driving.frames import VERSION, answer_frame, message_frame, message_scan, read_message
 from trackbench.driving.printed import say_stray_errors
 from trackbench.driving.steppers import Stepper, local, refuse_truth
 from trackbench.trackers.answers import is_random
@@ -28,155 +29,165 @@ from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_tracker_options, create
 
-#: The keys of a request that are no arguments of its method.
-PROCESS_KEYS = ("type", "path", "cwd", "classes")
+#: How the trackers are served: for all members of a batch, their answers checked; each as it is; not at all, when the
+#: class is only looked for.
+MODES = BATCH, EACH, CHECK = ("batch", "each", "check")
 
 
 class Host:
-    """Answers the requests of the bench, each named after a method."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._stepped: dict[int, Alone | Stepper] = {}
-        self._numbers = 0
-
-    def answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Return what the method that a request names answers."""
-        arguments = {key: with_arrays(value) for key, value in request.items() if key not in PROCESS_KEYS}
-        if "path" in request:
-            sys.path[:] = request["path"]
-            at_hand.receive_classes(request["classes"])
-            with suppress(OSError):
-                os.chdir(request["cwd"] or ".")
-        answer: dict[str, Any] = getattr(self, request["type"])(**arguments)
-        return {"type": "done", **answer}
-
-    def step(self, message: dict[str, Any]) -> bytes:
-        """Return the frame that answers a scan."""
-        number = message["id"]
-        return answer_frame(number, self._stepped[number].step(message_scan(message)))
-
-    def end(self, number: int) -> None:
-        """Forget a tracker."""
-        self._stepped.pop(number, None)
-
-    def check(self, config: dict[str, Any], folder: str) -> dict[str, Any]:
-        """Import the tracker and hold its options against what it declares."""
-        own = PluginConfig.model_validate(config)
-        check_tracker_options(own.reference, own.options, _folder(folder))
-        return {}
-
-    def start(self, config: dict[str, Any], folder: str, batch: int, several: bool) -> dict[str, Any]:
-        """A fresh tracker for a batch, whose answers are checked."""
-        known = PluginConfig.model_validate(config)
-        stepper = local(known, _folder(folder), batch, lambda tracker: tracker, several)
-        return {"number": self._keep(stepper), **stepper.traits._asdict()}
-
-    def fresh(self, config: dict[str, Any], folder: str) -> dict[str, Any]:
-        """A fresh tracker as it is."""
-        own = PluginConfig.model_validate(config)
-        alone = Alone(create(own.reference, own.options, _folder(folder)))
-        if isinstance(alone.tracker, FilterTracker):
-            refuse_truth(alone.tracker)
-        number = self._keep(alone)
-        return {"number": number, **self.traits(number)}
-
-    def traits(self, number: int) -> dict[str, Any]:
-        """What a tracker can do, and why it cannot be copied, where that has been tried."""
-        alone = self._alone(number)
-        tracker = alone.tracker
-        methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
-        traits = {"batched": alone.batched, "random": is_random(tracker), "methods": methods}
-        return {**traits, "not_copied": alone.not_copied}
-
-    def copy(self, number: int) -> dict[str, Any]:
-        """An independent copy of a tracker and its state, or why there is none of one that follows a batch."""
-        stepped = self._stepped[number]
-        if isinstance(stepped, Alone):
-            return {"number": self._keep(stepped.copy())}
-        try:
-            return {"number": self._keep(copy.deepcopy(stepped))}
-        except Exception as error:
-            return {"number": 0, "not_copied": fault_of(error).cause}
-
-    def call(self, number: int, method: str, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """What a method of a tracker returns, an array."""
-        return {"returned": np.array(getattr(self._alone(number).tracker, method)(*arguments), dtype=float)}
-
-    def work(self, function: str, arguments: dict[str, Any]) -> dict[str, Any]:
-        """What a function of the bench returns, ``module:name``, which tells of its progress and is called here."""
-        module, _, name = function.partition(":")
-        returned = getattr(import_module(module), name)(**arguments, progress=self._progress)
-        return {"returned": pickle.dumps(returned)}
-
-    def _alone(self, number: int) -> Alone:
-        stepped = self._stepped[number]
-        assert isinstance(stepped, Alone)
-        return stepped
-
-    def _keep(self, stepped: Alone | Stepper) -> int:
-        self._numbers += 1
-        self._stepped[self._numbers] = stepped
-        return self._numbers
-
-
-def _folder(path: str) -> Path | None:
-    return Path(path) if path else None
-
-
-def serve_bench(connection: socket.socket, dump: int, name: str) -> NoReturn:
-    """Answer the bench until it ends.
+    """Answers the messages of the bench.
 
     Args:
-        connection: to the bench.
-        dump: file descriptor to which the traceback goes when the process is killed by a fault.
-        name: of the tracker.
+        reference: of the tracker, ``module:Class`` or a published name.
+        folder: where its module is looked for first.
+        mode: how it is served, one of ``MODES``.
+        send: writes a frame.
     """
-    _prepare(dump)
-    say_stray_errors(name)
-    own = os.getpid()
 
-    def send(content: bytes) -> None:
+    def __init__(self, reference: str, folder: Path | None, mode: str, send: Callable[[bytes], None]) -> None:
+        self._reference, self._folder, self._mode, self._send = reference, folder, mode, send
+        self._hello: Mapping[str, Any] = {}
+        self._unused: Alone | Stepper | None = None
+        self._trackers: dict[int, Alone | Stepper | BaseException] = {}
+
+    def answer(self, message: Mapping[str, Any]) -> bytes | None:
+        """Do what a message asks for, and return the frame of the answer; None where none is due."""
+        match message["type"]:
+            case "scan":
+                return self._step(message["id"], message)
+            case "hello":
+                return self._greet(message)
+            case "start":
+                self._keep(message["id"], self._started)
+            case "copy":
+                self._keep(message["id"], partial(_copied, self._trackers[message["of"]]))
+            case "end":
+                self._trackers.pop(message["id"], None)
+            case "work":
+                return self._work(message)
+        return None
+
+    def _step(self, number: int, message: Mapping[str, Any]) -> bytes:
+        tracker = self._trackers[number]
+        if isinstance(tracker, BaseException):
+            raise tracker
+        answer = tracker.step(message_scan(message))
+        not_copied = tracker.not_copied if isinstance(tracker, Alone) else None
+        return answer_frame(number, answer, {"not_copied": not_copied} if not_copied else {})
+
+    def _greet(self, hello: Mapping[str, Any]) -> bytes:
+        self._hello = hello
+        at_hand.receive_classes(hello.get("classes", {}))
+        check_tracker_options(self._reference, hello["options"], self._folder)
+        answer: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, "copies": True}
+        if self._mode == CHECK:
+            return message_frame(answer)
+        tracker = self._unused = self._made()
+        if isinstance(tracker, Stepper):
+            traits = {"batched": True, "separate": not tracker.traits.batched, "random": tracker.traits.random}
+        else:
+            traits = {"batched": tracker.batched, "random": is_random(tracker.tracker)}
+        return message_frame(answer | traits)
+
+    def _made(self) -> Alone | Stepper:
+        options = dict(self._hello["options"])
+        if self._mode == EACH:
+            alone = Alone(create(self._reference, options, self._folder))
+            if isinstance(alone.tracker, FilterTracker):
+                refuse_truth(alone.tracker)
+            return alone
+        config = PluginConfig(use=self._reference, options=options)
+        several = self._hello["identities"] == "hidden"
+        return local(config, self._folder, self._hello["batch"], lambda tracker: tracker, several)
+
+    def _started(self) -> Alone | Stepper:
+        tracker, self._unused = self._unused or self._made(), None
+        return tracker
+
+    def _keep(self, number: int, make: Callable[[], Alone | Stepper]) -> None:
+        try:
+            self._trackers[number] = make()
+        except BaseException as error:
+            # It is raised when the tracker is given a scan: this message has no answer.
+            self._trackers[number] = error
+
+    def _work(self, message: Mapping[str, Any]) -> bytes:
+        """Call a function of the bench, ``module:name``, that looks into a tracker and tells of its progress."""
+        at_hand.receive_classes(message["classes"])
+        module, _, name = message["function"].partition(":")
+
+        def progress(done: float, expected: float) -> None:
+            self._send(message_frame({"type": "progress", "done": done, "expected": expected}))
+
+        returned = getattr(import_module(module), name)(**message["arguments"], progress=progress)
+        return message_frame({"type": "returned", "pickled": pickle.dumps(returned)})
+
+
+def _copied(tracker: Any) -> Alone | Stepper:
+    if isinstance(tracker, BaseException):
+        raise tracker
+    return tracker.copy() if isinstance(tracker, Alone) else copy.deepcopy(tracker)
+
+
+def main(arguments: Sequence[str]) -> NoReturn:
+    """Serve a tracker on standard input and output, until the input ends."""
+    parser = argparse.ArgumentParser(prog="python -m trackbench.driving.host", description=__doc__)
+    parser.add_argument("tracker", help="module:Class, or a published name")
+    parser.add_argument("--folder", type=Path, help="where its module is looked for first")
+    parser.add_argument("--mode", choices=MODES, default=BATCH, help="how it is served")
+    options = parser.parse_args(arguments)
+    requests, answers, own, leave = os.fdopen(os.dup(0), "rb"), os.dup(1), os.getpid(), os._exit
+    _give_streams(answers)
+    say_stray_errors(options.tracker)
+
+    def send(frame: bytes) -> None:
         if os.getpid() != own:
             # A copy of this process, which a tracker forked, does not answer.
-            os._exit(1)
-        connection.sendall(content)
+            leave(1)
+        rest = memoryview(frame)
+        while rest:
+            rest = rest[os.write(answers, rest) :]
 
-    reader = FrameReader()
-    host = Host(lambda done, expected: send(message_frame({"type": "progress", "done": done, "expected": expected})))
+    host = Host(options.tracker, options.folder, options.mode, send)
     while True:
         try:
-            request = reader.receive(connection.recv)
+            message = read_message(requests.read)
         except (EOFError, OSError):
-            os._exit(0)
+            leave(0)
         except BaseException:
-            # What it takes to understand a request, or to answer one, is broken by the tracker.
+            # What it takes to understand a request is broken by the tracker.
             os._exit(1)
         try:
-            if request["type"] == "end":
-                host.end(request["id"])
-                continue
-            answer = host.step(request) if request["type"] == "scan" else message_frame(host.answer(request))
+            answer = host.answer(message)
         except BaseException as error:
             answer = message_frame(error_message(error))
+        if answer is None:
+            continue
         try:
             send(answer)
         except OSError:
-            os._exit(0)
+            leave(0)
 
 
-def _prepare(dump: int) -> None:
-    file = os.fdopen(dump, "w")
-    faulthandler.enable(file)
-    leave = os._exit
-
-    def exiting(status: int) -> None:
-        faulthandler.dump_traceback(file)
-        leave(status)
-
-    # Where a tracker leaves by this way is worth knowing.
-    os._exit = exiting  # type: ignore[assignment]
-
+def _give_streams(answers: int) -> None:
+    """Give the tracker streams of its own, and write where it was to ``answers`` where it ends the process."""
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.dup2(2, 1)
     if isinstance(sys.stdout, io.TextIOWrapper):
         # What a tracker printed before its process is killed is seen.
         sys.stdout.reconfigure(line_buffering=True)
+    own, leave = os.getpid(), os._exit
+
+    def exiting(status: int) -> None:
+        if os.getpid() == own:
+            faulthandler.dump_traceback(answers)
+        leave(status)
+
+    faulthandler.enable(answers)
+    os._exit = exiting  # type: ignore[assignment]
+    os.register_at_fork(after_in_child=faulthandler.disable)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,7 +1,8 @@
-"""Trackers that a program in another language serves: of a batch, and as they are."""
+"""Trackers that a program serves: of a batch, and as they are."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -43,11 +44,11 @@ class ProgramStepper(Stepper):
     def __init__(self, program: Program, batch: int, several: bool) -> None:
         self._program, self._several, self._batch = program, several, batch
         self._form = TRACKS_FORM if several else ESTIMATE_FORM
-        self.traits = Traits(program.batched, program.random)
+        self.traits = Traits(program.batched and not program.separate, program.random)
         self._begin()
 
     def _begin(self) -> None:
-        self._numbers = [self._program.start() for _ in range(1 if self.traits.batched else self._batch)]
+        self._numbers = [self._program.start() for _ in range(1 if self._program.batched else self._batch)]
         self._members = list(range(self._batch)) if self._several else []
         self._begun, self._estimated = (np.zeros(self._batch, dtype=bool) for _ in range(2))
 
@@ -57,7 +58,7 @@ class ProgramStepper(Stepper):
         Raises:
             TrackFault: the program failed, for one member where it takes no batches.
         """
-        if self.traits.batched:
+        if self._program.batched:
             return self._together(scan)
         if len(self._members) < self._batch:
             self._begun |= scan.valid
@@ -82,13 +83,22 @@ class ProgramStepper(Stepper):
         """Follow some scans, and then start anew: the trackers that follow are not the first of their process."""
         for scan in scans:
             self.step(scan)
-        for number in self._numbers:
-            self._program.end(number)
+        self.__del__()
         self._begin()
 
     def close(self) -> None:
         """End the program."""
         self._program.close()
+
+    def __deepcopy__(self, memo: object) -> ProgramStepper:
+        twin = copy.copy(self)
+        twin._numbers = list(map(self._program.copy, self._numbers))
+        twin._begun, twin._estimated = self._begun.copy(), self._estimated.copy()
+        return twin
+
+    def __del__(self) -> None:
+        for number in self._numbers:
+            self._program.end(number)
 
     def _together(self, scan: Scan) -> Any:
         message = self._program.ask(self._numbers[0], scan)
@@ -106,7 +116,7 @@ class ProgramStepper(Stepper):
 
     def _received(self, member: int) -> Message:
         try:
-            return self._program.receive(self._numbers[member])
+            return self._program.answer(self._numbers[member])
         except TrackFault as fault:
             fault.member = member
             raise
@@ -138,9 +148,12 @@ class ProgramTracker:
         """What stands for its state, and the answer."""
         return KEPT_THERE, answer_of(self._program.ask(self._number, scan), self._several)
 
+    @property
+    def not_copied(self) -> str | None:
+        """Why its program repeats it on the same scans instead of copying it; None while it has not."""
+        return self._program.not_copied
+
     def __deepcopy__(self, memo: object) -> ProgramTracker:
-        if not self._program.copies:
-            raise TypeError("its program does not say that it copies trackers")
         return ProgramTracker(self._program, self._several, self._program.copy(self._number))
 
     def __del__(self) -> None:

@@ -141,12 +141,6 @@ class Filter(Protocol[B]):
         """
         ...
 
-    def step(self, belief: B, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[B]:
-        """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""
-        predicted = self.predict(belief, dt)
-        update = self.update(predicted, scan)
-        return Step(update, self.cartesian(update.belief), None if guard is None else guard(predicted))
-
     def smooth(self, belief: B, later: B, dt: float) -> B:
         """The belief once it is known what is believed ``dt`` seconds (more than zero) later from more measurements."""
         ...

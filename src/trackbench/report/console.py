@@ -17,7 +17,6 @@ from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_
 from trackbench.report.sentences import (
     FALSE_OF_REFERENCE,
     below_the_bound,
-    contradicted_starts,
     drawing_random,
     duration,
     expectations_met,
@@ -132,7 +131,6 @@ def _notes_on_tracks(result: Result) -> list[str]:
         *([f"  {FALSE_OF_REFERENCE}"] if outlived else []),
         *(values_of_few_scenes(result) or [_intervals_of_tracks(result)]),
         *([reused] if (reused := reused_identities(result)) else []),
-        *contradicted_starts(result),
         *others_ignored(result),
         *made_elsewhere(result),
     ]
@@ -305,7 +303,6 @@ def _notes(result: Result) -> list[str]:
         *_coverage(trackers),
         *missing_estimates(result),
         *below_the_bound(result),
-        *contradicted_starts(result),
     ]
     if any(tracker.is_reference for tracker in trackers):
         notes.append("*: a smoother, which knows later measurements too; no competitor")

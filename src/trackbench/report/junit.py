@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 from trackbench.base.config import KeyPath
 from trackbench.compare import Comparison
-from trackbench.compare.comparison import GateOutcome, JudgedLimit
+from trackbench.compare.comparison import GateOutcome, GateResult
 from trackbench.report.sentences import value_and_limit
 from trackbench.results import SUMMARY, ExpectationResult, Result
 from trackbench.scenario import Scenario
@@ -92,7 +92,7 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
         baseline, *later = scenario.results
         for result in later:
             cases = [
-                limit_case(scenario.name, item.entrant.tracker, item, item.text, result.label)
+                _limit_case(item, result.label)
                 for item in gates
                 if item.scenario == scenario.name and item.entrant.set == result.set
             ]
@@ -100,14 +100,14 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
     return suites
 
 
-def limit_case(scenario: str, tracker: str, limit: JudgedLimit, found: str, label: str) -> Case:
+def _limit_case(limit: GateResult, label: str) -> Case:
     """Return the test case of a limit on one tracker in a result; an undecided limit is not kept, and a failure."""
-    name = f"{tracker} {limit.metric} not worse by more than {limit.percent:g} %"
-    outcome, message = limit.outcome, found
+    name = f"{limit.entrant.tracker} {limit.metric} not worse by more than {limit.percent:g} %"
+    outcome, message = limit.outcome, limit.text
     if outcome == "undecided":
-        outcome, message = "failed", f"undecided: {found}"
+        outcome, message = "failed", f"undecided: {message}"
     file = label if label.endswith(".json") else f"{label}/{SUMMARY}"
-    return Case(name, f"{scenario}.{tracker}", outcome, message, file)
+    return Case(name, f"{limit.scenario}.{limit.entrant.tracker}", outcome, message, file)
 
 
 def to_xml(suites: Sequence[Suite]) -> str:

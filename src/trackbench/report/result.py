@@ -47,7 +47,6 @@ from trackbench.report.sentences import (
     SWITCH_COSTS,
     below_the_bound,
     censored,
-    contradicted_starts,
     drawing_random,
     facts,
     made_elsewhere,
@@ -195,7 +194,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
         basis = f"{few if summary.truth.scenes else ONE_RUN}."
     without = tuple(Item(f"{sentence[0].upper()}{sentence[1:]}.") for sentence in without_interval(result))
     folded = [Section("Metrics without an interval", (Items(without),), folded=True)] if without else []
-    sentences = [drawing_random(result), *contradicted_starts(result), *others_ignored(result), *made_elsewhere(result)]
+    sentences = [drawing_random(result), *others_ignored(result), *made_elsewhere(result)]
     basis += "".join(f" {sentence}." for sentence in sentences if sentence)
     column = standing(result)
     shown = f"“{column.heading}”: {column.meaning}"

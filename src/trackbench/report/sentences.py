@@ -239,24 +239,6 @@ def _time_offset(tracker: TrackerResult) -> list[str]:
     return [f"{name}: time offset n/a: {offset.reason}; the mean error is {alone}: {causes}"]
 
 
-def contradicted_starts(result: Result) -> list[str]:
-    """Of each standard deviation of a first velocity that the first scans contradict, which trackers state it."""
-    names: dict[float, list[str]] = {}
-    for tracker in result.scored:
-        if tracker.first_velocity is not None:
-            names.setdefault(tracker.first_velocity.sigma_mps, []).append(tracker.name)
-    sentences = []
-    for sigma, stating in names.items():
-        first = result[stating[0]].first_velocity
-        assert first is not None
-        typical, fitting = (float(f"{first.typical_mps / factor:.2g}") for factor in (1.0, 2**0.5))
-        sentences.append(
-            f"{joined_names(stating)}: initial.velocity_sigma_mps is {sigma:g}, but the first positions say some "
-            f"{typical:g} m/s in most tracks; {fitting:g} would fit"
-        )
-    return sentences
-
-
 def other_switch_costs(result: Result) -> str:
     """Whether the trackers rank alike where a switch costs half or twice as much."""
     costs = result.summary.score.switch_costs_s or 0.0

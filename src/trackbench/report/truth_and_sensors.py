@@ -52,8 +52,8 @@ def _recording(truth: TruthSummary) -> Iterator[str]:
     yield (
         f"As recorded, at {options['rate_hz']:g} Hz, vehicles accelerate by up to "
         f"{_two_digits(raw['acceleration_max_mps2'])} m/s² (vehicle {raw['vehicle']}; 99 %: "
-        f"{_two_digits(raw['acceleration_p99_mps2'])}) with a jerk of up to {_two_digits(raw['jerk_max_mps3'])} "
-        f"m/s³; speed and displacement differ by {_two_digits(raw['displacement_rms_mps'])} m/s (RMS), "
+        f"{_two_digits(raw['acceleration_p99_mps2'])}); speed and displacement differ by "
+        f"{_two_digits(raw['displacement_rms_mps'])} m/s (RMS), "
         f"at most {_two_digits(raw['displacement_max_mps'])}; {counted(raw['jumps'], 'position jump')}."
     )
     if options["smoothing"]:

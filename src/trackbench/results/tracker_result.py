@@ -62,17 +62,6 @@ class Health(ResultModel):
     """Identities that were used again after their track had ended; None where identities are known."""
 
 
-class FirstVelocity(ResultModel):
-    """A standard deviation of the first velocity that the first two positions of most tracks contradict."""
-
-    sigma_mps: float
-    """As the scenario states it, m/s."""
-    share: float
-    """Of the tracks that were looked at, those whose velocity is more than four of it from the first one."""
-    typical_mps: float
-    """How far, the median, m/s."""
-
-
 class ConditionScores(ResultModel):
     """Scores of the estimates under one condition."""
 
@@ -166,8 +155,6 @@ class TrackerResult(ResultModel):
     """Whether the interval of the offset excludes 0, and the offset is a part of the error that matters."""
     filed: FiledRows | None = None
     """Of tracks made elsewhere."""
-    first_velocity: FirstVelocity | None = None
-    """Where what it assumes of a track's first velocity is contradicted by what it measures; else None."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""

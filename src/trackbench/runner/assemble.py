@@ -35,7 +35,6 @@ from trackbench.results.scenario_summary import (
 )
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated, evaluated, judge
-from trackbench.runner.first_velocity import contradiction
 from trackbench.runner.run_spread import run_spreads
 from trackbench.runner.tables import labelled_tables
 from trackbench.runner.tracker_entry import headline_sums, tracker_entry
@@ -83,11 +82,6 @@ def assemble(
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     random = frozenset[str]().union(*(block.random for block in blocks))
     spreads = run_spreads(work, [(block.piece.scene, block.spreads) for block in blocks])
-    in_blocks = [block.first_velocities for block in blocks]
-    first = {
-        name: contradiction(config, [velocities[name] for velocities in in_blocks if name in velocities])
-        for name, config in work.trackers.items()
-    }
     trackers = [
         tracker_entry(
             work,
@@ -97,7 +91,6 @@ def assemble(
             place=place,
             random=name in random,
             run_spread=spreads.get(name),
-            first_velocity=first[name],
         )
         for name, place in loaded.places.items()
         if name in work.trackers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,6 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.breakdown import sum_classes
 from trackbench.results import Failure
 from trackbench.runner.filed_run import FiledRun
-from trackbench.runner.first_velocity import first_velocities
 from trackbench.runner.hidden_run import HiddenBatch, HiddenRun, TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant, RecordedScans
@@ -48,8 +47,6 @@ class Block:
     """Those of the recorded run, if it is in this block."""
     random: frozenset[str] = frozenset()
     """The plug-ins that say that they draw random numbers."""
-    first_velocities: Mapping[str, Array] = field(default_factory=dict)
-    """As ``first_velocity`` has them, in the first block of each scene."""
     spreads: dict[str, list[Array]] = field(default_factory=dict)
     """Sums of ``RunSpread`` for each plug-in."""
 
@@ -173,10 +170,7 @@ def _sensed_block(work: Work, piece: BlockRuns, measurements: Measurements | Hid
     """A block that no tracker has gone through yet."""
     kept = work.recorded_in(piece)
     recorded = None if kept is None else _recorded_scans(work, measurements, kept)
-    block = Block(piece, {}, _detections(measurements), measurements.digests, {}, recorded)
-    if piece.runs.start == 0 and work.has_truth:
-        block.first_velocities = first_velocities(work.trackers, measurements, len(work.scenes[piece.scene].truth.ids))
-    return block
+    return Block(piece, {}, _detections(measurements), measurements.digests, {}, recorded)
 
 
 def _recorded_scans(work: Work, measurements: Measurements | HiddenMeasurements, kept: int) -> RecordedScans:

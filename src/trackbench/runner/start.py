@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
-from trackbench.driving.isolation import plugged_in
+from trackbench.driving.isolation import is_program, plugged_in
 from trackbench.driving.law import COPIES, FEWEST, MOST, DriveAlone
 from trackbench.driving.remote import start_stepper
 from trackbench.driving.second_drive import Company, SecondDrive
@@ -131,7 +131,8 @@ class SecondDrives:
         with_engine = partial(replace, engine=work.engine_here)
         stepper = start_stepper(config, work.folder, len(order), with_engine, work.isolation, several, work.sensors)
         company = Company(order, members, self._others(other_runs))
-        stepper.restart(company.before())
+        if is_program(config):
+            stepper.restart(company.before())
         return SecondDrive(stepper, company, traits.batched)
 
     def _alone(self, config: FilterConfig | PluginConfig) -> DriveAlone | None:

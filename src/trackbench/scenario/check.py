@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from functools import partial
 
 from trackbench.base.errors import InputError, InputErrors, counted
@@ -123,29 +122,20 @@ def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Itera
 
 def _try(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolation, started: bool) -> None:
     # Few scenarios have a plug-in, and what steps trackers takes its time to import.
-    from trackbench.driving.remote import TrackerTrial
+    from trackbench.driving.remote import check_startable
 
-    use = f"trackers.{name}.use"
-    config, folder = loaded.config, loaded.folder
-    with closing(TrackerTrial(tracker, folder, isolation)) as trial:
-        try:
-            trial.check()
-        except InputErrors as several:
-            raise InputErrors([_placed(error, name) for error in several.errors]) from several
-        except InputError as error:
-            raise _placed(error, name) from error
-        except TrackFault as fault:
-            raise InputError(f"cannot look at {str(tracker.use)!r}: {fault}", key=use) from fault
-        if not started:
-            return
-        try:
-            trial.start(config.sensing.identities == "hidden", config.sensors)
-        except TrackFault as fault:
-            # Of a program, its result says so, and the others go on.
-            if not is_program(tracker):
-                raise InputError(f"cannot start {str(tracker.use)!r}: {fault}", key=use) from fault
-        except InputError as error:
-            raise InputError(error.message, key=error.key or use) from error
+    several = loaded.config.sensing.identities == "hidden"
+    try:
+        check_startable(tracker, loaded.folder, isolation, started, several, loaded.config.sensors)
+    except InputErrors as errors:
+        raise InputErrors([_placed(error, name) for error in errors.errors]) from errors
+    except InputError as error:
+        raise _placed(error, name) from error
+    except TrackFault as fault:
+        # Of a program, its result says so, and the others go on.
+        if not is_program(tracker):
+            verb = "start" if started else "look at"
+            raise InputError(f"cannot {verb} {str(tracker.use)!r}: {fault}", key=f"trackers.{name}.use") from fault
 
 
 def _placed(error: InputError, name: str) -> InputError:

@@ -53,7 +53,10 @@ class FilterTracker(ScanTracker):
             state = TrackState(-np.inf, belief, np.zeros_like(scan.valid))
         if scan.asked or not self.advances(scan.sensor):
             return state, self.steps.estimate(self.steps.predicted(state, scan.time))
-        return self._after_scan(state, scan._replace(time=scan.arrival_time) if self.late == "as_new" else scan)
+        if self.late == "as_new":
+            scan = scan._replace(time=scan.arrival_time)
+        in_time = self.lag_s == 0.0 and scan.time >= state.time
+        return self._in_sequence(state, scan) if in_time else self._after_scan(state, scan)
 
     def advances(self, sensor: str) -> bool:
         """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is set to."""
@@ -97,7 +100,7 @@ class FilterTracker(ScanTracker):
         some = bool(np.any(scan.valid))
         # Without a measurement the kernel of a step gives other last bits than that of a prediction.
         reads = (self.sensors is None or scan.sensor in self.sensors) and (some or self.engine == "fused")
-        step, own = self.steps.fused_step(state, scan) if reads else (None, state.started)
+        step, own = self._predicted_and_updated(state, scan) if reads else (None, state.started)
         if step is not None and np.all(own):
             belief = step.update.belief
             estimate = belief_estimate(belief, step.cartesian)
@@ -120,6 +123,24 @@ class FilterTracker(ScanTracker):
         if update is not None and some:
             estimate = with_innovation(estimate, update, tracked)
         return after._replace(belief=after.belief._replace(repaired=None)), estimate
+
+    def _predicted_and_updated(self, state: TrackState, scan: Scan) -> tuple[Step[Any] | None, Mask]:
+        """Prediction and update at once, and of which tracks: not those that are, or would be, in the fallback.
+
+        It does not depend on the other tracks of the batch, so that their number changes no bit of an estimate.
+        """
+        own = state.started if state.fallback is None else state.started & ~state.fallback.where
+        if not np.any(own):
+            return None, own
+        filter: Any = self.steps.computed_filter
+        elapsed, guard = scan.time - state.time, self.steps.guard
+        if self.engine == "fused":
+            step: Step[Any] = filter.step(state.belief, elapsed, scan, guard)
+        else:
+            predicted = filter.predict(state.belief, elapsed)
+            update = filter.update(predicted, scan)
+            step = Step(update, filter.cartesian(update.belief), None if guard is None else guard(predicted))
+        return step, own if step.refused is None else own & ~step.refused
 
     def _filtered(
         self, state: TrackState, scan: Scan, reads: bool, step: Step[Any] | None, own: Mask

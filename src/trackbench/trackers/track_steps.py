@@ -18,7 +18,6 @@ from trackbench.filters import (
     Filter,
     MultiModelBelief,
     SingleModelFilter,
-    Step,
     StepGuard,
     Update,
     choose,
@@ -140,17 +139,6 @@ class TrackSteps:
     def guard(self) -> StepGuard | None:
         """Tells of a predicted belief where a step is not the filter's alone."""
         return self.fallback.guard
-
-    def fused_step(self, state: TrackState, scan: Scan) -> tuple[Step[Any] | None, Mask]:
-        """Prediction and update at once, and of which tracks: not those that are, or would be, in the fallback.
-
-        It does not depend on the other tracks of the batch, so that their number changes no bit of an estimate.
-        """
-        own = state.started if state.fallback is None else state.started & ~state.fallback.where
-        if not np.any(own):
-            return None, own
-        step = self.computed_filter.step(state.belief, scan.time - state.time, scan, self.guard)
-        return step, own if step.refused is None else own & ~step.refused
 
     def advanced(self, state: TrackState, time: float) -> TrackState:
         """The state predicted to a later time, or to its own."""

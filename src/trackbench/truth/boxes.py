@@ -18,7 +18,7 @@ from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
-from trackbench.truth.recorded.rows import read_table
+from trackbench.truth.recorded.table_files import read_table
 from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import (
     LONGEST_GAP_S,
@@ -27,7 +27,6 @@ from trackbench.truth.tracks import (
     TrackRows,
     TrafficTrack,
     read_rows,
-    require_possible_tracks,
     tracks_of_rows,
 )
 
@@ -54,7 +53,6 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
     time = _without_rounding(rows.time)
     first = float(time[~dont_care].min())
     tracks = tracks_of_rows(_only(rows, time - first, ~dont_care), file)
-    require_possible_tracks(tracks, file)
     if len(np.unique(time)) * len(tracks) > LARGEST:
         what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
         raise InputError(f"{what} are too many; take a shorter time", file=file)

@@ -177,6 +177,33 @@ def _least_distance(frames: Frames, observer: Observer) -> Array:
     return np.asarray(np.nanmin(distance, axis=0))
 
 
+#: How often boxes are compared, s.
+OFTEN_S = 0.2
+
+
+def overlaps(frames: Frames, margin: float) -> Mask:
+    """Return ``(bodies, bodies)`` whether the boxes of two bodies ever come nearer than ``margin``, m.
+
+    With a negative margin the boxes are so far inside each other, along and across.
+    """
+    bodies = len(frames.ids)
+    result = np.zeros((bodies, bodies), dtype=bool)
+    for step in range(0, len(frames.px), max(1, round(OFTEN_S / frames.dt))):
+        there = np.flatnonzero(frames.alive[step])
+        x, y, heading = frames.px[step, there], frames.py[step, there], frames.heading[step, there]
+        dx, dy = x - x[:, None], y - y[:, None]
+        c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+        half_length, half_width = frames.length[there] / 2, frames.width[there] / 2
+        # What the other body takes along and across this one.
+        even, turned = np.abs(c * c.T + s * s.T), np.abs(c * s.T - s * c.T)
+        along = half_length[:, None] + even * half_length + turned * half_width
+        across = half_width[:, None] + turned * half_length + even * half_width
+        near = (np.abs(c * dx + s * dy) < along + margin) & (np.abs(c * dy - s * dx) < across + margin)
+        result[np.ix_(there, there)] |= near & near.T
+    np.fill_diagonal(result, False)
+    return result
+
+
 MARGIN_M = 100.0
 SPACING_M = 2.0
 STRAIGHT_M = 1e-3

@@ -61,8 +61,8 @@ def _change(truth: Truth) -> Array:
 
 
 #: By quantity, in SI units and radians.
-LARGEST = {"length": 1e8, "speed": 1e5, "angle": 1e6}
-UNITS = {"length": "m", "speed": "m/s", "angle": "rad"}
+LARGEST = {"length": 1e8, "speed": 1e5, "angle": 1e6, "time": 1e15}
+UNITS = {"length": "m", "speed": "m/s", "angle": "rad", "time": "s"}
 #: Of a recording, s.
 LONGEST = 86_400.0
 #: Characters of an object's name.

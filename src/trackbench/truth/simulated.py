@@ -8,6 +8,7 @@ import json
 import logging
 import time
 import zipfile
+from collections.abc import Iterable
 from dataclasses import fields
 from importlib.metadata import version
 from pathlib import Path
@@ -15,14 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base import streams, units
 from trackbench.base.files import cache_folder, write_whole
 from trackbench.base.types import Observer, Progress, Truth
 from trackbench.truth.base import LoadedTruth
 from trackbench.truth.config import HighwayOptions
 
-#: To be raised whenever the same configuration leads to another truth, or is stored in another way.
-FORMAT = 4
-HEADER = f"trackbench truth {FORMAT}"
+HEADER = "trackbench truth"
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
 OWN_CLASSES = "highway_env."
 
@@ -71,9 +71,19 @@ def _key(config: HighwayOptions) -> str:
         "config": config.model_dump(mode="json", exclude=set() if drivers else {"drivers"}),
         **({"drivers": drivers.model_dump(mode="json")} if drivers else {}),
         "versions": {package: version(package) for package in PACKAGES},
-        "format": FORMAT,
+        "source": fingerprint(motion_files()),
     }
     return hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
+
+
+def motion_files() -> list[Path]:
+    """List the source files that determine the motion and how it is stored: a change of one makes other truths."""
+    return [*sorted(Path(__file__).parent.glob("*.py")), Path(streams.__file__), Path(units.__file__)]
+
+
+def fingerprint(files: Iterable[Path]) -> str:
+    """Return a hash of the names and contents of files."""
+    return hashlib.sha256(b"".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
 
 
 def _header(payload: bytes) -> bytes:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array, Indices, RecordedNoise
 from trackbench.truth.config.traffic import Smoothing
 from trackbench.truth.tracks import TrafficTrack, longest_gap
 
@@ -149,3 +149,10 @@ def _least_squares(size: int, order: int, dt: float) -> Array:
     """``(size, order + 1)`` what a window's values are multiplied by to give the coefficients of its polynomial."""
     powers = np.vander((np.arange(size) - size // 2) * dt, order + 1, increasing=True)
     return np.asarray(np.linalg.pinv(powers).T)
+
+
+def recorded_noise(tracks: Sequence[GridTrack]) -> RecordedNoise:
+    """Return the root mean square of what smoothing took from the positions per axis, and from the speeds."""
+    shift = np.concatenate([np.concatenate([t.raw_x - t.x, t.raw_y - t.y]) for t in tracks])
+    change = np.concatenate([t.raw_speed - np.hypot(t.vx, t.vy) for t in tracks])
+    return RecordedNoise(float(np.sqrt(np.mean(shift**2))), float(np.sqrt(np.mean(change**2))))

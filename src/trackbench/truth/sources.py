@@ -1,6 +1,6 @@
 """The built-in sources of truth: the options of each, and how its truth is had.
 
-The simulator takes a second to import, so nothing here imports it before it is needed.
+The simulator and the readers of files take a second to import, so nothing here imports them before they are needed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.base.types import Progress, no_progress
-from trackbench.truth import boxes, recorded, scripted, simulated, traffic
+from trackbench.truth import scripted, simulated
 from trackbench.truth.base import Draw, LoadedTruth, TruthSource
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
 from trackbench.truth.config.traffic import BoxesOptions, TrafficOptions
@@ -70,6 +70,8 @@ class RecordingTruth(_Recorded, RecordingOptions):
     """Motion from files, and measurements where they have them; each log is a scene."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
+        from trackbench.truth import recorded
+
         recording = recorded.load_recording(self.scenes()[0], sensors or {}, folder)
         notes = self._of_scene(recording.notes)
         return LoadedTruth(recording.truth, notes=notes, measurements=recording.measurements)
@@ -79,6 +81,8 @@ class BoxesTruth(_Recorded, BoxesOptions):
     """Boxes of a file, against which tracks of other files are scored."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
+        from trackbench.truth import boxes
+
         truth, notes = boxes.load_boxes(self.scenes()[0], folder, sensors=bool(sensors))
         return LoadedTruth(truth, notes=self._of_scene(notes))
 
@@ -87,8 +91,12 @@ class TrafficTruth(_Recorded, TrafficOptions):
     """Recorded traffic: every vehicle's motion, which sensors on one of them, or beside the road, see."""
 
     def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
+        from trackbench.truth import traffic
+
         truth, note = traffic.load_traffic(self, folder)
         return LoadedTruth(truth, notes=(f"recording: {note}",) if self.scene == 0 else ())
 
     def recorded_rate(self, folder: Path) -> float:
+        from trackbench.truth import traffic
+
         return traffic.recording_rate(self, folder)

@@ -19,8 +19,6 @@ from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
 
-#: Rows of one file: each takes about 100 bytes of memory.
-MOST_ROWS = 10_000_000
 #: Longest and widest body that can be meant, m.
 LARGEST_BODY_M = 100.0
 #: Time stamps this near to each other, s, are the same: files are written with microseconds.
@@ -91,6 +89,32 @@ class TrackRows:
             return self.speed * np.cos(self.heading), self.speed * np.sin(self.heading)
         return self.vx, self.vy
 
+    def require_possible(self, file: Path) -> None:
+        """Make sure that what a file says can be meant.
+
+        Raises:
+            InputError: there is no row; a name, a number or the length of time cannot be.
+        """
+        if not len(self):
+            raise InputError("there is no vehicle in this file", file=file)
+        for key, quantity in QUANTITIES.items():
+            values = getattr(self, key)
+            if values is None:
+                continue
+            is_wrong = ~(np.abs(values) <= jumps.LARGEST[quantity])
+            is_wrong &= ~np.isnan(values) if key not in ("time", "px", "py") else True
+            if is_wrong.any():
+                row = int(np.argmax(is_wrong))
+                problem = jumps.why_too_large(float(values[row]), quantity) or "it is not a finite number"
+                name = f"vehicle {self.id[row][:20]!r}"
+                raise InputError(f"{name}: {key} at {self.time[row]:g} s: {problem}", file=file)
+        for name in {*self.id}:
+            why = jumps.why_no_name(name) or (None if name else "its name is empty")
+            if why is not None:
+                raise InputError(f"vehicle {name[:20]!r}: {why}", file=file)
+        if (length_s := float(np.ptp(self.time))) > jumps.LONGEST:
+            raise InputError(f"its last row is {jumps.why_too_long(length_s)}", file=file)
+
     def rows(self, chosen: Indices) -> Self:
         """Some of the rows, by their numbers."""
         columns: dict[str, Any] = {}
@@ -103,11 +127,12 @@ class TrackRows:
         return replace(self, **columns)
 
     def ordered(self, file: Path) -> Self:
-        """The rows in the order of time.
+        """Return the rows in the order of time.
 
         Raises:
-            InputError: an id has two rows at one time, in one run.
+            InputError: as of :meth:`require_possible`, or an id has two rows at one time, in one run.
         """
+        self.require_possible(file)
         keys = [self.id, *(column for column in (self.scene, self.run) if column is not None)]
         owner = np.unique([np.unique(key, return_inverse=True)[1] for key in keys], axis=1, return_inverse=True)[1]
         by_owner = np.lexsort((self.time, owner))
@@ -148,7 +173,7 @@ class TrafficFormat(Config, ABC):
     """A file format of recorded traffic. The fields of a subclass are its options in a scenario."""
 
     endings: ClassVar[tuple[str, ...]]
-    """Of its files, such as ``(".csv",)``; none where the recording comes with the package."""
+    """Endings of its files, such as ``(".csv",)``; none where the recording comes with the package."""
     simultaneous: ClassVar[bool] = True
     """Whether the vehicles of a file drove at the same time."""
     from_sensor: ClassVar[bool] = False
@@ -158,33 +183,21 @@ class TrafficFormat(Config, ABC):
         return hash((type(self), self.model_dump_json()))
 
     @abstractmethod
-    def read(self, file: Path) -> Sequence[TrafficTrack]:
-        """The tracks of a file.
+    def rows(self, file: Path) -> TrackRows:
+        """Return the rows of a file, as they stand in it.
 
         Raises:
             InputError: it cannot be read or is damaged; with its name, and the line where there are lines.
         """
 
-    def rows(self, file: Path) -> TrackRows:
-        """The rows of a file of tracks that a tracker gave; of formats that know no more, those of ``read``.
+    def read(self, file: Path) -> list[TrafficTrack]:
+        """Return the tracks of a file, without don't-care boxes.
 
         Raises:
-            InputError: as of ``read``.
+            InputError: as of :meth:`rows` and :func:`tracks_of_rows`.
         """
-        return rows_of(self.read(file))
-
-
-class RowsFormat(TrafficFormat):
-    """A format whose files are rows of one time and one body each."""
-
-    @abstractmethod
-    def rows(self, file: Path) -> TrackRows: ...
-
-    def read(self, file: Path) -> list[TrafficTrack]:
         rows = self.rows(file)
-        if rows.dont_care is not None:
-            rows = rows.rows(np.flatnonzero(~rows.dont_care))
-        return tracks_of_rows(rows, file)
+        return tracks_of_rows(rows if rows.dont_care is None else rows.rows(np.flatnonzero(~rows.dont_care)), file)
 
 
 #: The formats of recorded traffic by the names that scenarios use.
@@ -194,7 +207,7 @@ TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
 
 
 def read_rows(form: TrafficFormat, file: Path) -> TrackRows:
-    """All rows of a file, as they stand in it.
+    """Return all rows of a file, as they stand in it.
 
     Raises:
         InputError: it is damaged.
@@ -206,21 +219,29 @@ def read_rows(form: TrafficFormat, file: Path) -> TrackRows:
 
 @lru_cache(maxsize=8)
 def _read_rows(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> TrackRows:
-    return form.rows(file)
+    rows = form.rows(file)
+    rows.require_possible(file)
+    return rows
 
 
-#: The quantity in each array of a track, a key of ``jumps.LARGEST``.
-QUANTITIES = {"x": "length", "y": "length", "heading": "angle", **dict.fromkeys(("speed", "vx", "vy"), "speed")}
+#: The quantity in each array of rows.
+QUANTITIES = {
+    "time": "time",
+    **dict.fromkeys(("px", "py"), "length"),
+    "heading": "angle",
+    **dict.fromkeys(("speed", "vx", "vy"), "speed"),
+}
 
 
 def tracks_of_rows(rows: TrackRows, file: Path) -> list[TrafficTrack]:
-    """The tracks of rows in any order, each with the size and class of its first row; a size of 0 is not known.
+    """Return the tracks of rows in any order, each with the size and class of its first row.
+
+    A size of 0 is not known, and a column without a value in any row of a track is none.
 
     Raises:
-        InputError: there is no row, or a body has two rows of one time.
+        InputError: as of :meth:`TrackRows.require_possible`; a body has two rows of one time, or a size that none has.
     """
-    if not len(rows):
-        raise InputError("there is no vehicle in this file", file=file)
+    rows.require_possible(file)
     time = rows.time + float(rows.start)
     speed = rows.speed if rows.vx is None or rows.vy is None else np.hypot(rows.vx, rows.vy)
     names, first, owner = np.unique(np.asarray(rows.id), return_index=True, return_inverse=True)
@@ -232,100 +253,39 @@ def tracks_of_rows(rows: TrackRows, file: Path) -> list[TrafficTrack]:
         again = np.flatnonzero(np.diff(time[own]) <= 0)
         if len(again):
             raise InputError(f"{name} has two rows at {time[own][again[0]]:g} s", file=file)
-        heading, speeds, *velocity = (
-            None if column is None else column[own] for column in (rows.heading, speed, *rows.velocity)
+        stated = (
+            None if column is None or np.isnan(column[own]).all() else column[own]
+            for column in (rows.heading, speed, *rows.velocity)
         )
-        length, width = (
-            None if column is None or column[row] == 0 or np.isnan(column[row]) else float(column[row])
-            for column in (rows.length, rows.width)
-        )
+        heading, speeds, *velocity = stated
+        for what, values in (("heading", heading), ("speed", speeds)):
+            if values is not None and np.isnan(values).any():
+                at = time[own][np.isnan(values)][0]
+                raise InputError(f"vehicle {name[:20]!r}: {what} is not a finite number at {at:g} s", file=file)
+        length, width = (_size(name, key, getattr(rows, key), row, file) for key in ("length", "width"))
         kind = "" if rows.kind is None else rows.kind[row]
         place = name, time[own], rows.px[own], rows.py[own]
         tracks.append(TrafficTrack(*place, heading, speeds, length, width, kind, *velocity))
     return tracks
 
 
-def rows_of(tracks: Sequence[TrafficTrack]) -> TrackRows:
-    """The rows of tracks; a column that some lack is NaN there."""
-
-    def column(name: str) -> Array | None:
-        values = [(getattr(track, name), len(track.time)) for track in tracks]
-        if all(value is None for value, _ in values):
-            return None
-        parts = [np.broadcast_to(np.nan if value is None else value, rows) for value, rows in values]
-        return np.concatenate(parts)
-
-    def names(name: str) -> list[str]:
-        return [getattr(track, name) for track in tracks for _ in range(len(track.time))]
-
-    time, px, py = (np.concatenate([getattr(track, name) for track in tracks]) for name in ("time", "x", "y"))
-    more: dict[str, Any] = {name: column(name) for name in ("heading", "speed", "length", "width")}
-    return TrackRows(names("id"), time, px, py, **more, kind=names("kind"))
+def _size(name: str, key: str, sizes: Array | None, row: int, file: Path) -> float | None:
+    if sizes is None or sizes[row] == 0 or np.isnan(sizes[row]):
+        return None
+    if not 0 < sizes[row] <= LARGEST_BODY_M:
+        problem = f"its {key} is {sizes[row]:g} m; above 0 and at most {LARGEST_BODY_M:g} m is possible"
+        raise InputError(f"vehicle {name[:20]!r}: {problem}", file=file)
+    return float(sizes[row])
 
 
-def start_of(tracks: Sequence[TrafficTrack]) -> float:
-    """The time of the first row of tracks of two rows or more, s."""
-    return min(float(track.time[0]) for track in tracks if len(track.time) > 1)
-
-
-def moving_tracks(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
-    """The tracks with at least two rows, from the time of the first row on.
+def moving_tracks(tracks: Sequence[TrafficTrack], file: Path) -> tuple[list[TrafficTrack], float]:
+    """Return the tracks with at least two rows, from the time of the first row on, and that time, s.
 
     Raises:
-        InputError: as of ``require_possible_tracks``, or no track has two rows.
+        InputError: no track has two rows.
     """
-    require_possible_tracks(tracks, file)
     kept = [track for track in tracks if len(track.time) > 1]
     if not kept:
         raise InputError("no vehicle has two rows; there is no motion in this file", file=file)
-    start = start_of(kept)
-    return [track._replace(time=track.time - start) for track in kept]
-
-
-def require_possible_tracks(tracks: Sequence[TrafficTrack], file: Path) -> None:
-    """Make sure that what a file says can be meant.
-
-    Raises:
-        InputError: a name, a size, a number or a time cannot be, or there are too many rows.
-    """
-    if sum(len(track.time) for track in tracks) > MOST_ROWS:
-        raise InputError(f"more than {MOST_ROWS} rows; cut the recording", file=file)
-    seen: set[str] = set()
-    for track in tracks:
-        problem = _problem(track)
-        if problem is None and track.id in seen:
-            problem = "there is more than one vehicle of this name"
-        if problem is not None:
-            raise InputError(f"vehicle {track.id[:20]!r}: {problem}", file=file)
-        seen.add(track.id)
-    ends = np.array([track.time[[0, -1]] for track in tracks if len(track.time)])
-    if ends.size and np.ptp(ends) > jumps.LONGEST:
-        raise InputError(f"its last row is {jumps.why_too_long(float(np.ptp(ends)))}", file=file)
-
-
-def _problem(track: TrafficTrack) -> str | None:
-    """What is wrong with a track; None if nothing is."""
-    name = jumps.why_no_name(track.id)
-    if name is not None or not track.id:
-        return name or "its name is empty"
-    if not np.isfinite(track.time).all() or np.abs(track.time).max(initial=0.0) > 1e15:
-        return "a time is not a finite number, or too large to be meant"
-    if (np.diff(track.time) <= 0).any():
-        return "its times do not increase"
-    for size in ("length", "width"):
-        value = getattr(track, size)
-        if value is not None and not 0 < value <= LARGEST_BODY_M:
-            return f"its {size} is {value:g} m; above 0 and at most {LARGEST_BODY_M:g} m is possible"
-    for key, quantity in QUANTITIES.items():
-        values = getattr(track, key)
-        if values is None:
-            continue
-        if len(values) != len(track.time):
-            return f"{key} has {len(values)} rows, and the time {len(track.time)}"
-        row = int(np.argmax(~(np.abs(values) <= jumps.LARGEST[quantity])))
-        if not np.isfinite(values[row]):
-            return f"{key} is not a finite number at {track.time[row]:g} s"
-        too_large = jumps.why_too_large(float(values[row]), quantity)
-        if too_large is not None:
-            return f"{key} at {track.time[row]:g} s: {too_large}"
-    return None
+    start = min(float(track.time[0]) for track in kept)
+    return [track._replace(time=track.time - start) for track in kept], start

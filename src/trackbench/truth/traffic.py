@@ -18,17 +18,15 @@ from trackbench.truth.audit import audited_truth
 from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.traffic import Smoothing, TrafficOptions
-from trackbench.truth.frames import Frames, bodies_near, fixed_observer, target_bodies
+from trackbench.truth.frames import Frames, bodies_near, fixed_observer, overlaps, target_bodies
 from trackbench.truth.motion_audit import (
     SMOOTHER,
     MotionFigures,
     motion_figures,
-    overlaps,
-    recorded_noise,
     refuse_impossible,
 )
-from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks, start_of
+from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks, recorded_noise
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks
 
 #: The arrays of ``Frames`` with a column for each body.
 OF_BODIES = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
@@ -124,8 +122,7 @@ def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
 @lru_cache(maxsize=2)
 def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> tuple[list[TrafficTrack], float]:
     """The tracks of a file from 0 s on, and when its clock says that this is, s."""
-    tracks = form.read(file)
-    return moving_tracks(tracks, file), start_of(tracks)
+    return moving_tracks(form.read(file), file)
 
 
 @lru_cache(maxsize=2)
@@ -160,7 +157,7 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
     used = motion_figures(inside, dt, start, raw=False)
     if recording.refuses:
         together = frames if recording.drove_together else None
-        refuse_impossible(used, inside, together, dt, start, smoothing is not None)
+        refuse_impossible(used, inside, together, dt, smoothing is not None)
     raw, error = motion_figures(inside, dt, start, raw=True), recorded_noise(inside)
     return RecordedVehicles(frames, raw, used, error, len(tracks), gaps(tracks, dt), clock + start)
 
@@ -303,9 +300,9 @@ def _note(traffic: RecordedVehicles) -> str:
     raw, used, error = traffic.raw, traffic.used, traffic.error
     parts = [
         f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",
-        f"as recorded, change of speed to {raw.acceleration_max_mps2:.3g} m/s^2, jerk to {raw.jerk_max_mps3:.3g} "
-        f"m/s^3, displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
-        f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2, jerk to {used.jerk_max_mps3:.3g} m/s^3",
+        f"as recorded, change of speed to {raw.acceleration_max_mps2:.3g} m/s^2, "
+        f"displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
+        f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2",
     ]
     if error.position_m > 0:
         parts.append(f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)")

@@ -22,8 +22,8 @@ import threadpoolctl
 from tests.base.execution.results import without_times
 
 from trackbench.api.plan import Listener, RunPlan
-from trackbench.api.session import prepare
-from trackbench.api.session import run_prepared as run_all
+from trackbench.api.prepare import prepare
+from trackbench.api.run import run_prepared as run_all
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.execution import Here, InProcess, Shared, Task, executor, one_blas_thread, task
 from trackbench.results import Result

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.metrics.traffic.sequences import Similarities, random_sequence
+from tests.support import scored_sequences
 from trackeval.metrics import CLEAR, HOTA, Identity
 
-from benchmarks import traffic_scores
 from trackbench.metrics.traffic import score_run
 from trackbench.metrics.traffic.mot_metrics import clear_matches, hota, identity, resumptions, switches, track_of_each
 
@@ -106,9 +106,9 @@ def test_trackevals_own_cases(data: Similarities, mota: float, idf1: float, hota
 
 
 def test_positions_score_as_their_similarities_do_in_trackeval() -> None:
-    truth, tracks = traffic_scores.sequence(250, 12)
-    theirs = traffic_scores.their_scores(traffic_scores.for_trackeval(truth, tracks))
-    assert traffic_scores.our_scores(truth, tracks) == pytest.approx(theirs, abs=1e-12)
+    truth, tracks = scored_sequences.sequence(250, 12)
+    theirs = scored_sequences.their_scores(scored_sequences.for_trackeval(truth, tracks))
+    assert scored_sequences.our_scores(truth, tracks) == pytest.approx(theirs, abs=1e-12)
     values = score_run(truth, tracks).values
     assert [values[path][0] / values[path][1] for path in ("hota", "mota", "idf1")] == pytest.approx(theirs, abs=1e-12)
     assert values["id_switches"][0] > 0

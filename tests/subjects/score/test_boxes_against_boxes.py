@@ -13,7 +13,7 @@ import yaml
 from tests.support.traffic_files import OPTIONS, WRITERS
 
 import trackbench as tb
-from trackbench.api import session
+from trackbench.api import run as api_run
 
 
 def against_itself(file: Path, form: str, folder: Path) -> tb.Result:
@@ -154,7 +154,7 @@ def test_rows_outside_the_time_of_the_truth_are_named(
     rows = boxes(np.arange(300) / 10)
     rows[rows.t < 20].to_csv(tmp_path / "truth.csv", index=False)
     rows.to_csv(tmp_path / "tracks.csv", index=False)
-    monkeypatch.setattr(session, "pages", lambda result: {})
+    monkeypatch.setattr(api_run, "pages", lambda result: {})
     done = cli("score", "tracks.csv", "--truth", "truth.csv", "--no-recording")
     # Up to a quarter of a second after the last box they may be of its instant.
     assert "tracks: 294 of 900 rows outside the time of the truth" in " ".join(done.out.split())
@@ -164,7 +164,7 @@ def test_rows_outside_the_time_of_the_truth_are_named(
 def test_long_files_have_intervals_and_short_ones_say_why_not(
     seconds: int, stretches: int, tmp_path: Path, cli: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(session, "pages", lambda result: {})
+    monkeypatch.setattr(api_run, "pages", lambda result: {})
     truth, random = boxes(np.arange(10 * seconds + 1) / 10), np.random.default_rng(5)
     truth.to_csv(tmp_path / "truth.csv", index=False)
     for name, sigma in (("good", 0.1), ("bad", 1.0)):

@@ -43,20 +43,17 @@ def score(versions: Path, cli) -> Score:
 
 
 @pytest.mark.parametrize(("seconds", "how"), [(60.0, "95 %"), (12.0, "values as they are")])
-@pytest.mark.parametrize("command", ["compare", "history"])
-def test_a_worse_version_fails_the_gate_of_either_command(
-    score: Score, cli, command: str, seconds: float, how: str
-) -> None:
+def test_a_worse_version_fails_the_gate(score: Score, cli, seconds: float, how: str) -> None:
     """Over ten stretches of time, and of a sequence that is too short for an interval."""
-    option = "--gate" if command == "history" else "--fail-on-regression"
+    option = "--fail-on-regression"
     good, bad = score("v1", "first", seconds), score("v2", "deeper/second", seconds)
     again = score("v1", "third", seconds)
-    done = cli(command, good, bad, option, "gospa:5", "--json")
+    done = cli("compare", good, bad, option, "gospa:5", "--json")
     (gate,) = json.loads(done.out)["gates"]
     assert (done.status, gate["outcome"]) == (1, "failed")
     assert how in gate["text"]
     assert done.err.splitlines()[-1] == "0 of 1 limit kept, 1 broken: exit status 1 (0: all shown kept)"
-    kept = cli(command, good, again, option, "gospa:0")
+    kept = cli("compare", good, again, option, "gospa:0")
     assert kept.status == 0
     assert kept.err.splitlines()[-1] == "1 of 1 limit kept: exit status 0 (0: all shown kept)"
 
@@ -73,4 +70,3 @@ def test_another_truth_is_no_baseline(score: Score, versions: Path, cli) -> None
     assert done.status == 2
     assert "cannot be compared with first/boxes: another scenario: truth.path is boxes.csv" not in done.err
     assert "cannot be compared with first/boxes" in done.err
-    assert cli("history", good, "moved/boxes", "--gate", "gospa:5").status == 1

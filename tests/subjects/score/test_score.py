@@ -14,7 +14,7 @@ import pytest
 from tests.support.trackeval_scores import RATE, as_kitti, as_motchallenge, by_trackeval, drawn
 
 import trackbench as tb
-from trackbench.api import session
+from trackbench.api import run as api_run
 
 
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning:trackeval")
@@ -33,7 +33,7 @@ def test_files_of_benchmarks_score_as_in_trackeval(form: str, write: Callable[..
 @pytest.fixture
 def no_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are written without the pages of their reports."""
-    monkeypatch.setattr(session, "pages", lambda result: {})
+    monkeypatch.setattr(api_run, "pages", lambda result: {})
 
 
 @pytest.fixture

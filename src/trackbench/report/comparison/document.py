@@ -31,6 +31,12 @@ from trackbench.document.palette import Styles, tracker_styles
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison import ranking
 from trackbench.report.comparison.figures import difference_figure
+from trackbench.report.comparison.over_time import (
+    course_figure,
+    first_shown_in_words,
+    is_over_time,
+    origin_blocks,
+)
 from trackbench.report.comparison.sentences import (
     NAMES,
     answer_blocks,
@@ -59,7 +65,8 @@ def comparison_document(
     Args:
         comparison: what was found.
         reports: path of the report of each result, relative to the document, by the result's label.
-        times: whether times of computing are in it, which are others on each machine.
+        times: whether it is shown once: with times of computing, which are others on each machine, and the parts of
+            metrics, which the page that is kept leaves to the data beside it.
     """
     styles = tracker_styles(comparison.places or comparison.trackers)
     parts = [_group_text(group, styles, reports or {}, times=times) for group in comparison.groups]
@@ -164,6 +171,7 @@ def difference_blocks(comparison: Comparison, styles: Styles, reports: Mapping[s
             f"{metric}{unit_after_heading(items[0].unit)}", tuple(_metric_section(comparison, styles, metric, items))
         )
     yield Section("Results", tuple(_results(comparison, reports)))
+    yield from origin_blocks(comparison)
     yield from reproduction(comparison)
 
 
@@ -179,7 +187,11 @@ def _metric_section(
         yield _changes(comparison, metric, items)
     else:
         yield _differences(comparison, metric, shown)
-    if not all(item.identical for item in shown):
+    if is_over_time(comparison):
+        if text := first_shown_in_words(comparison, items):
+            yield Paragraph(text)
+        yield Row((course_figure(comparison, metric, items, styles),))
+    elif not all(item.identical for item in shown):
         labels = [
             difference_subject(comparison, item) if best or len(comparison.sets) > 1 else _pair(item) for item in shown
         ]

@@ -33,13 +33,16 @@ _ToCell = Callable[[EntrantScore, int], Cell]
 _Matrix = Callable[[str, str, _ToCell], Table]
 #: Where identities are hidden, what is shown beside T-GOSPA: title, metric.
 _OF_TRACKS = {
-    "Part of T-GOSPA from switches, m": "gospa_switch",
     "GOSPA, m": "gospa",
+    "HOTA": "hota",
+    "Switches a minute of an object": "id_switches",
+}
+#: The parts of T-GOSPA and GOSPA, which the page that is kept leaves to the data beside it.
+_PARTS = {
+    "Part of T-GOSPA from switches, m": "gospa_switch",
     "Localisation part of GOSPA, m": "gospa_localisation",
     "Missed part of GOSPA, m": "gospa_missed",
     "False part of GOSPA, m": "gospa_false",
-    "HOTA": "hota",
-    "Switches a minute of an object": "id_switches",
 }
 
 
@@ -61,7 +64,7 @@ def ranking_blocks(
         return _matrix(comparison, links, name, metric, cell)
 
     hidden = comparison.ranked_by == "tgospa"
-    yield from _tracks(matrix) if hidden else _estimates(comparison, matrix)
+    yield from _tracks(matrix, with_parts=times) if hidden else _estimates(comparison, matrix)
     if times:
         yield Section("Time of a step, µs", (Paragraph(_TIME), matrix("time", "step_time", _plain("step_time"))))
     yield Section("Scenarios", (_scenarios(comparison, links),))
@@ -82,9 +85,9 @@ def _estimates(comparison: Comparison, matrix: _Matrix) -> Iterator[Block]:
     yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))
 
 
-def _tracks(matrix: _Matrix) -> Iterator[Block]:
+def _tracks(matrix: _Matrix, *, with_parts: bool) -> Iterator[Block]:
     yield Section("T-GOSPA, m", (Paragraph(_RANKED), matrix("tgospa", "tgospa", _ranked("tgospa"))))
-    for title, metric in _OF_TRACKS.items():
+    for title, metric in (_OF_TRACKS | (_PARTS if with_parts else {})).items():
         yield Section(title, (matrix(metric.replace("_", "-"), metric, _plain(metric)),))
 
 

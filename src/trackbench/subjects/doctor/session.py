@@ -12,7 +12,7 @@ from trackbench.base.types import Estimate, Scan, scan_of_member
 from trackbench.driving.alone import Alone
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import fault_of
-from trackbench.driving.remote import RemoteTracker
+from trackbench.driving.program_steppers import ProgramTracker
 from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
@@ -118,7 +118,8 @@ class TrackerSession:
     def not_copied(self) -> str | None:
         """Why a copy is a fresh tracker that is given the same scans again; None where it is not, or none was made."""
         tracker = self._own.tracker
-        return tracker.not_copied if isinstance(tracker, RemoteTracker) else self._own.not_copied
+        elsewhere = tracker.not_copied if isinstance(tracker, ProgramTracker) else None
+        return elsewhere or self._own.not_copied
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimate after a scan, which all columns are given; None before the track has started.
@@ -195,7 +196,7 @@ class TrackerSession:
     def inside(self) -> tuple[Any, Any] | None:
         """The tracker, or the one within it that it says, and its state; None of one that lives elsewhere."""
         tracker = self._own.tracker
-        return None if isinstance(tracker, RemoteTracker) else (getattr(tracker, "within", tracker), self._own.state)
+        return None if isinstance(tracker, ProgramTracker) else (getattr(tracker, "within", tracker), self._own.state)
 
     @property
     def _alike(self) -> bool:

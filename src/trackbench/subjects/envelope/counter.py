@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.api import session
 from trackbench.api.plan import Listener, RunPlan
+from trackbench.api.prepare import prepare
+from trackbench.api.run import run_prepared
 from trackbench.base.types import Array
 from trackbench.results import Result
 from trackbench.runner.tables import run_values
@@ -218,9 +219,7 @@ class CounterMaker:
         names = [tracker, *([requirement.other] if requirement is not None and requirement.other else [])]
         loaded = changed_scenario(cell.loaded, changes, names)
         plan, executor = RunPlan(isolation=self._made.isolation, engine=self._made.engine_choice), self._made.executor
-        (result,) = session.run_prepared(
-            session.prepare([loaded], plan, executor, Listener()), plan, executor, Listener()
-        )
+        (result,) = run_prepared(prepare([loaded], plan, executor, Listener()), plan, executor, Listener())
         self.shown[folder] = ShownExample(loaded, result)
         return result
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from trackbench import results
-from trackbench.api import session
+from trackbench.api.save import pages, with_artifacts
 from trackbench.base.errors import InputError
 from trackbench.base.files import read_bytes
 from trackbench.document.html import to_html
@@ -76,9 +76,8 @@ def save_envelope(made: Envelope, out: Path, recording: bool = True) -> Path:
 def _files_of(shown: ShownExample, folder: Path, recording: bool) -> dict[str, Callable[[Path], object]]:
     """The scenario of a counter-example, and the folder of its run."""
     text = written_with_changes(shown.loaded, folder)
-    pages = session.pages(shown.result)
     left_out = () if recording else (RECORDING,)
-    result, artifacts = session.with_artifacts(shown.result, pages, left_out)
+    result, artifacts = with_artifacts(shown.result, pages(shown.result), left_out)
     return {"scenario.yaml": partial(results.write_file, text), **result.files(), **artifacts}
 
 

@@ -83,7 +83,8 @@ def score_command(
     failed, 4 cannot write
     """
     from trackbench.api.plan import RunPlan
-    from trackbench.api.session import prepare, run_prepared
+    from trackbench.api.prepare import prepare
+    from trackbench.api.run import run_prepared
     from trackbench.base.errors import InputError
     from trackbench.base.execution import InProcess
     from trackbench.base.files import write_whole

@@ -20,8 +20,9 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.subjects.score.sequences import paired_sequences
 from trackbench.truth.config.traffic import AUTO, format_of
-from trackbench.truth.formats.tables import QUANTITIES, column_layout, read_header
+from trackbench.truth.formats.tables import QUANTITIES, column_layout
 from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
+from trackbench.truth.recorded.table_files import read_header
 from trackbench.truth.tracks import TRAFFIC_FORMATS, read_rows
 
 #: Into how many stretches the scores of boxes are cut, for intervals.

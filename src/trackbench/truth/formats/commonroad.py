@@ -6,7 +6,6 @@ Source: CommonRoad, "Documentation of the XML Format", versions 2018b and 2020a.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
@@ -16,11 +15,8 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.files import read_text
-from trackbench.truth.tracks import TrafficFormat, TrafficTrack
-
-_MOTION = ("time/exact", "position/point/x", "position/point/y")
-#: A document type can name files and entities that grow without end; no scenario has one.
-_DOCUMENT_TYPE = re.compile(r"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
+from trackbench.base.numbers import stated_number
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 
 class CommonRoad(TrafficFormat):
@@ -28,12 +24,9 @@ class CommonRoad(TrafficFormat):
 
     endings: ClassVar[tuple[str, ...]] = (".xml",)
 
-    def read(self, file: Path) -> list[TrafficTrack]:
-        text = read_text(file)
-        if _DOCUMENT_TYPE.search(text):
-            raise InputError("it declares a document type or an entity, which no CommonRoad scenario has", file=file)
+    def rows(self, file: Path) -> TrackRows:
         try:
-            root = ElementTree.fromstring(text)
+            root = ElementTree.fromstring(read_text(file))
         except (ElementTree.ParseError, ValueError, RecursionError) as error:
             line = error.position[0] if isinstance(error, ElementTree.ParseError) else None
             raise InputError(f"not valid XML: {error}", file=file, line=line) from None
@@ -41,9 +34,15 @@ class CommonRoad(TrafficFormat):
             raise InputError(f"its root is <{root.tag[:40]}>, where <commonRoad> is expected", file=file)
         try:
             step = _number(root.get("timeStepSize"))
-            return [track for item in _obstacles(root) if (track := _track(item, step)) is not None]
+            rows = [row for item in _obstacles(root) for row in _rows(item)]
         except ValueError as error:
             raise InputError(str(error), file=file) from None
+        if not rows:
+            raise InputError("there is no vehicle in this file", file=file)
+        names, kinds, numbers = zip(*rows, strict=True)
+        time, x, y, heading, speed, length, width = np.array(numbers).T
+        sizes = {"length": length, "width": width}
+        return TrackRows(names, time * step, x, y, heading=heading, speed=speed, **sizes, kind=kinds)
 
 
 def _obstacles(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
@@ -51,40 +50,29 @@ def _obstacles(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
     yield from (item for item in root.iterfind("obstacle") if item.findtext("role", "").strip() == "dynamic")
 
 
-def _track(item: ElementTree.Element, step: float) -> TrafficTrack | None:
-    """One obstacle; None where it has a set of occupancies in place of a trajectory."""
-    name = (item.get("id") or "").strip()
-    states = [*item.iterfind("initialState"), *item.iterfind("trajectory/state")]
+def _rows(item: ElementTree.Element) -> Iterator[tuple[str, str, tuple[float, ...]]]:
+    """Name, class and numbers of each state of an obstacle; none where it has a set of occupancies in place of a
+    trajectory."""
+    name, kind = (item.get("id") or "").strip(), (item.findtext("type") or "").strip()
     if item.find("trajectory") is None:
-        return None
+        return
+    states = [*item.iterfind("initialState"), *item.iterfind("trajectory/state")]
+    # A shape that is neither a rectangle nor a circle has no size.
+    diameter = 2 * _number(item.findtext("shape/circle/radius", "0"))
+    size = [_number(item.findtext(f"shape/rectangle/{key}", str(diameter))) for key in ("length", "width")]
     try:
-        rows = [[_number(state.findtext(path)) for path in _MOTION] for state in states]
-        own = {key: [state.findtext(f"{key}/exact") for state in states] for key in ("orientation", "velocity")}
-        stated = {key: [_number(text) for text in texts] for key, texts in own.items() if None not in texts}
-        length, width = (_size(item, key) for key in ("length", "width"))
+        for state in states:
+            motion = [_number(state.findtext(path)) for path in ("time/exact", "position/point/x", "position/point/y")]
+            motion += [float(state.findtext(f"{key}/exact", "nan")) for key in ("orientation", "velocity")]
+            yield name, kind, (*motion, *size)
     except ValueError as error:
         raise ValueError(f"obstacle {name[:20]!r}: {error}") from None
-    time, x, y = np.array(rows).T
-    heading, speed = (np.array(stated[key]) if key in stated else None for key in ("orientation", "velocity"))
-    kind = (item.findtext("type") or "").strip()
-    return TrafficTrack(name, time * step, x, y, heading, speed, length, width, kind)
-
-
-def _size(item: ElementTree.Element, key: str) -> float | None:
-    """Of a rectangle, or of a circle its diameter; None of any other shape."""
-    rectangle, radius = item.findtext(f"shape/rectangle/{key}"), item.findtext("shape/circle/radius")
-    if rectangle is not None:
-        return _number(rectangle)
-    return None if radius is None else 2 * _number(radius)
 
 
 def _number(text: str | None) -> float:
     if text is None:
         raise ValueError("a time, position or size is missing; exact values are needed, not intervals")
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = stated_number(text.strip())
     if not math.isfinite(value):
         raise ValueError(f"{text.strip()[:20]!r} is not a finite number")
     return value

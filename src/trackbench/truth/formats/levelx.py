@@ -12,13 +12,13 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.truth.recorded.rows import read_table
-from trackbench.truth.tracks import RowsFormat, TrackRows
+from trackbench.truth.recorded.table_files import read_table
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.csv"
 
 
-class _LevelX(RowsFormat):
+class _LevelX(TrafficFormat):
     """What the recordings have in common."""
 
     endings: ClassVar[tuple[str, ...]] = (TRACKS,)
@@ -37,14 +37,14 @@ class _LevelX(RowsFormat):
         motion = (self.x_column, self.y_column, "xVelocity", "yVelocity")
         heading = ("heading",) if self.from_above else ()
         rows = read_table(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
-        ids = rows.names(self.id_column)
+        ids = rows.labels(self.id_column).of_rows
         quantities = ("length", "length", "speed", "speed")
         x, y, vx, vy = (rows.numbers(name, 1.0, kind) for name, kind in zip(motion, quantities, strict=True))
         length, width = (rows.numbers(name, 1.0, "length", optional=True) for name in self.size_columns)
         # The sides of highD's boxes lie along the picture's axes; its y points down.
         px, py = (x, y) if self.from_above else (x + length / 2, -(y + width / 2))
         bodies = read_table(_beside(file, BODIES), "csv", [self.id_column, "class"])
-        kinds = dict(zip(bodies.names(self.id_column), bodies.names("class"), strict=True))
+        kinds = dict(zip(bodies.texts(self.id_column), bodies.texts("class"), strict=True))
         return TrackRows(
             ids,
             rows.numbers("frame", 1.0 / rate, None),

@@ -12,8 +12,8 @@ from trackbench.truth.formats import osi
 from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
 from trackbench.truth.recorded import foxglove
 from trackbench.truth.recorded.mcap import LogPart, Message, decoded, messages_of, of_topic
-from trackbench.truth.recorded.rows import Rows
-from trackbench.truth.tracks import RowsFormat, TrackRows
+from trackbench.truth.recorded.rows import rows_of_columns
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 
 def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
@@ -36,7 +36,8 @@ def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message
 def _rows(columns: Mapping[str, Sequence[Any]], file: Path) -> TrackRows:
     """The rows of a table that is called as ours is."""
     columns_of_keys = {name: name for name in QUANTITIES if name in columns}
-    return table_rows(Rows(file, columns, None), ColumnLayout(columns_of_keys, {}), dict.fromkeys(QUANTITIES, 1.0))
+    layout = ColumnLayout(columns_of_keys, {})
+    return table_rows(rows_of_columns(file, columns), layout, dict.fromkeys(QUANTITIES, 1.0))
 
 
 #: What has tracks, by schema; of those in a file the first is read.
@@ -47,7 +48,7 @@ READERS: dict[str, Callable[[Sequence[Message], Path, Sequence[Message]], TrackR
 }
 
 
-class Mcap(RowsFormat):
+class Mcap(TrafficFormat):
     """MCAP with trackbench.Tracks, foxglove.SceneUpdate (JSON), or messages of OSI. Needs `trackbench[mcap]`."""
 
     endings: ClassVar[tuple[str, ...]] = (".mcap",)

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_bytes
-from trackbench.truth.tracks import RowsFormat, TrackRows
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 #: Numbers of fields.
 GROUND_TRUTH_OF_VIEW = 7
@@ -35,7 +35,7 @@ Kind = Literal["SensorView", "GroundTruth"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
-class OsiTrace(RowsFormat):
+class OsiTrace(TrafficFormat):
     """ASAM OSI trace, binary (.osi): the moving objects of SensorView or GroundTruth messages."""
 
     endings: ClassVar[tuple[str, ...]] = (".osi",)
@@ -75,9 +75,6 @@ def moving_objects(file: Path, kind: Kind, messages: Iterable[memoryview]) -> Tr
     if not rows:
         raise InputError("there is no moving object in this file", file=file)
     time, px, py, heading, vx, vy, length, width = np.array(rows).T
-    wrong = ~np.isfinite(px + py + heading)
-    if wrong.any():
-        raise InputError(f"object {ids[int(np.argmax(wrong))]}: a position or heading is not finite", file=file)
     velocity = {"vx": vx, "vy": vy} if np.isfinite(vx).all() and np.isfinite(vy).all() else {}
     return TrackRows(ids, time, px, py, **velocity, heading=heading, length=length, width=width, kind=kinds)
 

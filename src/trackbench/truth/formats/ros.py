@@ -7,9 +7,7 @@ Sources: REP 103, "Standard Units of Measure and Coordinate Conventions"; defini
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -17,19 +15,14 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
-from trackbench.base.files import LARGE, SCENARIO, read_bytes
+from trackbench.base.files import require_regular
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
 from trackbench.truth.config.logs import BAG
-from trackbench.truth.formats.tables import FROM_ZERO_S
-from trackbench.truth.tracks import RowsFormat, TrackRows
+from trackbench.truth.recorded.rows import FROM_ZERO_S
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
-#: In YAML, where the reader of bags would follow it without a limit.
-ANCHOR = re.compile(rb"(?:^|[\s,\[{])&\S")
-#: How a database begins.
-SQLITE = b"SQLite format 3\0"
 #: ``visualization_msgs/msg/Marker``: a box, and the actions that show it.
 CUBE, SHOWN = 1, (0,)
 #: ``autoware_perception_msgs/msg/ObjectClassification``
@@ -105,7 +98,7 @@ READERS: dict[str, Callable[[Any], Iterator[TrackedRow]]] = {
 }
 
 
-class RosBag(RowsFormat):
+class RosBag(TrafficFormat):
     """ROS bag with Odometry, MarkerArray, Detection3DArray or TrackedObjects. Needs `trackbench[ros]`, and no ROS."""
 
     endings: ClassVar[tuple[str, ...]] = (".db3", ".bag")
@@ -124,15 +117,10 @@ class RosBag(RowsFormat):
         except ImportError:
             raise InputError("ROS bags need one more package: pip install 'trackbench[ros]'", file=file) from None
         named = file / BAG if file.is_dir() else file
-        is_folder = named.name == BAG
-        content = read_bytes(named, most=SCENARIO if is_folder else LARGE)
-        if is_folder and ANCHOR.search(content):
-            raise InputError("an anchor (&), which the metadata of a bag does not need; write the value out", file=file)
+        require_regular(named)
         default = self._default_types(file)
         try:
-            for part in filter(Path.is_file, named.parent.iterdir()) if is_folder else [file]:
-                _require_plain(part)
-            with AnyReader([named.parent if is_folder else file], default_typestore=default) as bag:
+            with AnyReader([named.parent if named.name == BAG else file], default_typestore=default) as bag:
                 types = {item.topic: item.msgtype for item in bag.connections if item.msgtype in READERS}
                 topic = self._topic(types, file)
                 own = [item for item in bag.connections if item.topic == topic]
@@ -177,16 +165,6 @@ class RosBag(RowsFormat):
         return next(iter(types))
 
 
-def _require_plain(file: Path) -> None:
-    """Make sure that a part of a bag, if it is an SQLite database, has tables alone and names each topic once."""
-    with file.open("rb") as stream:
-        if stream.read(len(SQLITE)) != SQLITE:
-            return
-    with closing(open_tables(file)) as database:
-        if database.execute("SELECT id FROM topics GROUP BY id HAVING count(*) > 1").fetchone():
-            raise InputError("a topic is there twice", file=file)
-
-
 def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:
     """The rows of all messages.
 
@@ -204,10 +182,6 @@ def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:
     first = min(row.stamp.sec for row in tracked)
     start = first if first > FROM_ZERO_S else 0
     numbers = np.array([_numbers(row, start) for row in tracked]).T
-    wrong = ~(np.abs(numbers[:4]) < 1e300).all(axis=0)
-    if wrong.any():
-        message = f"{shortened_text(tracked[int(np.argmax(wrong))].id, 40)}: a position, rotation or time is not finite"
-        raise InputError(message, file=file)
     time, px, py, heading, vx, vy, length, width, existence = numbers
     covariance = np.stack([_covariance(row, angle) for row, angle in zip(tracked, heading, strict=True)], axis=-1)
     known = {"vx": vx, "vy": vy, "length": length, "width": width, "existence": existence}

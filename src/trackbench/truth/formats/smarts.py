@@ -6,57 +6,42 @@ Source: huawei-noah/SMARTS, ``smarts/sstudio/genhistories.py``.
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
+from urllib.parse import quote
 
 import numpy as np
 
-from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError
-from trackbench.truth.tracks import MOST_ROWS, RowsFormat, TrackRows
+from trackbench.base.files import require_regular
+from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 STATES = "vehicle_id, sim_time, position_x, position_y, heading_rad, speed"
 #: Of a vehicle in NGSIM, which SMARTS keeps; a size that it does not know is 0 or NULL.
 KINDS = {1: "motorcycle", 2: "car", 3: "truck"}
 
 
-class Smarts(RowsFormat):
+class Smarts(TrafficFormat):
     """SMARTS traffic history, an SQLite database (.shf) of NGSIM, INTERACTION or other traffic."""
 
     endings: ClassVar[tuple[str, ...]] = (".shf",)
 
     def rows(self, file: Path) -> TrackRows:
-        database = open_tables(file)
-        # A row takes some bytes: of a file that names one page again and again, no more than its bytes are read.
-        most = min(MOST_ROWS, file.stat().st_size)
+        require_regular(file)
         try:
-            found = database.execute(f"SELECT {STATES} FROM Trajectory").fetchmany(most)
-            if not found:
+            with closing(sqlite3.connect(f"file:{quote(str(file.resolve()))}?mode=ro", uri=True)) as database:
+                # A row takes some bytes: a damaged file may name one page again and again.
+                states = database.execute(f"SELECT {STATES} FROM Trajectory").fetchmany(file.stat().st_size)
+                bodies = database.execute("SELECT id, COALESCE(length, 0), COALESCE(width, 0), type FROM Vehicle")
+                by_id = {number: body for number, *body in bodies.fetchmany(file.stat().st_size)}
+            if not states:
                 raise InputError("there is no vehicle in this file", file=file)
-            bodies = database.execute("SELECT id, COALESCE(length, 0), COALESCE(width, 0), type FROM Vehicle")
-            by_id = {number: body for number, *body in bodies.fetchmany(most)}
-            *numeric, kinds = zip(*((*row, *by_id.get(row[0], (0, 0, 0))) for row in found), strict=True)
-            owner, time, x, y, heading, speed, length, width = map(_numbers, numeric)
+            *numeric, kinds = zip(*((*row, *by_id.get(row[0], (0, 0, 0))) for row in states), strict=True)
+            owner, time, x, y, heading, speed, length, width = np.array(numeric, dtype=float)
             ids = [str(int(number)) for number in owner.tolist()]
         except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
             raise InputError(f"not a traffic history that can be read: {error}", file=file) from None
-        finally:
-            database.close()
         # SMARTS counts headings from +y.
-        return TrackRows(
-            ids,
-            time,
-            x,
-            y,
-            heading=heading + np.pi / 2,
-            speed=speed,
-            length=length,
-            width=width,
-            kind=[KINDS.get(kind, "") for kind in kinds],
-        )
-
-
-def _numbers(column: tuple[Any, ...]) -> Any:
-    if not all(isinstance(value, int | float) for value in column):
-        raise ValueError("a number is missing, or is text")
-    return np.array(column, dtype=float)
+        motion = {"heading": heading + np.pi / 2, "speed": speed, "length": length, "width": width}
+        return TrackRows(ids, time, x, y, **motion, kind=[KINDS.get(kind, "") for kind in kinds])

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -21,11 +20,10 @@ from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
 from trackbench.truth.formats.geographic import GeographicOrigin
-from trackbench.truth.recorded.rows import Rows, csv_rows, read_table, reading_parquet
-from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
+from trackbench.truth.recorded.rows import Rows
+from trackbench.truth.recorded.table_files import read_header, read_table
+from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
-#: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
-FROM_ZERO_S = 1e7
 #: What cannot be meant: the least, the most, and why.
 _NO_SIZE = (np.nextafter(0, 1), np.inf, "which is no size; leave it empty where it is not known")
 POSSIBLE = {"length": _NO_SIZE, "width": _NO_SIZE, "existence": (0.0, 1.0, "which is no probability")}
@@ -78,8 +76,6 @@ NAMES: dict[str, tuple[str, ...]] = {
 }
 #: Other ways to write a unit.
 UNIT_WORDS = {"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "nsec": "ns", "kmh": "kmph", "kph": "kmph"}
-#: Of a column, characters.
-LONGEST_NAME = 64
 
 
 #: Words of the names of columns of degrees, and what may stand beside them there.
@@ -152,30 +148,6 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str], required: It
     return ColumnLayout(columns, units)
 
 
-def read_header(file: Path, form: str) -> list[str]:
-    """The names of the columns of a file of the format "csv" or "parquet".
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    if form == "csv":
-        line, cells = next(csv_rows(file))
-        names = [name.strip() for name in cells]
-        if len(names) == 1 and (other := re.search(r"[;\t|]", names[0])):
-            raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=line)
-    else:
-        import pyarrow.parquet as pq
-
-        with reading_parquet(file):
-            names = list(pq.read_schema(file).names)
-    if not all(name.isprintable() and len(name) <= LONGEST_NAME for name in names):
-        raise InputError("this is no row of column names", file=file)
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"there are {names.count(name)} columns {name!r}", file=file)
-    return names
-
-
 def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | None]:
     name, colon, unit = stated.rpartition(":")
     units = UNITS.get(QUANTITIES[key] or "", {})
@@ -232,17 +204,13 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
         return rows.numbers(layout.columns[key], factors[key], QUANTITIES[key], optional=optional)
 
     def texts(key: str) -> list[str] | None:
-        if key not in layout.columns:
-            return None
-        return ["" if value is None else str(value).strip() for value in rows.columns[layout.columns[key]]]
+        return rows.texts(layout.columns[key]) if key in layout.columns else None
 
-    stamps = rows.times(layout.columns["time"], factors["time"])
-    start = min(stamps).to_integral_value(ROUND_FLOOR) if max(map(abs, stamps)) > FROM_ZERO_S else Decimal(0)
-    time = np.array([float(stamp - start) for stamp in stamps])
-    latest = int(np.argmax(time))
-    if time[latest] - time.min() > jumps.LONGEST:
-        problem = jumps.why_too_long(float(time[latest] - time.min()))
-        raise rows.error(latest, f"{layout.columns['time']}: {problem}, such as time={layout.columns['time']}:ns")
+    clock = rows.times(layout.columns["time"], factors["time"])
+    latest, length_s = int(np.argmax(clock.seconds)), float(np.ptp(clock.seconds))
+    if length_s > jumps.LONGEST:
+        column = layout.columns["time"]
+        raise rows.error(latest, f"{column}: {jumps.why_too_long(length_s)}, such as time={column}:ns")
     covariance = None
     if any(key in layout.columns for key in COVARIANCE):
         covariance = np.full((4, 4, len(rows)), np.nan)
@@ -259,20 +227,20 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
             raise rows.error(row, f"{layout.columns[key]} is {values[row]:g}, {why}")
     named: dict[str, Any] = {key: texts(key) for key in ("scene", "run", "fingerprint")}
     return TrackRows(
-        rows.names(layout.columns["id"]),
-        time,
+        rows.labels(layout.columns["id"]).of_rows,
+        clock.seconds,
         numeric.pop("x"),
         numeric.pop("y"),
         **numeric,
         covariance=covariance,
         kind=texts("class"),
         **named,
-        start=start,
-        notes=(*layout.lines, *rows.zone_notes(layout.columns["time"])),
+        start=clock.start,
+        notes=(*layout.lines, *clock.notes),
     )
 
 
-class TableFormat(RowsFormat):
+class TableFormat(TrafficFormat):
     """What CSV and Parquet have in common."""
 
     form: ClassVar[Literal["csv", "parquet"]]
@@ -338,7 +306,7 @@ I80_FILE = Path(__file__).parent / "i80.parquet"
 I80_FACTORS = {**dict.fromkeys(("time", "x", "y", "speed", "length", "width"), 1e-3), "heading": 1e-4}
 
 
-class InterstateI80(RowsFormat):
+class InterstateI80(TrafficFormat):
     """NGSIM I-80, which comes with the package: 200 vehicles, 10 s of each. No path is needed."""
 
     endings: ClassVar[tuple[str, ...]] = ()

@@ -46,10 +46,13 @@ def cycles(time: Array, owner: Indices, scans: Array, most_missed: float = MOST_
         most_missed: cycles without a detection for each with one, at most.
     """
     instants = np.unique(np.concatenate([time, scans]))
-    intervals = np.concatenate([np.diff(time[owner == number]) for number in np.unique(owner)] or [np.empty(0)])
+    by_owner = np.argsort(owner, kind="stable")
+    intervals = np.diff(time[by_owner])[np.diff(owner[by_owner]) == 0]
     if len(intervals) < FEWEST or len(instants) < 2:
         return Cycles(instants, np.arange(len(instants)), None)
     period = float(np.quantile(intervals, SHORT))
+    if not period:
+        return Cycles(instants, np.arange(len(instants)), None)
     number = _numbers(instants, period / 2)
     starts = instants[np.searchsorted(number, np.arange(number[-1] + 1))]
     steps = np.diff(starts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import Any, NamedTuple
@@ -155,8 +155,8 @@ class Drive:
         return replace(self, logs={name: self.inside(log) for name, log in self.logs.items()})
 
 
-def row_order(time: Array, owner: Sequence[int] | Indices) -> tuple[Indices, RowOrder]:
-    """The rows sorted by time and without duplicates, and what had to be done for that.
+def row_order(time: Array, owner: Indices) -> tuple[Indices, RowOrder]:
+    """Sort rows by time, without duplicates, and count what had to be done for that.
 
     Args:
         time: ``(rows,)``.
@@ -165,18 +165,27 @@ def row_order(time: Array, owner: Sequence[int] | Indices) -> tuple[Indices, Row
     Returns:
         Numbers of the rows that are kept: of several of one object at one time, the first.
     """
+    instants, instant = np.unique(time, return_inverse=True)
     # Rows may stand object by object: only within those of one does time go on.
-    each = [time[np.asarray(owner) == number] for number in np.unique(owner)]
+    by_owner = np.argsort(owner, kind="stable")
+    place = instant[by_owner] + owner[by_owner] * len(instants)
+    steps = np.diff(time[by_owner])[np.diff(owner[by_owner]) == 0]
     sorted_rows = np.argsort(time, kind="stable")
-    pairs = np.stack([time[sorted_rows], np.asarray(owner, dtype=float)[sorted_rows]])
-    kept = np.sort(np.unique(pairs, axis=1, return_index=True)[1])
+    pairs = instant[sorted_rows] + owner[sorted_rows] * len(instants)
+    kept = np.sort(np.unique(pairs, return_index=True)[1])
     order = RowOrder(
         rows=len(time),
-        backwards=sum(int((own < np.maximum.accumulate(own)).sum()) for own in each),
-        largest_step_back=float(max([0.0, *(-np.diff(own).min(initial=0.0) for own in each)])),
+        backwards=int((place < np.maximum.accumulate(place)).sum()),
+        largest_step_back=float(max(0.0, -steps.min(initial=0.0))),
         duplicates=len(time) - len(kept),
     )
     return sorted_rows[kept], order
+
+
+def rows_of_each(owner: Indices, count: int) -> list[Indices]:
+    """Return the numbers of the rows of each of ``count`` owners, in their order."""
+    order = np.argsort(owner, kind="stable")
+    return np.split(order, np.searchsorted(owner[order], np.arange(1, count)))
 
 
 def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:

@@ -21,14 +21,13 @@ LARGEST_M = 1000.0
 
 
 def ignored_rows(table: Rows, ignore: Mapping[str, Sequence[str]]) -> Mask:
-    """``(rows,)`` which rows are don't-care boxes: by column, the values that make them so."""
+    """Return ``(rows,)`` which rows are don't-care boxes: by column, the values that make them so."""
     result = np.zeros(len(table), dtype=bool)
     for column, values in ignore.items():
-        numbers = {number for value in values if (number := _number(value)) is not None}
-        words = {value.casefold() for value in values}
-        for row, cell in enumerate(table.columns[column]):
-            text = "" if cell is None else str(cell).strip()
-            result[row] |= text.casefold() in words or _number(text) in numbers
+        numbers, words = {_number(value) for value in values} - {None}, {value.casefold() for value in values}
+        cells = table.texts(column)
+        is_ignored = {cell: cell.casefold() in words or _number(cell) in numbers for cell in {*cells}}
+        result |= np.array([is_ignored[cell] for cell in cells])
     return result
 
 

@@ -1,325 +1,290 @@
-"""The rows of a table of a recording, as CSV or Parquet."""
+"""The rows of a table: columns of numbers, times and names."""
 
 from __future__ import annotations
 
-import csv
 import math
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from datetime import datetime
-from decimal import Decimal
-from itertools import chain, islice
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import types
 
-from trackbench.base.errors import InputError, nearest_choices, shortened_text
-from trackbench.base.files import read_text
+from trackbench.base.errors import InputError
 from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
-from trackbench.truth.recorded import mcap
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-
-def log_text(file: Path) -> str:
-    """The text of a file in UTF-8.
-
-    Raises:
-        InputError: it cannot be read, is empty or is not UTF-8.
-    """
-    text = read_text(file)
-    if not text.strip():
-        raise InputError("the file is empty", file=file)
-    return text
+#: How a time stamp of ISO 8601 begins, and how it ends where it states its zone.
+STAMP, _ZONE = r"^\d{4}-?\d\d-?\d\d[T ]\d\d", r"[T ].*(Z|[+-]\d\d(:?\d\d)?)$"
+PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+#: Kinds of cells of a column of times.
+_NUMBER, _WITH_ZONE, _WITHOUT_ZONE = 0, 1, 2
+_KINDS = ("a number", "a time stamp with a zone", "a time stamp without a zone")
+#: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
+FROM_ZERO_S = 1e7
 
 
-#: A name as columns have it.
-_COLUMN = re.compile(r"[\w .()\[\]/%°²#-]{0,64}")
-#: A time stamp of ISO 8601: whole seconds, their fraction, and the zone.
-_ISO = re.compile(
-    r"(\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(?::?\d\d)?)(?:[.,](\d{1,18}))?\s?(Z|UTC|[+-]\d\d(?::?\d\d)?)?",
-    re.ASCII | re.IGNORECASE,
-)
-#: What a time stamp may be, by whether it states its zone; None where it is a number.
-_STAMPS = {None: "a number", True: "a time stamp with a zone", False: "a time stamp without a zone"}
-#: Rows among which the column names of a CSV file are looked for: programs write lines about themselves first.
-FIRST_ROWS = 20
-#: Of times: nanoseconds since 1970 are 2e18.
-LARGEST = 1e30
-#: Of one file. Each takes about 700 bytes of memory.
-MOST_ROWS = 10_000_000
+class Clock(NamedTuple):
+    """A column of times."""
+
+    seconds: Array
+    """``(rows,)`` s after ``start``."""
+    start: Decimal = Decimal(0)
+    """Whole seconds of the file's clock; time stamps of ISO 8601 count from 1970."""
+    notes: tuple[str, ...] = ()
+    """A line that says that the time stamps have no zone."""
+
+    @property
+    def first(self) -> Decimal:
+        """Earliest time, s of the file's clock."""
+        return self.start + Decimal(repr(float(self.seconds.min())))
+
+    def since(self, first: Decimal) -> Array:
+        """Return ``(rows,)`` the times after a time of the same clock, s.
+
+        They are rounded to the nanosecond, below which no clock of a vehicle tells rows apart.
+        """
+        return np.asarray(np.round(self.seconds + float(self.start - first), 9))
 
 
-class IsoStamp(NamedTuple):
-    """A time stamp of ISO 8601."""
+class Labels(NamedTuple):
+    """A column of names, of which each stands in many rows."""
 
-    seconds: Decimal
-    """Since 1970, UTC."""
-    has_zone: bool
-    """Whether it states its zone; if not, it is taken as UTC."""
+    names: list[str]
+    """Different names in the order in which they come first."""
+    number: Indices
+    """``(rows,)`` index of each row's name in ``names``."""
 
-
-def iso_stamp(value: object) -> IsoStamp | None:
-    """Return the time stamp of ISO 8601 that a cell is, in full precision; None where it is none."""
-    parts = _ISO.fullmatch(value.strip()) if isinstance(value, str) else None
-    if parts is None:
-        return None
-    whole, fraction, zone = parts.groups()
-    offset = "+00:00" if (zone or "Z").upper() in ("Z", "UTC") else zone
-    try:
-        seconds = round(datetime.fromisoformat(whole.upper() + offset).timestamp())
-    except (ValueError, OverflowError):
-        return None
-    return IsoStamp(seconds + Decimal(f"0.{fraction or 0}"), zone is not None)
+    @property
+    def of_rows(self) -> list[str]:
+        """``(rows,)`` the name of each row."""
+        return [self.names[number] for number in self.number.tolist()]
 
 
-@contextmanager
-def reading_parquet(file: Path) -> Iterator[None]:
-    """Raise what Parquet's reader finds wrong with a file as an ``InputError``."""
-    import pyarrow as pa
-
-    try:
-        yield
-    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
-
-
-class Rows(NamedTuple):
-    """The columns of a table, as the file holds them."""
+@dataclass(frozen=True)
+class Rows:
+    """The columns of a table: numbers, time stamps and texts, the latter trimmed and "" where empty."""
 
     file: Path
-    columns: Mapping[str, Sequence[Any]]
-    lines: Sequence[int] | None
-    """The line of each row; None where the file has no lines."""
+    table: pa.Table
+    line: Callable[[int], int] | None = None
+    """Line in the file of a row of that number in it; None where the file has no lines."""
     places: Indices | None = None
-    """Of some rows of a file, the number of each in it, from 0; None: all rows."""
-
-    def only(self, chosen: Mask) -> Rows:
-        """Some of the rows."""
-        places = np.flatnonzero(chosen)
-        columns = {name: [values[row] for row in places.tolist()] for name, values in self.columns.items()}
-        lines = None if self.lines is None else [self.lines[row] for row in places.tolist()]
-        return Rows(self.file, columns, lines, places)
+    """``(rows,)`` number of each row in the file, from 0; None for all rows of the file."""
 
     def __len__(self) -> int:
-        return len(next(iter(self.columns.values())))
+        return int(self.table.num_rows)
+
+    def only(self, chosen: Mask) -> Rows:
+        """Return some of the rows."""
+        return replace(self, table=self.table.filter(pa.array(chosen)), places=np.flatnonzero(chosen))
 
     def error(self, row: int, message: str) -> InputError:
-        """What is wrong with a row (from 0)."""
-        if self.lines is None:
-            row = row if self.places is None else int(self.places[row])
-            return InputError(f"row {row + 1}: {message}", file=self.file)
-        return InputError(message, file=self.file, line=self.lines[row])
+        """Return what is wrong with a row (from 0)."""
+        place = row if self.places is None else int(self.places[row])
+        if self.line is None:
+            return InputError(f"row {place + 1}: {message}", file=self.file)
+        return InputError(message, file=self.file, line=self.line(place))
+
+    def cell(self, row: int, column: str) -> str:
+        """Return the start of a cell as text."""
+        return repr(str(self.table[column][row])[:40])
 
     def numbers(self, column: str, factor: float, quantity: str | None, *, optional: bool = False) -> Array:
-        """A column of finite numbers in SI units and radians; NaN where it is empty or says so, if it may be.
+        """Return ``(rows,)`` a column of finite numbers in SI units and radians; NaN where it is empty, if it may be.
 
         Args:
             column: its name.
             factor: from its unit.
             quantity: a key of ``jumps.LARGEST``.
-            optional: whether it may be empty.
+            optional: whether cells may be empty or nan.
+
+        Raises:
+            InputError: a cell is no number, or too large to be meant.
         """
-        values = np.empty(len(self))
-        for row, value in enumerate(self.columns[column]):
-            values[row] = math.nan if optional and _unknown(value) else self._number(row, column, value) * factor
-            problem = jumps.why_too_large(values[row], quantity)
-            if problem is not None:
-                raise self.error(row, f"{column} is {str(value)[:20]!r}: {problem}")
+        values = self._floats(column)
+        wrong = ~np.isfinite(values)
+        if optional and wrong.any():
+            wrong &= ~self._unknown(column)
+        if wrong.any():
+            raise self._no_number(int(np.argmax(wrong)), column)
+        values = values * factor
+        if quantity is not None and (large := np.abs(values) > jumps.LARGEST[quantity]).any():
+            row = int(np.argmax(large))
+            problem = jumps.why_too_large(float(values[row]), quantity)
+            raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}")
         return values
 
-    def times(self, column: str, factor: float) -> list[Decimal]:
-        """Return a column of times in s, exactly as written.
+    def times(self, column: str, factor: float) -> Clock:
+        """Return a column of times.
 
         Args:
             column: its name.
-            factor: from the unit of numbers; time stamps of ISO 8601 count from 1970.
+            factor: from the unit of numbers: one over a power of ten.
 
         Raises:
             InputError: a cell is no time, or the column mixes numbers, time stamps with a zone and without.
         """
-        scale, times = Decimal(str(factor)), []
-        kinds: dict[bool | None, None] = {}
-        for row, value in enumerate(self.columns[column]):
-            stamp = iso_stamp(value)
-            if stamp is None and abs(self._number(row, column, value)) > LARGEST:
-                raise self.error(row, f"{column} is too large to be meant: {str(value)[:20]!r}")
-            kinds[stamp and stamp.has_zone] = None
-            if len(kinds) > 1:
-                before, now = (_STAMPS[kind] for kind in kinds)
-                raise self.error(row, f"{column} is {now}, {str(value)[:40]!r}, where the rows before have {before}")
-            number = value.strip() if isinstance(value, str) else value
-            times.append(scale * Decimal(number) if stamp is None else stamp.seconds)
-        return times
+        cells, per_second = self.table[column], round(1 / factor)
+        kinds, stamps = self._time_stamps(column)
+        if len({*kinds.tolist()}) > 1:
+            row = int(np.argmax(kinds != kinds[0]))
+            if kinds[row] == _NUMBER:
+                self._require_number(row, column)
+            message = f"{column} is {_KINDS[kinds[row]]}, {self.cell(row, column)}, where the rows before have "
+            raise self.error(row, message + _KINDS[kinds[0]])
+        if stamps is not None:
+            no_zone = f"{self.file.name}: {column} states no zone, so it is taken as UTC"
+            return stamps._replace(notes=(no_zone,)) if kinds[0] == _WITHOUT_ZONE else stamps
+        values = self.numbers(column, 1.0, None) / per_second
+        if np.abs(values).max() <= FROM_ZERO_S:
+            return Clock(values)
+        try:
+            return _exact_clock(cells.cast(pa.int64()).to_numpy(), per_second)
+        except pa.ArrowInvalid:
+            exact = [Decimal(cell) / per_second for cell in cells.to_pylist()]
+            start = min(exact).to_integral_value(ROUND_FLOOR)
+            return Clock(np.array([float(time - start) for time in exact]), start)
 
-    def zone_notes(self, column: str) -> list[str]:
-        """Return the line that says of a column of times that its time stamps have no zone; empty where they have."""
-        stamp = iso_stamp(self.columns[column][0])
-        without = stamp is not None and not stamp.has_zone
-        return [f"{self.file.name}: {column} states no zone, so it is taken as UTC"] if without else []
+    def texts(self, column: str) -> list[str]:
+        """Return ``(rows,)`` the cells of a column as texts."""
+        texts: list[str] = self._as_text(column).to_pylist()
+        return texts
 
-    def names(self, column: str, *, optional: bool = False) -> list[str]:
-        """A column of names; an empty one is "", if it may be."""
-        names = []
-        for row, value in enumerate(self.columns[column]):
-            if optional and _unknown(value):
-                names.append("")
-                continue
-            if _empty(value):
-                raise self.error(row, f"{column} is empty, where the name of an object is expected")
-            names.append(str(value).strip())
-            problem = jumps.why_no_name(names[-1])
-            if problem is not None:
-                raise self.error(row, f"{column}: {problem}")
-        return names
+    def labels(self, column: str, *, optional: bool = False) -> Labels:
+        """Return a column of names.
 
-    def _number(self, row: int, column: str, value: Any) -> float:
-        if _empty(value):
-            raise self.error(row, f"{column} is empty, where a number is expected")
-        if isinstance(value, str):
-            number = stated_number(value.strip())
-        else:
-            is_number = isinstance(value, int | float | Decimal) and not isinstance(value, bool)
-            number = float(value) if is_number else math.nan
-        if not math.isfinite(number):
-            raise self.error(row, f"{column} is not a finite number: {str(value)[:20]!r}")
-        return number
+        Args:
+            column: its name.
+            optional: whether cells may be empty or nan; their name is "".
+
+        Raises:
+            InputError: a name is missing, or cannot be written.
+        """
+        coded = self._as_text(column).combine_chunks().dictionary_encode()
+        names: list[str] = coded.dictionary.to_pylist()
+        number = np.asarray(coded.indices.to_numpy(), dtype=np.intp)
+        for index, name in enumerate(names):
+            problem = jumps.why_no_name(name)
+            if optional and name.lower() == "nan":
+                names[index] = ""
+            elif problem is not None or not (name or optional):
+                why = f": {problem}" if problem else " is empty, where the name of an object is expected"
+                raise self.error(int(np.argmax(number == index)), column + why)
+        return Labels(names, number)
+
+    def _as_text(self, column: str) -> pa.ChunkedArray:
+        cells = self.table[column]
+        return cells if _is_text(cells.type) else cells.cast(pa.string()).fill_null("")
+
+    def _floats(self, column: str) -> Array:
+        """``(rows,)`` a column of numbers; NaN where a cell is none."""
+        cells = self.table[column]
+        if types.is_timestamp(cells.type):
+            return np.full(len(cells), np.nan)
+        if not _is_text(cells.type):
+            return np.asarray(cells.cast(pa.float64(), safe=False).to_numpy())
+        try:
+            return np.asarray(pc.if_else(pc.equal(cells, ""), None, cells).cast(pa.float64()).to_numpy())
+        except pa.ArrowInvalid:
+            return np.array([stated_number(cell) for cell in cells.to_pylist()])
+
+    def _unknown(self, column: str) -> Mask:
+        """``(rows,)`` whether a cell is empty, or "not a number": as programs write what they do not know."""
+        unknown = pc.is_in(pc.utf8_lower(self._as_text(column)), pa.array(["", "nan"]))
+        return np.asarray(unknown.to_numpy(), dtype=bool)
+
+    def _require_number(self, row: int, column: str) -> None:
+        if not math.isfinite(stated_number(self.texts(column)[row])):
+            raise self._no_number(row, column)
+
+    def _no_number(self, row: int, column: str) -> InputError:
+        if not self.texts(column)[row]:
+            return self.error(row, f"{column} is empty, where a number is expected")
+        return self.error(row, f"{column} is not a finite number: {self.cell(row, column)}")
+
+    def _time_stamps(self, column: str) -> tuple[Indices, Clock | None]:
+        """``(rows,)`` the kind of each cell of a column of times, and the times where all are time stamps."""
+        import pandas as pd
+
+        cells = self.table[column]
+        if types.is_timestamp(cells.type):
+            if cells.null_count:
+                raise self._no_number(int(np.argmax(cells.is_null().to_numpy())), column)
+            kind = _WITHOUT_ZONE if cells.type.tz is None else _WITH_ZONE
+            stamps = _exact_clock(cells.cast(pa.int64()).to_numpy(), PER_SECOND[cells.type.unit])
+            return np.full(len(cells), kind), stamps
+        if not _is_text(cells.type):
+            return np.zeros(len(cells), dtype=np.intp), None
+        texts = pc.replace_substring_regex(pc.utf8_upper(cells), r"\s?UTC$", "Z")
+        is_stamp, has_zone = (pc.match_substring_regex(texts, pattern).to_numpy() for pattern in (STAMP, _ZONE))
+        kinds = np.where(is_stamp, np.where(has_zone, _WITH_ZONE, _WITHOUT_ZONE), _NUMBER)
+        if not is_stamp.all():
+            return kinds, None
+        texts = pc.replace_substring(texts, ",", ".").to_pandas()
+        times = pd.to_datetime(texts, format="ISO8601", utc=True, errors="coerce")
+        if times.isna().any():
+            row = int(np.argmax(times.isna()))
+            raise self.error(row, f"{column} is no time of ISO 8601: {self.cell(row, column)}")
+        return kinds, _exact_clock(times.astype("int64").to_numpy(), PER_SECOND[times.dt.unit])
 
 
-def read_table(file: Path, form: str, wanted: Iterable[str | None], part: mcap.LogPart | None = None) -> Rows:
-    """The columns of a file of the format "csv", "parquet" or "mcap" that are wanted; of MCAP those of a part.
+def _exact_clock(stamps: Indices, per_second: int) -> Clock:
+    start = int(stamps.min()) // per_second
+    return Clock((stamps - start * per_second) / per_second, Decimal(start))
 
-    Raises:
-        InputError: the file cannot be read or has no such column, or no row.
-    """
-    names = [name for name in dict.fromkeys(wanted) if name is not None]
-    if form == "mcap":
-        assert part is not None
-        every = mcap.log_columns(file, part)
-        _require(names, list(every), file, None)
-        rows = Rows(file, {name: every[name] for name in names}, None)
-    else:
-        rows = _csv(file, names) if form == "csv" else _parquet(file, names)
+
+def _is_text(kind: pa.DataType) -> bool:
+    return bool(types.is_string(kind))
+
+
+def with_rows(rows: Rows) -> Rows:
+    """Refuse a table without a row."""
     if not len(rows):
-        raise InputError("the file has no row of data", file=file)
+        raise InputError("the file has no row of data", file=rows.file)
     return rows
 
 
-def csv_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows of a CSV file that are not blank from its column names on, each with its line.
+def rows_of_columns(file: Path, columns: Mapping[str, Sequence[Any]], lines: Sequence[int] | None = None) -> Rows:
+    """Return the rows of columns of numbers and texts; None is an empty cell.
 
-    Lines before the column names are left out: they have another number of cells than the rows of data.
-
-    Raises:
-        InputError: the file cannot be read, or is not valid CSV.
+    Args:
+        file: for error messages.
+        columns: by name.
+        lines: of the rows in the file.
     """
-    reader = csv.reader(log_text(file).splitlines(keepends=True), strict=True)
-    rows = ((reader.line_num, row) for row in reader if any(cell.strip() for cell in row))
-    try:
-        first = list(islice(rows, FIRST_ROWS))
-        yield from chain(first[_header_place([row for _, row in first]) :], rows)
-    except csv.Error as error:
-        raise InputError(f"not valid CSV: {error}", file=file, line=reader.line_num) from None
+
+    def column(values: Sequence[Any]) -> pa.Array:
+        if not any(isinstance(value, bool | str | Decimal) for value in values):
+            try:
+                return pa.array(values)
+            except (pa.ArrowException, OverflowError, ValueError, TypeError):
+                pass
+        texts = (None if value is None else str(value).encode(errors="replace").decode() for value in values)
+        return pa.array(texts, pa.string())
+
+    table = pa.table({name: plain_column(name, column(values), file) for name, values in columns.items()})
+    return Rows(file, table, None if lines is None else lines.__getitem__)
 
 
-def _header_place(rows: Sequence[list[str]]) -> int:
-    """The first row as wide as the last if it has no number; else the first row of all."""
-    place = next(number for number, row in enumerate(rows) if len(row) == len(rows[-1]))
-    cells = [cell.strip() for cell in rows[place]]
-    are_names = all(math.isnan(stated_number(cell)) and iso_stamp(cell) is None for cell in cells)
-    return place if len(cells) > 1 and are_names else 0
-
-
-def _csv(file: Path, names: list[str]) -> Rows:
-    lines: list[int] = []
-    rows: list[list[str]] = []
-    header: list[str] = []
-    for line, row in csv_rows(file):
-        if not header:
-            header = [name.strip() for name in row]
-            _require(names, header, file, line)
-            continue
-        if len(row) != len(header):
-            raise InputError(f"{len(row)} columns, where the header has {len(header)}", file=file, line=line)
-        rows.append(row)
-        lines.append(line)
-        _require_few(len(rows), file)
-    columns = {name: [row[header.index(name)] for row in rows] for name in names}
-    return Rows(file, columns, lines)
-
-
-def _parquet(file: Path, names: list[str]) -> Rows:
-    import pyarrow.parquet as pq
-
-    with reading_parquet(file):
-        metadata = pq.read_metadata(file)
-        schema = metadata.schema.to_arrow_schema()
-        _require(names, schema.names, file, None)
-        _require_plain(names, schema, file)
-        _require_few(metadata.num_rows, file)
-        table = pq.read_table(file, columns=names)
-        columns = {name: _parquet_cells(table[name]) for name in names}
-    return Rows(file, columns, None)
-
-
-def _parquet_cells(column: Any) -> list[Any]:
-    """The cells of a column, time stamps as text of ISO 8601: Python's own have no nanoseconds."""
-    import pyarrow as pa
-
-    if not pa.types.is_timestamp(column.type):
-        cells: list[Any] = column.to_pylist()
-        return cells
-    zone = "" if column.type.tz is None else "Z"
-    texts = np.datetime_as_string(column.to_numpy()).tolist()
-    return [None if text == "NaT" else text + zone for text in texts]
-
-
-def _require_plain(names: list[str], schema: pa.Schema, file: Path) -> None:
-    """Make sure that columns hold single numbers, times or texts: a truth value or a list would be read as another."""
-    from pyarrow import types
-
-    for name in names:
-        kind = schema.field(name).type
-        value = kind.value_type if types.is_dictionary(kind) else kind
-        others = types.is_boolean, types.is_nested, types.is_binary, types.is_large_binary, types.is_fixed_size_binary
-        if any(is_other(value) for is_other in others):
-            raise InputError(f"{name} is a column of {kind}, where numbers or texts are expected", file=file)
-
-
-def _require_few(rows: int, file: Path) -> None:
-    if rows > MOST_ROWS:
-        raise InputError(f"more than {MOST_ROWS} rows; cut the log", file=file)
-
-
-def _require(names: list[str], header: list[str], file: Path, line: int | None) -> None:
-    # What is no table is not to be shown in a message.
-    if not {*names} & {*header} and not all(_COLUMN.fullmatch(name) for name in header):
-        raise InputError(f"this is no row of column names; expected {', '.join(names)}", file=file, line=line)
-    for name in names:
-        if name not in header:
-            names_there = [shortened_text(column, 40) for column in header]
-            raise InputError(f"there is no column {name!r}; {nearest_choices(name, names_there)}", file=file, line=line)
-        if header.count(name) > 1:
-            raise InputError(f"there are {header.count(name)} columns {name!r}", file=file, line=line)
-
-
-def _empty(value: Any) -> bool:
-    return value is None or (isinstance(value, str) and not value.strip())
-
-
-def _unknown(value: Any) -> bool:
-    """Empty, or "not a number": as programs write what they do not know."""
-    if isinstance(value, str):
-        return value.strip().lower() in ("", "nan")
-    return value is None or (isinstance(value, float) and math.isnan(value))
-
-
-def seconds_from(start: Decimal, stamps: list[Decimal]) -> Array:
-    """To the nanosecond, below which no clock of a vehicle tells rows apart."""
-    return np.array([round(float(stamp - start), 9) for stamp in stamps])
+def plain_column(name: str, column: pa.Array | pa.ChunkedArray, file: Path) -> pa.Array | pa.ChunkedArray:
+    """Return a column of numbers, time stamps or texts: a truth value or a list would be read as another."""
+    stated = column.type
+    if types.is_dictionary(stated):
+        column = column.cast(stated.value_type)
+    if types.is_large_string(column.type) or types.is_string_view(column.type):
+        column = column.cast(pa.string())
+    kind = column.type
+    others = types.is_boolean, types.is_nested, types.is_binary, types.is_large_binary, types.is_fixed_size_binary
+    if any(is_other(kind) for is_other in others):
+        raise InputError(f"{name} is a column of {stated}, where numbers or texts are expected", file=file)
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_timestamp(kind):
+        return column
+    if not types.is_string(kind):
+        column = pa.array((None if value is None else str(value) for value in column.to_pylist()), pa.string())
+    return pc.utf8_trim_whitespace(column.fill_null(""))

@@ -11,7 +11,7 @@ from trackbench.base.types import Array, Indices, Mask, RecordedDetections
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth.config.columns import POLAR, MeasurementColumns, Units
-from trackbench.truth.recorded.cycles import cycles
+from trackbench.truth.recorded.cycles import MOST_MISSED, cycles
 from trackbench.truth.recorded.drive import Scans, row_order
 from trackbench.truth.recorded.rows import Rows
 
@@ -70,28 +70,25 @@ def scans_of(table: Rows, entry: MeasurementColumns, at: Array, units: Units, ki
     """
     model = SENSOR_MODELS[kind]
     measurement, detected = column_measurements(table, entry, units, model)
-    names = [""] * len(table) if entry.slot is None else table.names(entry.slot)
-    slots = list(dict.fromkeys(names[row] for row in detected.tolist()))
-    number = {name: i for i, name in enumerate(slots)}
-    slot = np.array([number[names[row]] for row in detected.tolist()], dtype=np.intp)
-    new = np.zeros(len(detected), dtype=bool)
+    there = np.zeros(len(table), dtype=bool)
+    there[detected] = True
+    measured, at_rows = (table, at) if there.all() else (table.only(there), at[there])
+    new = np.zeros(len(measured), dtype=bool)
     if entry.new_track is not None:
-        flags = table.numbers(entry.new_track, 1.0, None)
+        flags = measured.numbers(entry.new_track, 1.0, None)
         for row in np.flatnonzero((flags != 0) & (flags != 1)).tolist():
-            raise table.error(row, f"{entry.new_track} is {flags[row]:g}, where 0 or 1 is expected")
-        new = flags[detected] == 1
+            raise measured.error(row, f"{entry.new_track} is {flags[row]:g}, where 0 or 1 is expected")
+        new = flags == 1
     if entry.slot is None:
         # Two equal rows are two detections.
-        kept, duplicates = np.argsort(at[detected], kind="stable"), 0
+        slots, slot = [""], np.zeros(len(measured), dtype=np.intp)
+        kept, duplicates = np.argsort(at_rows, kind="stable"), 0
     else:
-        kept, order = row_order(at[detected], slot)
+        slots, slot = measured.labels(entry.slot)
+        kept, order = row_order(at_rows, slot)
         duplicates = order.duplicates
-    time, slot, new = at[detected][kept], slot[kept], new[kept]
-    if entry.slot is None:
-        instants = np.unique(time)
-        looked = cycles(instants, np.zeros(len(instants), dtype=np.intp), np.unique(at), most_missed=FEW_MISSED)
-    else:
-        looked = cycles(time, slot, np.unique(at))
+    time, slot, new = at_rows[kept], slot[kept], new[kept]
+    looked = cycles(time, slot, np.unique(at), MOST_MISSED if entry.slot else FEW_MISSED)
     _, first, of_instant = np.unique(looked.cycle, return_index=True, return_inverse=True)
     instants = looked.instants
     scan = of_instant[np.searchsorted(instants, time)]
@@ -110,13 +107,14 @@ def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) ->
 
     A slot has another track from a row on that says so, and where it was empty for longer than ``EMPTY_SLOT``.
     """
-    result, tracks = np.full(len(time), -1), list[str]()
-    for number, name in enumerate(names):
-        own = np.flatnonzero(slot == number)
-        begins = new[own] | (np.diff(time[own], prepend=-np.inf) > EMPTY_SLOT)
-        result[own] = len(tracks) + np.cumsum(begins) - 1
-        tracks += [f"{name}-{count + 1}" for count in range(int(begins.sum()))]
-    return result, tracks
+    by_slot = np.argsort(slot, kind="stable")
+    first = np.diff(slot[by_slot], prepend=-1) != 0
+    begins = first | new[by_slot] | (np.diff(time[by_slot], prepend=-np.inf) > EMPTY_SLOT)
+    result = np.empty(len(time), dtype=np.intp)
+    result[by_slot] = np.cumsum(begins) - 1
+    slots = slot[by_slot][begins]
+    count = np.arange(len(slots)) - np.searchsorted(slots, slots)
+    return result, [f"{names[s]}-{number + 1}" for s, number in zip(slots.tolist(), count.tolist(), strict=True)]
 
 
 def _without_copies(of: Scans, time: Array, model: type[Sensor], within: float) -> Scans:
@@ -124,10 +122,8 @@ def _without_copies(of: Scans, time: Array, model: type[Sensor], within: float) 
     first, second = of.measurement[:2]
     polar = model.components[:2] == POLAR
     position = np.stack([first * np.cos(second), first * np.sin(second)] if polar else [first, second])
-    began = np.full(len(time), 0.0)
-    for track in range(len(of.own_tracks)):
-        own = of.own_track == track
-        began[own] = time[own][0]
+    _, first_row, track = np.unique(of.own_track, return_index=True, return_inverse=True)
+    began = time[first_row][track]
     order = np.lexsort((began, of.scan))
     kept = np.ones(len(time), dtype=bool)
     for rows_of_scan in np.split(order, np.flatnonzero(np.diff(of.scan[order])) + 1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -34,12 +34,13 @@ from trackbench.truth.recorded.drive import (
     Scans,
     carrier,
     row_order,
+    rows_of_each,
     slope,
     times_with_observer,
 )
-from trackbench.truth.recorded.mcap import LogPart
+from trackbench.truth.recorded.mcap import LogPart, log_columns
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
-from trackbench.truth.recorded.rows import Rows, read_table, seconds_from
+from trackbench.truth.recorded.rows import Labels, Rows, rows_of_columns, with_rows
 from trackbench.truth.recorded.scans import (
     column_measurements,
     columns_of,
@@ -47,6 +48,7 @@ from trackbench.truth.recorded.scans import (
     scan_notes,
     scans_of,
 )
+from trackbench.truth.recorded.table_files import read_table, require_columns
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
@@ -67,10 +69,10 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
     wanted += [columns.kind, *ignore, *(observer.stated.values() if observer is not None and not observer.path else ())]
     file = find_log(config.path, folder, "truth.path")
-    table = read_table(file, config.format, wanted, LogPart("boxes", columns.topic))
-    stamps = table.times(columns.time, units.factor("time", columns.units.get("time")))
-    start = min(stamps)
-    seconds = seconds_from(start, stamps)
+    table = read_log(file, config.format, wanted, LogPart("boxes", columns.topic))
+    clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
+    start, zones = clock.first, [*clock.notes]
+    seconds = clock.since(start)
     _require_not_long(table, columns.time, seconds)
     dropped = ignored_rows(table, ignore)
     if dropped.all():
@@ -78,7 +80,6 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     own = table.only(~dropped) if dropped.any() else table
     motions, order = _motions(own, columns, seconds[~dropped], config)
     boxes = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
-    zones = table.zone_notes(columns.time)
     moving = None
     if observer is not None and observer.path is not None:
         moving, added = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
@@ -93,10 +94,10 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         if entry.path is not None:
             needed = columns_of(entry) if unlabelled else _own(entry, columns)
             source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
-            zones += source.zone_notes(entry.time or columns.time)
         unit = entry.units.get("time", columns.units.get("time"))
-        times = seconds_from(start, source.times(entry.time or columns.time, units.factor("time", unit)))
-        times = times + entry.time_offset_s
+        measured = source.times(entry.time or columns.time, units.factor("time", unit))
+        zones += measured.notes if entry.path is not None else ()
+        times = measured.since(start) + entry.time_offset_s
         if unlabelled:
             detections[name] = scans_of(source, entry, times, units, kinds[name])
             continue
@@ -105,8 +106,10 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
     classes: dict[str, str] = {}
     if columns.kind is not None:
-        for item, kind in zip(_names(own, columns), own.names(columns.kind, optional=True), strict=True):
-            classes.setdefault(item, kind)
+        names, number = _objects(own, columns)
+        first = np.unique(number, return_index=True)[1].tolist()
+        kinds_of_rows = own.labels(columns.kind, optional=True)
+        classes = {name: kinds_of_rows.names[kinds_of_rows.number[row]] for name, row in zip(names, first, strict=True)}
     read = {"file": table.file.name, "rows": len(table)}
     frames = np.unique(seconds)
     return Drive(motions, order, moving, logs, read, detections, frames, boxes, classes, start, tuple(zones))
@@ -124,15 +127,15 @@ def load_unlabelled(
     tables = {
         name: _detections_of_file(name, entry, columns_of(entry), config, folder) for name, entry in entries.items()
     }
-    stamps = {
+    clocks = {
         name: tables[name].times(entry.time or "", units.factor("time", entry.units.get("time")))
         for name, entry in entries.items()
     }
-    zones = [note for name, entry in entries.items() for note in tables[name].zone_notes(entry.time or "")]
-    start = min(min(of) for of in stamps.values())
+    zones = [note for clock in clocks.values() for note in clock.notes]
+    start = min(clock.first for clock in clocks.values())
     scans = {}
     for name, entry in entries.items():
-        seconds = seconds_from(start, stamps[name])
+        seconds = clocks[name].since(start)
         _require_not_long(tables[name], entry.time or "", seconds)
         scans[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, units, kinds[name])
     times = np.unique(np.concatenate([of.time for of in scans.values()]))
@@ -161,12 +164,26 @@ def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> T
     )
 
 
+def read_log(file: Path, form: str, wanted: Sequence[str | None], part: LogPart) -> Rows:
+    """Return the columns of a file that are wanted; of MCAP those of a part.
+
+    Raises:
+        InputError: the file cannot be read or has no such column, or no row.
+    """
+    if form != "mcap":
+        return read_table(file, form, wanted)
+    columns = log_columns(file, part)
+    names = [name for name in dict.fromkeys(wanted) if name is not None]
+    require_columns(names, list(columns), file, None)
+    return with_rows(rows_of_columns(file, {name: columns[name] for name in names}))
+
+
 def _detections_of_file(
-    name: str, entry: MeasurementColumns, columns: Iterable[str | None], config: RecordingOptions, folder: Path
+    name: str, entry: MeasurementColumns, columns: Sequence[str | None], config: RecordingOptions, folder: Path
 ) -> Rows:
     """The rows of the file of a sensor's own."""
     file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
-    return read_table(file, config.format, columns, LogPart("detections", entry.topic))
+    return read_log(file, config.format, columns, LogPart("detections", entry.topic))
 
 
 def _observer_of_file(
@@ -175,9 +192,9 @@ def _observer_of_file(
     """The observer's motion from a file of its own, whose column of times is ``time``, and lines about these times."""
     key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
     file = find_log(columns.path or "", folder, key)
-    table = read_table(file, config.format, [time, *columns.stated.values()], LogPart("frame", columns.frame))
-    stamps = table.times(time, config.units.factor("time", columns.units.get("time")))
-    return observer_motion(table, columns, seconds_from(start, stamps), config.units), table.zone_notes(time)
+    table = read_log(file, config.format, [time, *columns.stated.values()], LogPart("frame", columns.frame))
+    clock = table.times(time, config.units.factor("time", columns.units.get("time")))
+    return observer_motion(table, columns, clock.since(start), config.units), [*clock.notes]
 
 
 def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
@@ -191,8 +208,10 @@ def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
         raise table.error(row, f"{column}: {jumps.why_too_long(seconds[row])}")
 
 
-def _names(table: Rows, columns: TruthColumns) -> list[str]:
-    return [OBJECT] * len(table) if columns.object is None else table.names(columns.object)
+def _objects(table: Rows, columns: TruthColumns) -> Labels:
+    if columns.object is None:
+        return Labels([OBJECT], np.zeros(len(table), dtype=np.intp))
+    return table.labels(columns.object)
 
 
 def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str | None]:
@@ -220,12 +239,9 @@ def _motions(
         for row in np.flatnonzero((sizes <= 0) | (sizes > LARGEST_M)).tolist():
             size = f"{getattr(columns, key)} is {sizes[row]:g} m"
             raise table.error(row, f"{size}, where more than 0 and at most {LARGEST_M:g} is expected")
-    names = _names(table, columns)
-    ids = list(dict.fromkeys(names))
-    number = {name: i for i, name in enumerate(ids)}
-    owner = np.array([number[name] for name in names], dtype=np.intp)
+    ids, owner = _objects(table, columns)
     kept, order = row_order(seconds, owner)
-    members = {name: kept[owner[kept] == i] for i, name in enumerate(ids)}
+    members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
     value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
     motions = {
         name: moved_to_centre(Motion(seconds[own], **{key: v[own] for key, v in value.items()}), config)
@@ -292,9 +308,11 @@ def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str], *, b
     """
     if column is None:
         return np.zeros(len(rows), dtype=np.intp)
-    names, number = table.names(column, optional=blank), {name: i for i, name in enumerate(ids)}
+    labels, number = table.labels(column, optional=blank), {name: i for i, name in enumerate(ids)}
     number |= {"": -1} if blank else {}
-    for row in rows.tolist():
-        if names[row] not in number:
-            raise table.error(row, f"the truth has no object {names[row]!r}; {nearest_choices(names[row], ids)}")
-    return np.array([number[names[row]] for row in rows], dtype=np.intp)
+    owner = np.array([number.get(name, len(ids)) for name in labels.names], dtype=np.intp)[labels.number[rows]]
+    if (unknown := owner == len(ids)).any():
+        row = int(rows[np.argmax(unknown)])
+        name = labels.names[labels.number[row]]
+        raise table.error(row, f"the truth has no object {name!r}; {nearest_choices(name, ids)}")
+    return owner

@@ -18,7 +18,7 @@ from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.rows import log_text
+from trackbench.truth.recorded.table_files import log_text
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {

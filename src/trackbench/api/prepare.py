@@ -1,0 +1,73 @@
+"""Check scenarios and simulate their truths, before any tracker runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+
+from trackbench import results
+from trackbench.api.plan import Listener, Prepared, RunPlan, numbered
+from trackbench.api.provenance import provenance_of
+from trackbench.base.errors import InputError
+from trackbench.scenario import Scenario
+from trackbench.scenario.check import check_plugins
+from trackbench.scenario.truth import PendingTruths
+
+
+def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, listener: Listener) -> list[Prepared]:
+    """Check everything that could stop a run, and simulate the truth, before any tracker runs.
+
+    Raises:
+        InputError: something is wrong in a scenario or its plug-ins, or the results cannot be written.
+    """
+    if plan.out is not None:
+        results.require_writable(plan.out)
+    _require_distinct(scenarios)
+    scenarios = [_checked(scenario, plan, listener) for scenario in scenarios]
+    if plan.out is not None:
+        for scenario in scenarios:
+            results.require_replaceable(plan.out / scenario.config.full_name)
+    pending = [PendingTruths(scenario, executor) for scenario in scenarios]
+    return [
+        _prepared(scenario, truths, listener, numbered(i, scenarios))
+        for i, (scenario, truths) in enumerate(zip(scenarios, pending, strict=True), 1)
+    ]
+
+
+def _checked(scenario: Scenario, plan: RunPlan, listener: Listener) -> Scenario:
+    if plan.precision is not None:
+        from trackbench.runner.run import first_look
+
+        if scenario.config.sensing.identities == "hidden":
+            problem = "stops by the position RMSE of labelled objects; with hidden identities give --runs"
+            raise InputError(problem, file=scenario.path, key="--runs-until")
+        scenario = first_look(scenario, plan.precision[1])
+        if len(scenario.config.truth.scenes()) > 1:
+            problem = "more runs of the same scenes do not narrow an interval over scenes; take more scenes"
+            raise InputError(problem, file=scenario.path, key="--runs-until")
+        if len(scenario.config.trackers) < 2:
+            problem = "needs two trackers, whose difference it is about"
+            raise InputError(problem, file=scenario.path, key="--runs-until")
+    for note in check_plugins(scenario, plan.isolation):
+        listener.note(note)
+    return scenario
+
+
+def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, place: str) -> Prepared:
+    with listener.progress(f"{place}truth of {scenario.config.full_name}", "steps") as advance:
+        truths = pending.collect(advance)
+    for note in dict.fromkeys(note for truth in truths for note in truth.notes):
+        listener.note(note)
+    return Prepared(scenario, truths, provenance_of(scenario))
+
+
+def _require_distinct(scenarios: Sequence[Scenario]) -> None:
+    """Two scenarios of one name would overwrite each other."""
+    by_name: dict[str, Path] = {}
+    for scenario in scenarios:
+        name = scenario.config.full_name
+        if name in by_name:
+            problem = f"{by_name[name]} has the same name {name!r}; give each scenario its own"
+            raise InputError(problem, file=scenario.path, key="name")
+        by_name[name] = scenario.path

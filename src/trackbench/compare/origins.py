@@ -1,0 +1,62 @@
+"""When each set of results was made, of which code, and what else changed since the set before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from trackbench.compare.comparability import ScenarioResults, differing_keys
+from trackbench.compare.comparison import SetOrigin
+from trackbench.compare.entries import Entry, ResultSet
+from trackbench.results import Summary
+
+
+def origins_of_sets(
+    number_of_sets: int, cells: Sequence[ScenarioResults], trackers: Sequence[str] | None
+) -> list[SetOrigin]:
+    """Return the origin of each of several sets, in the order given; none of a single set.
+
+    Args:
+        number_of_sets: how many sets are compared, the baseline first.
+        cells: the scenarios with the result of each set.
+        trackers: names of the trackers that are compared; None for all.
+    """
+    origins = []
+    for number in range(number_of_sets if number_of_sets > 1 else 0):
+        own = [cell.entries for cell in cells if number in cell.entries]
+        known = [made for entries in own if (made := entries[number].result.summary.provenance)]
+        last = max(known, key=lambda made: made.time, default=None)
+        commits = dict.fromkeys(made.commit_in_words for made in known if made.commit)
+        pairs = [(entries[number - 1], entries[number]) for entries in own if number - 1 in entries]
+        changes = dict.fromkeys(change for pair in pairs for change in _changes(*pair, trackers))
+        origins.append(
+            SetOrigin(set=number, made_at=last and last.made_at, commit=", ".join(commits) or None, changes=[*changes])
+        )
+    return origins
+
+
+def order_notes(origins: Sequence[SetOrigin], sets: Sequence[ResultSet]) -> Iterator[str]:
+    """Say of each set that stands after one that was made later."""
+    for before, after in pairwise(origins):
+        if before.made_at and after.made_at and after.made_at < before.made_at:
+            yield f"{sets[after.set].label} was made before {sets[before.set].label}, which stands before it"
+
+
+def _changes(before: Entry, after: Entry, trackers: Sequence[str] | None) -> Iterator[str]:
+    ours, theirs = before.result.summary, after.result.summary
+    yield from (f"{name} {old} to {new}" for name, old, new in differing_keys(ours.versions, theirs.versions))
+    described = [*differing_keys(_described(ours, trackers), _described(theirs, trackers))]
+    yield from (f"{name}: {old} to {new}" for name, old, new in described)
+    a, b = ours.scenario, theirs.scenario
+    if not described and (a.text, a.overrides) != (b.text, b.overrides):
+        yield f"the scenario {b.name}"
+    if ours.provenance and theirs.provenance:
+        code = differing_keys(ours.provenance.code, theirs.provenance.code)
+        yield from (f"the code of {name}" for name, _, _ in code)
+        old, new = ours.provenance.commit_in_words, theirs.provenance.commit_in_words
+        if old != new:
+            yield f"commit {old} to {new}"
+
+
+def _described(summary: Summary, trackers: Sequence[str] | None) -> dict[str, str]:
+    return {item.name: item.describe for item in summary.trackers if trackers is None or item.name in trackers}
