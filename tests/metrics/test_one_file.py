@@ -122,7 +122,8 @@ def test_a_file_in_the_folder_of_built_in_ones_is_found(tmp_path: Path, monkeypa
     assert metric.name == "near"
     assert [type(item).__module__.rpartition(".")[2] for item in BUILT_IN[-6:]] == [
         "basic",
-        *["with_own_sums"] * 5,
+        "step_time",
+        *["with_own_sums"] * 4,
     ]
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.driving.drive import DriveStep
 from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.metrics.built_in import BUILT_IN
@@ -45,10 +46,7 @@ def no_measurements(_: slice) -> Array:
 
 
 class Scorer:
-    """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end.
-
-    ``full`` tells when :func:`score_waiting` is due.
-    """
+    """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end."""
 
     def __init__(
         self,
@@ -107,9 +105,24 @@ class Scorer:
         self._had = np.zeros(batch, dtype=bool)
         self._silence = Silence(target.state, target.due | target.starting, measured)
         self._sensors = tuple(measurements)
+        self.none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
+        """In the place of the estimates of a tracker that gives none."""
         self._begin_chunk()
         if self.kernels is not None:
             self.chunk = min(self.chunk, BEFORE_SEQUENCES)
+
+    def take(self, step: DriveStep[Estimate | None]) -> None:
+        """Take in what a tracker made of a scan, and score what waits where that is due; to be called in order.
+
+        Raises:
+            Fault: an estimate cannot be scored.
+        """
+        estimate = step.answer or self.none
+        self.scan(step.instant, step.scan, estimate, step.seconds)
+        if step.last:
+            self.estimate(estimate)
+            if self.full or step.instant == len(self._target.time) - 1:
+                self.score()
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
@@ -181,7 +194,7 @@ class Scorer:
         innovations: Innovations = self._sums[ESTIMATES.name].innovations(sensor)
         return innovations
 
-    def take(
+    def take_sequence(
         self, scores: ScoreSequence, repaired: Array, latest: Array, given: Mask, spent: tuple[float, int]
     ) -> None:
         """Take in what a sequence has scored.

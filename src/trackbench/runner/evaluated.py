@@ -12,7 +12,7 @@ from trackbench.metrics.registry import HEALTH
 from trackbench.metrics.traffic import ASSOCIATION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Difference, ExpectationResult, Failure, TrackerResult, by_value
 from trackbench.runner.block import Block, failures_and_outcomes
-from trackbench.runner.hidden_run import TrafficScores
+from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import Work
 from trackbench.scenario.keys import Expectation
 
@@ -37,7 +37,7 @@ class Evaluated:
     """Those with enough estimates, best first."""
     scores: Mapping[str, BlockScores] = field(default_factory=dict)
     """With known identities, by each tracker that did not fail, the sums over all runs."""
-    tracks: Mapping[str, Sequence[TrafficScores]] = field(default_factory=dict)
+    tracks: Mapping[str, Sequence[Outcome]] = field(default_factory=dict)
     """With hidden identities, by each tracker that did not fail, what its blocks left."""
 
 
@@ -59,7 +59,7 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
 
 
 def _evaluated_tracks(
-    work: Work, failures: Mapping[str, Failure], outcomes: Mapping[str, Sequence[TrafficScores]]
+    work: Work, failures: Mapping[str, Failure], outcomes: Mapping[str, Sequence[Outcome]]
 ) -> Evaluated:
     """The same where identities are hidden."""
     evaluations = {name: _evaluation_of_tracks(work, blocks) for name, blocks in outcomes.items()}
@@ -69,9 +69,9 @@ def _evaluated_tracks(
     return Evaluated(failures, evaluations, ranked, tracks=outcomes)
 
 
-def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evaluation:
+def _evaluation_of_tracks(work: Work, blocks: Sequence[Outcome]) -> Evaluation:
     without_truth = [metric for metric in work.metrics if "truth" not in metric.needs]
-    sums = merge_sums([block.metrics for block in blocks], work.metrics if work.has_truth else without_truth)
+    sums = merge_sums([block.sums for block in blocks], work.metrics if work.has_truth else without_truth)
     reason = "" if work.has_truth else "there is no truth"
     if work.has_truth and not run_sums(sums[TRACKS.name], "matched_share")[1].any():
         reason = NOTHING_DUE

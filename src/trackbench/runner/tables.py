@@ -24,8 +24,7 @@ from trackbench.results.declared import LABELLED
 from trackbench.results.folder import OBSERVER
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.labelled_run import LabelledOutcome
-from trackbench.runner.recorded import RecordedEstimates
+from trackbench.runner.recorded import Outcome, RecordedEstimates
 from trackbench.runner.work import Work
 from trackbench.trackers.config import FilterConfig, ImmConfig
 
@@ -46,7 +45,11 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
     own_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
     block = next(block for block in blocks if block.recorded_scans is not None)
     assert block.recorded_scans is not None
-    recorded = {name: estimates for name, estimates in block.recorded.items() if name in evaluations}
+    recorded = {
+        name: item
+        for name, item in block.recorded.items()
+        if name in evaluations and isinstance(item, RecordedEstimates)
+    }
     records: Records = {
         "steps": [_step_record(name, item, work.longest_time) for name, item in evaluations.items()],
         "nis": _nis_records(scores, times),
@@ -239,7 +242,7 @@ def _mode_records(work: Work, blocks: Sequence[Block], trackers: Sequence[str]) 
     single: list[Record] = []
     for tracker in trackers:
         config, outcomes = work.trackers[tracker], [block.outcomes[tracker] for block in blocks]
-        sums = [item.modes for item in outcomes if isinstance(item, LabelledOutcome) and item.modes is not None]
+        sums = [item.modes for item in outcomes if isinstance(item, Outcome) and item.modes is not None]
         if not sums:
             continue
         names = [f"mode {number}" for number in range(1, len(sums[0].total) + 1)]

@@ -18,6 +18,7 @@ from trackbench.driving.second_drive import SecondDrive
 from trackbench.driving.steppers import Direct, DirectTracks, Offline, Stepper
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
+from trackbench.metrics.protocol import Fault
 from trackbench.results import Failure
 from trackbench.runner.run_spread import spread_in
 from trackbench.runner.start import SecondDrives
@@ -54,6 +55,8 @@ class TrackerRun(ABC, Generic[Answer]):
         """Has ``step(state, *arguments) -> (state, answer)``; inside the context."""
         self.state: Any = None
         """Of the tracker; None before the first step."""
+        self.scorer: Any = None
+        """Has ``take(step)`` and ``close()``."""
         self.failure: Failure | None = None
         self.engine: EngineUsed | None = None
         """Known once the context is left, of a built-in tracker."""
@@ -123,7 +126,6 @@ class TrackerRun(ABC, Generic[Answer]):
                 arguments = self._arguments(delivery)
                 self._began = time.perf_counter() - seconds_on_kernels(self._work.engine_here)
                 yield arguments
-            self._end_of(instant)
 
     def take(self, answer: Answer) -> None:
         """Keep and score what the tracker says to the latest arguments."""
@@ -134,6 +136,10 @@ class TrackerRun(ABC, Generic[Answer]):
         step = DriveStep(instant, *delivery, answer, seconds, last)
         if self._second is not None:
             self._second.take(step)
+        try:
+            self._score(step)
+        except Fault as fault:
+            self.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
         self._take(step)
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
@@ -158,9 +164,6 @@ class TrackerRun(ABC, Generic[Answer]):
         """Take the tracker through the instants from this one on without steps; return how many these are."""
         return 0
 
-    def _end_of(self, instant: int) -> None:
-        """All steps of an instant were taken."""
-
     def _note(self, error: BaseException) -> None:
         instant, sensor = (0, None) if self._delivery is None else (self._delivery[0], self._delivery[1].scan.sensor)
         self.fail(self._explained(fault_of(error)), instant, sensor)
@@ -169,9 +172,13 @@ class TrackerRun(ABC, Generic[Answer]):
     def _start(self) -> Stepper:
         """A fresh tracker."""
 
+    def _score(self, step: DriveStep[Answer]) -> None:
+        """Have the scorer take in what the tracker says."""
+        self.scorer.take(step)
+
     @abstractmethod
     def _take(self, step: DriveStep[Answer]) -> None:
-        """Keep and score what the tracker says."""
+        """Keep what the recorded run and the spread over runs have of what the tracker says."""
 
     @abstractmethod
     def _place(self, member: int | None) -> tuple[str | None, int | None]:

@@ -8,10 +8,10 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.ego import EgoScene
+from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results.columns import Record
 from trackbench.results.folder import NO_OBJECT
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.work import Work
 from trackbench.subjects.functions.metrics import functions_among, functions_at_work
@@ -30,7 +30,7 @@ MOST_EVENTS = 100
 
 
 def function_records(
-    work: Work, evaluated: Evaluated, recorded: Mapping[str, RecordedEstimates | TrafficScores]
+    work: Work, evaluated: Evaluated, recorded: Mapping[str, RecordedEstimates | RecordedTracks]
 ) -> Iterator[tuple[str, list[Record]]]:
     """Yield both tables with their records; none where there is no function.
 
@@ -62,7 +62,7 @@ def function_records(
     )
 
 
-def _decisions(function: Function, work: Work, recorded: RecordedEstimates | TrafficScores) -> Decisions:
+def _decisions(function: Function, work: Work, recorded: RecordedEstimates | RecordedTracks) -> Decisions:
     """Return what a function decides in the recorded run on a tracker's estimates or tracks."""
     if not isinstance(recorded, RecordedEstimates):
         assert recorded.tracked is not None
