@@ -1,12 +1,14 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md docs/glossary.md
+GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md docs/glossary.md \
+	docs/doctor-reference.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration calibrated-worlds radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
+.PHONY: help demo quick test test-all test-long fuzz doctor-rates real-faults calibration calibrated-worlds radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
+	@echo "make quick     linter, and the fast tests of what differs from a commit (SINCE=HEAD): two minutes at most"
 	@echo "make test      linter, types, import contracts, documentation site and tests: about 10 minutes on 2 cores"
 	@echo "make test-all  the same, with the slow tests and the commands of the documentation's pages as they are printed"
 
@@ -16,6 +18,16 @@ demo: $(VENV)/.installed
 	@$(BIN)/trackbench run scenarios/highway.yaml
 	@echo "The recording:  $(BIN)/trackbench view results/highway"
 	@echo "The report, for a browser:  $(CURDIR)/results/highway/report.html"
+
+# While one works: the linter, and the fast tests of what differs from a commit.
+SINCE ?= HEAD
+quick: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	@tests=$$($(BIN)/python -m tests.support.changed $(SINCE)); \
+	if [ -z "$$tests" ]; then echo "no tests of what differs from $(SINCE)"; else \
+	echo "$$tests"; timeout 110 $(BIN)/pytest -q -x -n auto --dist worksteal -m "not docs_pages and not slow" $$tests; \
+	status=$$?; if [ $$status = 124 ]; then echo "none failed in two minutes; make test runs the rest"; else exit $$status; fi; fi
 
 # What a change is tried with. Tests that need Chromium or a Vulkan driver are skipped where it is missing.
 test: $(VENV)/.installed-dev
@@ -103,6 +115,9 @@ docs/command-line.md: $(VENV)/.installed
 
 docs/glossary.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.cli.explain > $@
+
+docs/doctor-reference.md: $(VENV)/.installed
+	$(BIN)/python -m trackbench.subjects.doctor.docs > $@
 
 benchmark: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.speed

@@ -2,19 +2,20 @@
 
     python benchmarks/doctor_rates.py [--workers N] [--objects one|several] [--only TEXT]
 
-Writes docs/doctor-rates.md, unless only some of the faults are asked for; with --objects the other half of the page
-stays as it is.
+Writes docs/doctor-rates.md and results/doctor_rates.json, unless only some of the faults are asked for; with --objects
+the other half of the page stays as it is.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import re
 import time
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
 from multiprocessing import get_context
@@ -30,6 +31,7 @@ from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.subject import SENSORS
 
 PAGE = Path(__file__).parents[1] / "docs" / "doctor-rates.md"
+DATA = Path(__file__).parents[1] / "results" / "doctor_rates.json"
 #: Number of seeds of the noise and the probes.
 SEEDS = 5
 #: Examinations of correct trackers, at least.
@@ -100,7 +102,12 @@ def _right(number: int, found: Examination) -> bool:
     return named and first.factor is not None and 1 / FACTOR <= first.factor / mutant.factor <= FACTOR
 
 
-def table(seen: Sequence[Seen]) -> list[str]:
+#: Right names and all, by fault and by the trackers that it is injected into.
+Named = dict[str, dict[str, tuple[int, int]]]
+
+
+def named_faults(seen: Sequence[Seen]) -> Named:
+    """Return how often each fault is named first, with the sums under "all"."""
     subjects = list(dict.fromkeys(mutant.subject for mutant in MUTANTS))
     counts: dict[tuple[str, str], list[bool]] = defaultdict(list)
     for one in seen:
@@ -108,15 +115,28 @@ def table(seen: Sequence[Seen]) -> list[str]:
             mutant = MUTANTS[one.task.what]
             for key in ((mutant.fault, mutant.subject), (mutant.fault, "all"), ("all", mutant.subject), ("all", "all")):
                 counts[key].append(one.right)
-    columns = [*subjects, "all"]
+    return {
+        fault: {
+            subject: (sum(counts[fault, subject]), len(counts[fault, subject]))
+            for subject in [*subjects, "all"]
+            if counts[fault, subject]
+        }
+        for fault in [*sorted({mutant.fault for mutant in MUTANTS}), "all"]
+    }
+
+
+def table(named: Named) -> list[str]:
+    """Return the rows of the faults that are not always named, and of all together."""
+    columns = list(named["all"])
     lines = [
         "| injected fault | " + " | ".join(column.replace("_", " ") for column in columns) + " |",
         "| --- |" + " ---: |" * len(columns),
     ]
-    for fault in [*sorted({mutant.fault for mutant in MUTANTS}), "all"]:
-        cells = [counts[fault, column] for column in columns]
-        shown = [f"{sum(cell)}/{len(cell)}" if cell else "" for cell in cells]
-        lines.append(f"| {f'`{fault}`' if fault != 'all' else 'all'} | " + " | ".join(shown) + " |")
+    for fault, cells in named.items():
+        right, number = cells["all"]
+        if right < number:
+            shown = ["{}/{}".format(*cells[column]) if column in cells else "" for column in columns]
+            lines.append(f"| {f'`{fault}`' if fault != 'all' else 'all'} | " + " | ".join(shown) + " |")
     return lines
 
 
@@ -130,18 +150,19 @@ def page(seen: Sequence[Seen]) -> str:
         "",
         "<!-- Made by `make doctor-rates`. Change benchmarks/doctor_rates.py, not this page. -->",
         "",
-        "Every fault (row) is injected into correct trackers (columns): plain NumPy ones,",
-        "ones made with FilterPy, and built-in ones. It counts where its name is the first finding; of a wrong",
-        "measurement noise also the sensor and the factor, within a factor of two.",
-        "",
-        *table(seen),
-        "",
         f"{hits} of {len(injected)} injected faults ({hits / len(injected):.1%}) have the right name first "
         f"({SEEDS} seeds of noise and probes).",
         "",
         f"{silent} of {len(correct)} examinations of {len({one.task.what for one in correct})} correct trackers found "
         "nothing: all built-in filters with every motion model, calm to lively tunings, several starts, one sensor or "
         "two, and the trackers of the table without their faults.",
+        "",
+        "Every fault is injected into correct trackers (columns): plain NumPy ones, ones made with FilterPy, and "
+        "built-in ones. It counts where its name is the first finding; of a wrong measurement noise also the sensor "
+        "and the factor, within a factor of two. A row for each fault that is not always named; "
+        "`results/doctor_rates.json` has all of them.",
+        "",
+        *table(named_faults(injected)),
     ]
     if missed:
         lines += ["", "Not named first:", ""]
@@ -150,26 +171,45 @@ def page(seen: Sequence[Seen]) -> str:
             for one in missed
             if isinstance(one.task.what, int)
         ]
-    return "\n".join([*lines, "", *correct_trackers(correct)])
+    return "\n".join([*lines, "", *correct_trackers(quiet_trackers(correct))])
 
 
-def correct_trackers(seen: Sequence[Seen]) -> list[str]:
-    """Each with the NEES of its drives."""
+#: Correct trackers that are listed.
+LISTED = 5
+
+
+def quiet_trackers(seen: Sequence[Seen]) -> dict[str, tuple[int, int, float, float]]:
+    """Return of each correct tracker the examinations without a finding, all, and the least and largest mean NEES."""
     by_name: dict[str, list[Seen]] = defaultdict(list)
     for one in seen:
         by_name[str(one.task.what)].append(one)
+    quiet = {}
+    for name, found in by_name.items():
+        nees = [number for one in found for number in one.nees] or [np.nan]
+        quiet[name] = sum(one.right for one in found), len(found), min(nees), max(nees)
+    return quiet
+
+
+def correct_trackers(quiet: Mapping[str, tuple[int, int, float, float]]) -> list[str]:
+    """Return the correct trackers with the largest NEES in any drive."""
     lines = [
-        "The correct trackers, with the least and the largest mean NEES of position or velocity in any drive; 2 is",
-        "right. 0.06 to 30 passes, in three drives with manoeuvres up to 150 and 600:",
+        f"The {LISTED} correct trackers with the largest mean NEES of position or velocity in any drive; 2 is right. "
+        "0.06 to 30 passes, in three drives with manoeuvres up to 150 and 600:",
         "",
         "| tracker | nothing found | NEES |",
         "| --- | ---: | ---: |",
     ]
-    for name, found in by_name.items():
-        nees = [number for one in found for number in one.nees]
-        shown = f"{min(nees):.2g} to {max(nees):.2g}" if nees else ""
-        lines.append(f"| {name} | {sum(one.right for one in found)}/{len(found)} | {shown} |")
+    for name, (right, number, least, most) in sorted(quiet.items(), key=lambda item: -item[1][3])[:LISTED]:
+        lines.append(f"| {name} | {right}/{number} | {least:.2g} to {most:.2g} |")
     return lines
+
+
+def write_data(seen: Sequence[Seen]) -> None:
+    """Write how often each fault is named, and what each correct tracker gives."""
+    injected = [one for one in seen if isinstance(one.task.what, int)]
+    correct = [one for one in seen if isinstance(one.task.what, str)]
+    rates = {"faults": named_faults(injected), "correct": quiet_trackers(correct)}
+    DATA.write_text(json.dumps(rates, indent=1) + "\n", encoding="utf-8")
 
 
 def single_objects(pool: ProcessPoolExecutor, only: str, sample: int) -> list[Seen]:
@@ -218,7 +258,9 @@ def main() -> None:
         if given.objects != "several":
             of_one = single_objects(pool, given.only, given.sample)
             outcomes += of_one
-            halves[0] = halves[0] if given.only or given.sample else page(of_one)
+            if not given.only and not given.sample:
+                halves[0] = page(of_one)
+                write_data(of_one)
         if given.objects != "one" and not given.sample:
             of_several = several_objects(pool, given.only)
             outcomes += of_several

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,76 +15,6 @@ sys.path.insert(0, str(Path(__file__).parent / "site"))
 project = "trackbench"
 extensions = ["excerpts", "mathml", "myst_parser", "sphinx.ext.autodoc"]
 exclude_patterns = ["site"]
-
-#: The menu: by heading, the pages in their order.
-MENU = {
-    "Start": [
-        "Overview <self>",
-        "start/student",
-        "start/engineer",
-        "start/researcher",
-        "start/team-lead",
-        "start/maintainer",
-    ],
-    "How-to": [
-        "own-tracker",
-        "own-multi-tracker",
-        "any-language",
-        "filterpy-stonesoup",
-        "own-log",
-        "recorded-traffic",
-        "tracks-from-elsewhere",
-        "export",
-        "traffic",
-        "reading-a-report",
-        "reading-a-recording",
-        "compare",
-        "tune",
-        "doctor",
-        "envelope",
-        "ci",
-        "execution",
-        "python",
-        "live",
-        "plug-ins",
-        "own-metric",
-    ],
-    "Reference": [
-        "scenario-file",
-        "command-line",
-        "api",
-        "glossary",
-        "sensors",
-        "sensor-presets",
-        "sensor-effects",
-        "traffic-sensing",
-        "motion-models",
-        "filters",
-        "late-measurements",
-        "traffic-trackers",
-        "metrics",
-        "traffic-metrics",
-        "functions",
-        "protocols",
-    ],
-    "Explanation": [
-        "trust",
-        "truth",
-        "drivers",
-        "worlds",
-        "envelope-statistics",
-        "doctor-rates",
-        "fused-engine",
-    ],
-    "Published projects": [
-        "projects/range-3km",
-        "projects/udacity-fusion",
-        "projects/udacity-ukf",
-        "projects/udacity-simulator",
-        "projects/comma2k19",
-    ],
-    "For developers": ["developing"],
-}
 
 # Markdown as GitHub reads it.
 myst_enable_extensions = ["dollarmath"]
@@ -112,11 +43,13 @@ def setup(app: Sphinx) -> None:
 
 
 def _add_menu(_app: Sphinx, page: str, source: list[str]) -> None:
-    """The menu goes onto the first page, where GitHub need not show it."""
+    """Make the menu beside each page of the headings and links of the first page."""
     if page == "index":
-        for heading, pages in MENU.items():
-            listed = "\n".join(pages)
-            source[0] += f"\n\n```{{toctree}}\n:hidden:\n:caption: {heading}\n\n{listed}\n```\n"
+        sections = re.split(r"^## (.*)$", source[0], flags=re.MULTILINE)
+        for heading, text in zip(sections[1::2], sections[2::2], strict=True):
+            listed = "\n".join(re.findall(r"\]\(([\w/-]+)\.md\)", text))
+            if listed:
+                source[0] += f"\n\n```{{toctree}}\n:hidden:\n:caption: {heading}\n\n{listed}\n```\n"
 
 
 def _read_sections(_app: Sphinx, what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:

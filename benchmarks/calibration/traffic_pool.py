@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import trackbench as tb
-from trackbench.base.execution import InProcess
+from trackbench.base.execution import Executor
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
@@ -57,7 +57,7 @@ def interval(sums: Array, path: str, scene: Indices | None = None) -> Interval |
 
 def _sums(changes: Mapping[str, object], number: int) -> Array:
     scenario = tb.load(Path(__file__).with_name("traffic.yaml"), changes, runs=number)
-    work = work_of(scenario, PendingTruths(scenario, InProcess()).collect())
+    work = work_of(scenario, PendingTruths(scenario, Executor()).collect())
     blocks = [run_block(work, piece) for piece in work.pieces()]
     found = []
     for name in TRACKERS:

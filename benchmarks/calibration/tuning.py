@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import trackbench as tb
 from trackbench.api.plan import Listener
-from trackbench.base.execution import InProcess
+from trackbench.base.execution import Executor
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.tune import Tuning
@@ -48,5 +48,5 @@ def _tuned(objective: str, seed: int, start: float) -> Tuning:
     """Seeds are two apart, since the noise that is tuned on has the next one."""
     scenario = tb.load(SCENARIO, {"trackers.kf.acceleration_sigma_mps2": start}, runs=RUNS, seed=2 * seed)
     plan = TunePlan(OBJECTIVES[objective], ("acceleration_sigma_mps2=0.3:20",), TRIALS)
-    (found,) = tune_trackers([scenario], ["kf"], plan, InProcess(), Listener())
+    (found,) = tune_trackers([scenario], ["kf"], plan, Executor(), Listener())
     return found

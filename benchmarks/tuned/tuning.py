@@ -9,7 +9,7 @@ from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
-from trackbench.base.execution import InProcess
+from trackbench.base.execution import Executor as WorkExecutor
 from trackbench.base.types import no_progress
 from trackbench.scenario.truth import PendingTruths
 from trackbench.subjects.tuning.entry import Values
@@ -44,8 +44,8 @@ class Tried:
         self.start = start_values(loaded, tracker, self.parameters)
         self.outcomes = outcomes
         train = halved(loaded, Split(budget.scenes, 1, budget.runs, 1)).train
-        bench = Bench(train, PendingTruths(train, InProcess()).collect(no_progress))
-        self._evaluator = Evaluator([bench], tracker, self.parameters, InProcess(), engine="fused")
+        bench = Bench(train, PendingTruths(train, WorkExecutor()).collect(no_progress))
+        self._evaluator = Evaluator([bench], tracker, self.parameters, WorkExecutor(), engine="fused")
 
     @property
     def as_it_is(self) -> Sums | None:

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.calibration import subjects
 from benchmarks.calibration.claim import FAILS, HOLDS, STATED, UNDECIDED, Claim, power, rate
 
-#: What does not hold, and is said in docs/metrics.md or docs/envelope-statistics.md; the last two are beyond what is
+#: What does not hold, with which results/calibration.md begins; the last two are beyond what is
 #: wanted by less than their own error.
 FAILING = {
     "scenes of intersection, 120, imm_three, mean squared velocity error",

@@ -171,6 +171,14 @@ def test_a_failed_tracker_has_a_gap_in_the_figure(nights: list[Result]) -> None:
     assert [value != value for value in line.get_ydata()] == [False, False, True, False]
 
 
+def test_scenarios_that_another_metric_ranks_name_what_else_changed_too(nights: list[Result]) -> None:
+    comparison = tb.compare(*nights)
+    other = comparison.model_copy(update={"ranked_by": "tgospa", "origins": []})
+    text = " ".join(str(tb.Comparison.model_validate({**dict(comparison), "other_groups": [other]})).split())
+    assert text.count("First shown worse: kf E, where also changed: trackbench 0.8.0 to 0.9.0") == 2
+    assert text.count("When they were made, and what else changed") == 1
+
+
 def test_several_scenarios_have_one_origin_for_each_set(nights: list[Result]) -> None:
     def in_two_scenarios(result: Result) -> list[Result]:
         other = result.summary.scenario.model_copy(update={"name": "other"})

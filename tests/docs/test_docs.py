@@ -31,7 +31,8 @@ Fenced = Callable[[Path], list[Any]]
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """The reader's own folder."""
-    shutil.copy(EXAMPLES / "alpha_beta.yaml", tmp_path)
+    for name in ("alpha_beta.yaml", "my_filter.py"):
+        shutil.copy(EXAMPLES / name, tmp_path)
     return tmp_path
 
 

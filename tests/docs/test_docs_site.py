@@ -22,6 +22,7 @@ from tests.support.places import DOCS, ROOT
 from trackbench.cli.docs import command_line_markdown
 from trackbench.cli.explain import glossary
 from trackbench.sensing.docs import presets_markdown
+from trackbench.subjects.doctor.docs import doctor_reference
 
 LOADED = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "object": "data"}
 
@@ -216,6 +217,7 @@ def test_every_equation_is_drawn(some_pages: Path, page: str) -> None:
         ("command-line", command_line_markdown, "cli.docs"),
         ("glossary", glossary, "cli.explain"),
         ("sensor-presets", presets_markdown, "sensing.docs"),
+        ("doctor-reference", doctor_reference, "subjects.doctor.docs"),
     ],
 )
 def test_the_generated_pages_are_up_to_date(page: str, made: Callable[[], str], module: str) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.engine import agreement
 from tests.engine.agreement import LIMIT, drive
+from tests.support.steps import step_of
 
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.engine.arithmetic import LARGEST_ANGLE
@@ -106,7 +107,7 @@ def test_a_member_in_trouble_gets_what_numpy_gives(name: str, trouble: str, kern
 def operations(filter: Any, belief: AnyBelief, scan: Scan) -> dict[str, Any]:
     """What a filter makes of a belief and a scan."""
     updated = filter.update(belief, scan)
-    stepped = filter.step(belief, 0.1, scan)
+    stepped = step_of(filter, belief, 0.1, scan)
     return {
         "prediction": filter.predict(belief, 0.1),
         "prediction of no time": filter.predict(belief, 0.0),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.engine import agreement
 from tests.engine.agreement import KINDS, LIMIT, Drive, drive
+from tests.support.steps import step_of
 
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
@@ -37,7 +38,7 @@ def test_each_operation(name: str, kernels: Kernels, of_each_kind: dict[str, Dri
         for given in (None, expected):
             pair = fused.update(predicted, scan, given), own.update(predicted, scan, given)
             assert agreement.of_updates(*pair, scan, angular) < LIMIT
-        stepped, by_numpy = fused.step(belief, 0.1, scan), own.step(belief, 0.1, scan)
+        stepped, by_numpy = fused.step(belief, 0.1, scan), step_of(own, belief, 0.1, scan)
         assert agreement.of_updates(stepped.update, by_numpy.update, scan, angular) < LIMIT
         for one in (stepped.cartesian, fused.cartesian(by_numpy.update.belief)):
             assert agreement.of_gaussians(one, by_numpy.cartesian) < LIMIT

@@ -10,6 +10,7 @@ import pytest
 from tests.engine import agreement
 from tests.engine.agreement import drive, of_modes
 from tests.support.scenes import NOISE, tracker
+from tests.support.steps import step_of
 
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
@@ -72,7 +73,7 @@ def test_fifty_values_need_no_other_kernel(name: str, counted: Kernels) -> None:
         fused = FusedFilter(filter, counted)
         belief = filter.begin(lambda model: _anywhere(len(model.components)))
         cartesian = fused.step(belief, 0.1, scan).cartesian
-        assert agreement.of_gaussians(cartesian, filter.step(belief, 0.1, scan).cartesian) < agreement.LIMIT
+        assert agreement.of_gaussians(cartesian, step_of(filter, belief, 0.1, scan).cartesian) < agreement.LIMIT
         assert fused.used.why_numpy == ""
         made.add(cartesian.covariance.tobytes())
     assert len(made) == 50

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.errors import InputError
-from trackbench.base.execution import InProcess, executor
+from trackbench.base.execution import Executor, executor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of, truths_of
 from trackbench.truth import LoadedTruth, simulated
@@ -111,14 +111,14 @@ def test_scenes_are_the_same_to_the_last_bit_for_any_number_of_processes(
     assert len(set(positions(apart))) == 3
 
 
-class Counting(InProcess):
+class Counting(Executor):
     """Counts what it is given to do."""
 
     calls = 0
 
-    def submit(self, call: Any, /, *args: Any, **kwargs: Any) -> Any:
-        self.calls += 1
-        return super().submit(call, *args, **kwargs)
+    def map(self, function: Any, calls: Any, *others: Any) -> Any:
+        self.calls += len(calls)
+        return super().map(function, calls, *others)
 
 
 def test_what_is_stored_is_not_made_again(tiny: Path, folder: Path) -> None:

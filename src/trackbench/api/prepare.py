@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from pathlib import Path
 
 from trackbench import results
 from trackbench.api.plan import Listener, Prepared, RunPlan, numbered
 from trackbench.api.provenance import provenance_of
 from trackbench.base.errors import InputError
+from trackbench.base.execution import Executor
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import PendingTruths

@@ -12,7 +12,6 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
-from trackbench.base import at_hand
 from trackbench.base.plugins import searched
 from trackbench.results.summary import Provenance
 from trackbench.scenario import Scenario
@@ -87,7 +86,7 @@ def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
         use = tracker.reference if isinstance(tracker, PluginConfig) else ""
         own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(use).startswith("trackbench.")
         if own and use:
-            references.add(use if at_hand.source_text(use) else f"{TRACKERS.home_of(use)}:")
+            references.add(f"{TRACKERS.home_of(use)}:")
         sources = dict(filter(None, (_source(reference, folder) for reference in references)))
         if isinstance(tracker, PluginConfig) and not isinstance(tracker.use, str):
             sources |= {str(file): file.read_bytes() for file in tracker.use.files(folder)}
@@ -114,9 +113,7 @@ def _sha256(sources: Mapping[str, bytes]) -> str | None:
 
 
 def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
-    """What a reference names, as a file and its content, or a class at hand and its text; nothing is imported."""
-    if text := at_hand.source_text(reference):
-        return reference, text.encode()
+    """The file of the module that a reference names, and its content; nothing is imported."""
     places, name, spec = None, "", None
     with searched(folder):
         for part in reference.partition(":")[0].split("."):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, overload
@@ -17,7 +16,7 @@ from trackbench.api.result import ReportableResult
 from trackbench.api.save import pages, save
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError
-from trackbench.base.execution import InProcess, Task
+from trackbench.base.execution import Executor
 from trackbench.base.execution import executor as executor_of
 from trackbench.base.subjects import offered
 from trackbench.base.types import Progress, no_progress
@@ -125,7 +124,7 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
     from trackbench.runner.run import PendingRun
 
     # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
-    one_by_one = isinstance(executor, InProcess) or listener.observes
+    one_by_one = (plan.workers == 1 and plan.cluster is None) or listener.observes
     ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or os.cpu_count() or 1
     alone = len(prepared) == 1
 
@@ -153,7 +152,7 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
             advance(result.summary.runs, result.summary.runs)
         made = None
         if plan.out is not None:
-            made = (InProcess() if alone else executor).submit(Task(pages, result, None))
+            made = (Executor() if alone else executor).map(pages, [(result,)])
         unsaved.append(_Computed(place, result, made))
         while len(unsaved) > ahead:
             finished.append(_saved(unsaved.popleft(), plan, listener))
@@ -168,7 +167,7 @@ class _Computed(NamedTuple):
 
     place: str
     result: Result
-    pages: Future[dict[str, str]] | None
+    pages: Iterator[dict[str, str]] | None
 
 
 def _saved(computed: _Computed, plan: RunPlan, listener: Listener) -> Result:
@@ -178,7 +177,7 @@ def _saved(computed: _Computed, plan: RunPlan, listener: Listener) -> Result:
         name = result.summary.scenario.name
         folder = plan.out / name
         with listener.progress(f"{place}writing {name}", "files") as advance:
-            result = save(result, folder, made.result(), advance, plan.left_out)
+            result = save(result, folder, next(made), advance, plan.left_out)
     listener.end(result, folder)
     return result
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from trackbench.base import at_hand
 from trackbench.base.errors import InputError
+from trackbench.base.notebook_classes import reference_to
 from trackbench.base.types import Scan, Truth, scan_of_run
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.load import in_worlds, scenario_of, select_trackers
@@ -136,7 +136,7 @@ def _yaml(value: Any, key: str | None = None) -> str:
 def _plain(value: Any) -> Any:
     """A class as the text that names it; numbers and arrays of NumPy have ``tolist()``."""
     if isinstance(value, type | FunctionType):
-        return at_hand.reference_to(value)
+        return reference_to(value)
     if not hasattr(value, "tolist"):
         name = type(value).__name__
         raise TypeError(f"an instance of {name}; for a tracker give the class, and its arguments under options")

@@ -18,8 +18,8 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
-from trackbench.base.at_hand import HOME, class_at_hand
 from trackbench.base.errors import InputError, did_you_mean, nearest_choices, printable, similar_names, text_of
+from trackbench.base.notebook_classes import NOTEBOOK, notebook_class
 
 
 def attribute(reference: str) -> Any:
@@ -29,7 +29,7 @@ def attribute(reference: str) -> Any:
         InputError: the module has no such attribute, a module of the same name is loaded, or it is no module's name.
     """
     module, _, path = reference.partition(":")
-    if module == HOME:
+    if module == NOTEBOOK:
         problem = "a class of a script or notebook has no module that others can import"
         raise InputError(f"{problem}: put it into a file, or give tb.load the class itself")
     if module.endswith(".py") or "/" in module:
@@ -50,10 +50,10 @@ def class_names(module: Any) -> list[str]:
 
 
 @contextmanager
-def searched(folder: Path | None) -> Iterator[None]:
-    """With a scenario's folder and the working directory first on the module path."""
+def searched(*folders: Path | None) -> Iterator[None]:
+    """With some folders, such as a scenario's, and the working directory first on the module path."""
     before = list(sys.path)
-    sys.path[:0] = [str(place) for place in (folder, Path.cwd()) if place is not None]
+    sys.path[:0] = [str(place) for place in (*folders, Path.cwd()) if place is not None]
     try:
         yield
     finally:
@@ -134,7 +134,7 @@ class Registry(Generic[T]):
         """
         own = not self.home_of(reference).startswith("trackbench.")
         with searched(folder), import_errors_explained(reference, folder):
-            plugin = class_at_hand(reference)
+            plugin = notebook_class(reference)
             if plugin is None:
                 plugin = attribute(reference) if ":" in reference else self._entry(reference).load()
         if own:

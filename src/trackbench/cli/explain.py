@@ -44,17 +44,18 @@ FORMULAS = {
 }
 #: Those whose parts have the formula of the whole.
 FAMILIES = {"deta": "hota", "assa": "hota", "motp": "mota", "gospa_switch": "tgospa"}
-#: What the glossary has once, with the first of those that have it in common.
-_SHARED = ("formula", "test")
-#: What the glossary leaves to the terminal.
-LEFT_OUT = {"how", "needs", "finds", "found by"}
+#: Headings that the glossary leaves to the terminal.
+LEFT_OUT = {"formula", "test"}
+#: Terms that the glossary leaves to the doctor's reference, by the first heading of their pages.
+ELSEWHERE = {"fault", "check"}
 GLOSSARY = """\
 # Glossary
 
 <!-- Made by `python -m trackbench.cli.explain`. Change cli/vocabulary.yaml and docstrings, not this page. -->
 
-Every word that a table, a report or an examination uses, in alphabetical order. `trackbench explain TERM` prints the
-same, and of a fault and a check how it is found."""
+A reference: every word that a table, a report or an examination uses, in alphabetical order. `trackbench explain TERM`
+prints the same, with the formula and its source. [The doctor's reference](doctor-reference.md) has
+faults and checks."""
 
 
 def terms() -> dict[str, list[TermPage]]:
@@ -137,11 +138,10 @@ def _contents(subjects: dict[str, list[TermPage]]) -> Iterator[str]:
 
 def glossary() -> str:
     """All terms as one page."""
-    subjects = terms()
-    ours = [*subjects["metrics"], *subjects["verdicts"]]
-    owners = {text: term.name for term in reversed(ours) for heading, text in term.page if heading in _SHARED}
     pages: dict[str, list[TermPage]] = {}
-    for term in chain.from_iterable(subjects.values()):
+    for term in chain.from_iterable(terms().values()):
+        if term.page[0][0] in ELSEWHERE:
+            continue
         pages.setdefault(term.name.lower(), []).append(term)
     sections, letter = [GLOSSARY], ""
     for name, same in sorted(pages.items(), key=lambda item: item[0].strip("/")):
@@ -150,9 +150,7 @@ def glossary() -> str:
         sections.append(f"### {same[0].name}")
         for heading, text in dict.fromkeys(entry for term in same for entry in term.page if entry[0] not in LEFT_OUT):
             label = f"`{heading}`: " if heading.startswith(name) else f"*{heading}*: "
-            owner = owners[text] if heading in _SHARED else name
-            words = " ".join(text.split()) if owner == name else f"that of [{owner}](#{owner})"
-            sections.append(label * (heading not in ("term", name)) + words)
+            sections.append(label * (heading not in ("term", name)) + " ".join(text.split()))
     return "\n\n".join(sections) + "\n"
 
 

@@ -292,7 +292,8 @@ class Comparison(ResultModel):
     @property
     def groups(self) -> list[Comparison]:
         """The scenarios of each metric that ranks, apart."""
-        return [self.model_copy(update={"other_groups": []}), *self.other_groups]
+        others = [group.model_copy(update={"origins": self.origins}) for group in self.other_groups]
+        return [self.model_copy(update={"other_groups": []}), *others]
 
     @property
     def passed(self) -> bool:

@@ -11,18 +11,16 @@ from trackbench.compare.entries import Entry, ResultSet
 from trackbench.results import Summary
 
 
-def origins_of_sets(
-    number_of_sets: int, cells: Sequence[ScenarioResults], trackers: Sequence[str] | None
-) -> list[SetOrigin]:
+def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequence[str] | None) -> list[SetOrigin]:
     """Return the origin of each of several sets, in the order given; none of a single set.
 
     Args:
-        number_of_sets: how many sets are compared, the baseline first.
+        count: number of sets that are compared, the baseline first.
         cells: the scenarios with the result of each set.
         trackers: names of the trackers that are compared; None for all.
     """
     origins = []
-    for number in range(number_of_sets if number_of_sets > 1 else 0):
+    for number in range(count if count > 1 else 0):
         own = [cell.entries for cell in cells if number in cell.entries]
         known = [made for entries in own if (made := entries[number].result.summary.provenance)]
         last = max(known, key=lambda made: made.time, default=None)

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence, Sized
 from contextlib import suppress
 from typing import Any
 
-from trackbench.base import at_hand
+from trackbench.base import notebook_classes
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.exit_status import how_it_ended
 from trackbench.base.types import Progress
@@ -135,7 +135,12 @@ class ChildProcess:
         Raises:
             InputError, TrackFault: as of ``receive``.
         """
-        request = {"type": "work", "function": function, "arguments": arguments, "classes": at_hand.pickled()}
+        request = {
+            "type": "work",
+            "function": function,
+            "arguments": arguments,
+            "classes": notebook_classes.dumps(None),
+        }
         self.send([message_frame(request)])
         while (answer := self.receive()).get("type") == "progress":
             progress(answer["done"], answer["expected"])

@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from trackbench.base import at_hand
+from trackbench.base import notebook_classes
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import error_message
 from trackbench.driving.frames import VERSION, answer_frame, message_frame, message_scan, read_message
@@ -77,7 +77,8 @@ class Host:
 
     def _greet(self, hello: Mapping[str, Any]) -> bytes:
         self._hello = hello
-        at_hand.receive_classes(hello.get("classes", {}))
+        if "classes" in hello:
+            notebook_classes.loads(hello["classes"])
         check_tracker_options(self._reference, hello["options"], self._folder)
         answer: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, "copies": True}
         if self._mode == CHECK:
@@ -113,7 +114,7 @@ class Host:
 
     def _work(self, message: Mapping[str, Any]) -> bytes:
         """Call a function of the bench, ``module:name``, that looks into a tracker and tells of its progress."""
-        at_hand.receive_classes(message["classes"])
+        notebook_classes.loads(message["classes"])
         module, _, name = message["function"].partition(":")
 
         def progress(done: float, expected: float) -> None:

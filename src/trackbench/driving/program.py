@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from trackbench.base import at_hand
+from trackbench.base import notebook_classes
 from trackbench.base.errors import InputError, shortened_text
 from trackbench.base.types import Scan
 from trackbench.driving.child import SHOWN, ChildProcess
@@ -159,7 +159,7 @@ def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str
         "options": config.options,
     }
     if not isinstance(config.use, Command):
-        hello["classes"] = at_hand.pickled()
+        hello["classes"] = notebook_classes.dumps(None)
     try:
         return message_frame(hello)
     except (TypeError, ValueError, OverflowError) as error:

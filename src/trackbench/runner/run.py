@@ -6,12 +6,11 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 from trackbench.base.errors import InputError, counted
-from trackbench.base.execution import Here, InProcess, Task
+from trackbench.base.execution import Executor
 from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
@@ -36,8 +35,6 @@ FIRST_RUNS = 50
 MARGIN = 1.05
 LARGEST_STEP = 4
 RUNS = "monte_carlo.runs"
-#: Steps of single objects from which a run takes some seconds.
-LONG = 20_000_000
 
 
 def run_scenario(
@@ -70,7 +67,7 @@ def run_scenario(
         TrackbenchError: the processes that make the runs died.
     """
     observed = on_recorded_run is not None
-    pending = PendingRun(loaded, truths, executor or InProcess(), isolation=isolation, engine=engine, observed=observed)
+    pending = PendingRun(loaded, truths, executor or Executor(), isolation=isolation, engine=engine, observed=observed)
     return pending.collect(lambda _: command, progress, on_recorded_run)
 
 
@@ -158,19 +155,19 @@ class PendingBlocks:
         self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
         self._progress: Progress = no_progress
         self._on_recorded_run: OnRecordedRun | None = None
-        folder = own_folder(loaded)
-        self._groups, here = work.groups(pieces), InProcess()
-        self._futures = []
-        tasks: dict[tuple[int, ...], Task] = {}
+        self._groups = work.groups(pieces)
+        of_scenes = cache(work.of_scenes)
+        here: list[tuple[Work, list[BlockRuns]]] = []
+        there: list[tuple[Work, list[BlockRuns]]] = []
+        self._is_here = []
         for group in self._groups:
-            scenes = tuple(dict.fromkeys(piece.scene for piece in group))
-            if scenes not in tasks:
-                tasks[scenes] = Task(run_blocks, work.of_scenes(scenes), folder, long=work.steps > LONG)
-            local = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
-            observe = Here(self._observe) if observed else None
-            self._futures.append(
-                (here if local else executor).submit(tasks[scenes], group, Here(self._advance), observe)
-            )
+            call = of_scenes(tuple(dict.fromkeys(piece.scene for piece in group))), group
+            is_here = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
+            self._is_here.append(is_here)
+            (here if is_here else there).append(call)
+        observers = self._advance, self._observe if observed else None
+        self._here = Executor().map(run_blocks, here, observers=observers)
+        self._there = executor.map(run_blocks, there, own_folder(loaded), observers)
 
     def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
         """The blocks in their order; all of them by NumPy where a kernel of a user's model differs from NumPy.
@@ -184,15 +181,14 @@ class PendingBlocks:
         """
         self._progress, self._on_recorded_run = progress, on_recorded_run
         blocks: list[Block] = []
-        for group, future in zip(self._groups, self._futures, strict=True):
-            blocks += future.result()
+        for group, is_here in zip(self._groups, self._is_here, strict=True):
+            blocks += next(self._here if is_here else self._there)
             self._done += sum(len(piece.runs) for piece in group)
             self._progress(self._done, self._total)
         if any(used.differs for block in blocks for used in block.engines.values()):
             engines = [block.engines for block in blocks]
             # Blocks of many runs are large.
             blocks.clear()
-            self._futures.clear()
             blocks = self._by_numpy().collect(progress, on_recorded_run)
             for block, before in zip(blocks, engines, strict=True):
                 reasons = {name: used._replace(engine="numpy", again=0, differs=False) for name, used in before.items()}
@@ -256,7 +252,7 @@ def run_until(
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         made = {block.piece: block for block in blocks}
         missing = [piece for piece in work.pieces() if piece not in made]
-        pending = PendingBlocks(loaded, work, missing, executor or InProcess(), observed=on_recorded_run is not None)
+        pending = PendingBlocks(loaded, work, missing, executor or Executor(), observed=on_recorded_run is not None)
         made |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
         blocks = [made[piece] for piece in work.pieces()]
         on_recorded_run = None

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
 
 from trackbench.base.errors import InputError
-from trackbench.base.execution import Here, InProcess, Task
+from trackbench.base.execution import Executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.scenario.load import Scenario, own_folder
 from trackbench.sensing.view import sensor_reach
@@ -41,7 +40,7 @@ def truths_of(
         InputError: one cannot be had; with file and line.
         TrackbenchError: the processes that simulate died.
     """
-    return PendingTruths(loaded, executor or InProcess()).collect(progress)
+    return PendingTruths(loaded, executor or Executor()).collect(progress)
 
 
 def truth_source(loaded: Scenario) -> TruthSource:
@@ -84,31 +83,30 @@ class PendingTruths:
         self._loaded = loaded
         self._made = 0
         self._progress: Progress = no_progress
-        self._here = InProcess()
-        self._scenes = [self._begun(source, executor) for source in truth_source(loaded).scenes()]
+        sources = truth_source(loaded).scenes()
+        self._stored = [source.stored() for source in sources]
+        missing = [source for source, stored in zip(sources, self._stored, strict=True) if stored is None]
+        self._missing = len(missing)
+        if all(source.quick for source in missing):
+            executor = Executor()
+        calls = [(_Load.of(loaded, source),) for source in missing]
+        self._simulated = executor.map(_Load.made, calls, own_folder(loaded), (self._advance,))
 
     def collect(self, progress: Progress = no_progress) -> list[LoadedTruth]:
         """The truths, once they are there; as ``truths_of``."""
         self._progress = progress
         return [
-            scene if isinstance(scene, LoadedTruth) else self._result(i, scene)
-            for i, scene in enumerate(self._scenes, 1)
+            self._next(i) if stored is None else _as_sensed(stored, self._loaded.config.hides_targets)
+            for i, stored in enumerate(self._stored, 1)
         ]
 
-    def _begun(self, source: TruthSource, executor: Executor) -> LoadedTruth | Future[LoadedTruth]:
-        stored = source.stored()
-        if stored is not None:
-            return _as_sensed(stored, self._loaded.config.hides_targets)
-        load = Task(_Load.made, _Load.of(self._loaded, source), own_folder(self._loaded))
-        return (self._here if source.quick else executor).submit(load, Here(self._advance))
-
-    def _result(self, number: int, scene: Future[LoadedTruth]) -> LoadedTruth:
+    def _next(self, number: int) -> LoadedTruth:
         try:
-            result = scene.result()
+            result: LoadedTruth = next(self._simulated)
             require_rates(self._loaded)
         except InputError as error:
-            if len(self._scenes) > 1:
-                message = f"scene {number} of {len(self._scenes)}: {error.message}"
+            if len(self._stored) > 1:
+                message = f"scene {number} of {len(self._stored)}: {error.message}"
                 error = InputError(message, key=error.key, file=error.file, line=error.line)
             raise self._loaded.locate(error) from None
         steps = len(result.truth.time)
@@ -117,8 +115,7 @@ class PendingTruths:
         return result
 
     def _advance(self, done: float, total: float) -> None:
-        missing = sum(isinstance(scene, Future) for scene in self._scenes)
-        self._progress(self._made * total + done, missing * total)
+        self._progress(self._made * total + done, self._missing * total)
 
 
 @dataclass(frozen=True)
@@ -137,7 +134,7 @@ class _Load:
         draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
         return cls(source, draw, loaded.folder, config.sensor_kinds, config.hides_targets)
 
-    def made(self, progress: Progress) -> LoadedTruth:
+    def made(self, progress: Progress = no_progress) -> LoadedTruth:
         """The truth of the scene."""
         loaded = self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
         return _as_sensed(loaded, self.hides)

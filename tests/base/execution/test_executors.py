@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import multiprocessing
 import os
-import pickle
-import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from threading import Event
 from typing import Any
 
 import loky
@@ -24,14 +21,17 @@ from tests.base.execution.results import without_times
 from trackbench.api.plan import Listener, RunPlan
 from trackbench.api.prepare import prepare
 from trackbench.api.run import run_prepared as run_all
+from trackbench.base import execution
 from trackbench.base.errors import TrackbenchError
-from trackbench.base.execution import Here, InProcess, Shared, Task, executor, one_blas_thread, task
+from trackbench.base.execution import Executor, executor, one_blas_thread
+from trackbench.base.plugins import searched
 from trackbench.results import Result
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
 
 Write = Callable[..., Scenario]
+DIED = r"^no result: the process of a worker ended \{EXIT\(7\)(, EXIT\(0\))?\}; a plug-in may have ended it"
 
 
 def test_two_processes_give_the_same_bits(line: Scenario) -> None:
@@ -40,61 +40,23 @@ def test_two_processes_give_the_same_bits(line: Scenario) -> None:
         assert without_times(run_scenario(line, truths, executor=two)) == without_times(run_scenario(line, truths))
 
 
-def test_there_are_no_more_workers_than_pieces_of_work() -> None:
-    others = workers()
-    with executor(64) as many:
-        assert workers() == others
-        for number in (1, 3):
-            calls = [many.submit(time.sleep, 2) for _ in range(number)]
-            assert len(workers() - others) == number
-            for call in calls:
-                call.result()
-        most = [many.submit(os.getpid) for _ in range(3)]
-        assert {call.result() for call in most} <= {process.pid for process in workers() - others}
-        assert len(workers() - others) == 3
-    assert workers() == others
-
-
-def test_a_killed_worker_changes_nothing(line: Scenario) -> None:
-    others = set(multiprocessing.active_children())
-    killed: list[int] = []
-
-    def kill(done: float, total: float) -> None:
-        """One of the two, once the first block is done."""
-        if not killed:
-            (first, _) = sorted(set(multiprocessing.active_children()) - others, key=lambda process: process.pid or 0)
-            assert first.pid is not None
-            os.kill(first.pid, signal.SIGKILL)
-            killed.append(first.pid)
-
-    truths = truths_of(line)
-    with executor(2) as two:
-        found = run_scenario(line, truths, executor=two, progress=kill)
-    assert killed
-    assert without_times(found) == without_times(run_scenario(line, truths))
-    assert set(multiprocessing.active_children()) == others
-
-
-def test_workers_that_die_again_end_the_run_with_a_message() -> None:
-    with executor(2) as two:
-        futures = [two.submit(os._exit, 7) for _ in range(3)]
-        for future in futures:
-            with pytest.raises(
-                TrackbenchError,
-                match=r"^no result: a second worker has ended: its process ended itself, with status 7$",
-            ):
-                future.result()
+def test_a_worker_that_dies_ends_the_run_with_one_message() -> None:
+    begin = time.monotonic()
+    with executor(2) as two, pytest.raises(TrackbenchError, match=DIED) as raised:
+        list(two.map(os._exit, [(7,), (0,)]))
+    assert len(str(raised.value).splitlines()) == 1
+    assert time.monotonic() - begin < 30
 
 
 def test_a_run_that_takes_long_is_made_by_others_too(line: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(task, "ALONE", 0.0)
+    monkeypatch.setattr(execution, "ALONE_S", 0.0)
     monkeypatch.setattr(loky, "cpu_count", lambda: 2)
     others = set(multiprocessing.active_children())
     seen: list[int] = []
     truths = truths_of(line)
     with executor(None) as shared:
         found = run_scenario(line, truths, executor=shared, progress=lambda *_: seen.append(len(workers() - others)))
-    assert max(seen) == 1
+    assert max(seen) == 2
     assert without_times(found) == without_times(run_scenario(line, truths))
     assert workers() == others
 
@@ -110,110 +72,22 @@ def test_a_short_run_is_made_in_this_process(line: Scenario) -> None:
         assert workers() == before
 
 
-def test_on_one_core_nobody_helps(line: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(task, "ALONE", 0.0)
-    monkeypatch.setattr(loky, "cpu_count", lambda: 1)
-    before = workers()
-    with executor(None) as shared:
-        run_scenario(line, truths_of(line), executor=shared)
-        assert workers() == before
-
-
-class Threads(Executor):
-    """One thread that says that it has a call, and waits for leave."""
-
-    def __init__(self, taken: Event, leave: Event) -> None:
-        self._taken, self._leave, self._pool = taken, leave, ThreadPoolExecutor(1)
-
-    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        def later() -> Any:
-            self._taken.set()
-            assert self._leave.wait(10)
-            return f"elsewhere {call()}"
-
-        return self._pool.submit(later)
-
-
-def test_whoever_is_free_makes_the_next_call() -> None:
-    begun, taken, leave = Event(), Event(), Event()
-
-    def start() -> tuple[Executor, int]:
-        assert begun.wait(10)
-        return Threads(taken, leave), 1
-
-    def first() -> str:
-        begun.set()
-        assert taken.wait(10)
-        return "0"
-
-    shared = Shared(start)
-    futures = [shared.submit(Task(lambda *_: first(), None, None, long=True))]
-    futures += [shared.submit(str, number) for number in range(1, 4)]
-    assert futures[0].result() == "0"
-    # The other one is at the next call and this process waits for it: it makes those after it meanwhile.
-    threading.Timer(0.2, leave.set).start()
-    assert futures[1].result() == "elsewhere 1"
-    assert [future.result() for future in futures[2:]] == ["2", "3"]
-    shared.shutdown()
-
-
-def test_nothing_more_is_made_once_the_work_has_ended() -> None:
-    taken, leave = Event(), Event()
-    made: list[int] = []
-    shared = Shared(lambda: (Threads(taken, leave), 1))
-    shared.submit(Task(speak, [], None, long=True), 0, Here(made.append))
-    assert taken.wait(10)
-    later = [shared.submit(Task(speak, [], None), number, Here(made.append)) for number in (1, 2)]
-    shared.shutdown()
-    leave.set()
-    time.sleep(0.2)
-    assert not any(future.done() for future in later)
-    assert made in ([], [0])
-
-
-def test_what_cannot_be_sent_is_made_here() -> None:
-    begun = Event()
-
-    def start() -> tuple[Executor, int]:
-        begun.set()
-        return Threads(Event(), Event()), 1
-
-    shared = Shared(start)
-    futures = [shared.submit(Task(lambda _, number: number, None, None, long=True), number) for number in range(2)]
-    assert begun.wait(10)
-    assert [future.result() for future in futures] == [0, 1]
-    shared.shutdown()
-
-
-def test_where_no_other_process_can_be_started_this_one_does_all() -> None:
-    def start() -> tuple[Executor, int]:
-        raise OSError("no more processes")
-
-    shared = Shared(start)
-    futures = [shared.submit(Task(lambda _, number: number, None, None, long=True), number) for number in range(3)]
-    assert [future.result() for future in futures] == [0, 1, 2]
-    with pytest.raises(ZeroDivisionError):
-        shared.submit(lambda: 1 // 0).result()
-    shared.shutdown()
-
-
 class Ordered(Executor):
     """Notes what is asked for, and what is done."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.events: list[str] = []
-        self._executor = InProcess()
 
-    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        assert isinstance(call, Task)
-        name = call._function.__name__
-        self.events.append(f"asked for {name}")
+    def map(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], *others: Any) -> Iterator[Any]:
+        calls = [*calls]
+        self.events += [f"asked for {function.__name__}"] * len(calls)
 
-        def noted() -> Any:
-            self.events.append(name)
-            return call(*args, **kwargs)
+        def noted(*args: Any) -> Any:
+            self.events.append(function.__name__)
+            return function(*args)
 
-        return self._executor.submit(noted)
+        return super().map(noted, calls, *others)
 
 
 HIGHWAY = "truth={source: highway-env, env: u-turn-v1, duration_s: 1, rate_hz: 10, seeds: 2}"
@@ -264,28 +138,26 @@ def test_folders_are_written_while_others_are_computed(write: Write, tmp_path: P
     assert (tmp_path / "out" / "comparison.html").is_file()
 
 
-def speak(constant: list[int], number: int, tell: Callable[[int], None]) -> tuple[int, list[int]]:
-    """What a task can see of where it runs."""
-    print("a task speaks")
+def speak(constant: list[int], number: int, tell: Callable[[int], None] = print) -> tuple[int, list[int]]:
+    """What a call can see of where it runs."""
     tell(number)
     return number + sum(constant), [library["num_threads"] for library in threadpoolctl.threadpool_info()]
 
 
-def test_a_sent_task_prints_to_stderr_and_tells_nobody(capfd: pytest.CaptureFixture[str]) -> None:
-    told: list[int] = []
-    task = Task(speak, [1, 2], None)
-    assert task(3, Here(told.append))[0] == 6
-    assert (told, capfd.readouterr()) == ([3], ("a task speaks\n", ""))
-    sent, tell = pickle.loads(pickle.dumps((task, Here(told.append))))
-    found = pickle.loads(pickle.dumps(sent(3, tell)))
-    assert found[0] == 6
-    assert (told, capfd.readouterr()) == ([3], ("", "a task speaks\n"))
+@pytest.mark.parametrize(("workers", "told"), [(1, [3, 4]), (2, [])])
+def test_observers_are_told_of_calls_in_this_process_alone(workers: int, told: list[int]) -> None:
+    seen: list[int] = []
+    constant = [1, 2]
+    with executor(workers) as chosen:
+        made = chosen.map(speak, [(constant, 3), (constant, 4)], observers=(seen.append,))
+        assert [result for result, _ in made] == [6, 7]
+    assert seen == told
 
 
-def test_blas_takes_one_thread_here_and_in_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blas_takes_one_thread_here_and_in_workers() -> None:
     for workers in (1, 2):
         with threadpoolctl.threadpool_limits(2, user_api="blas"), executor(workers) as chosen:
-            _, threads = chosen.submit(Task(speak, [], None), 0, Here(print)).result()
+            ((_, threads),) = chosen.map(speak, [([], 0)])
             assert threads
             assert set(threads) == {1}
             assert {library["num_threads"] for library in threadpoolctl.threadpool_info()} == {1}
@@ -298,22 +170,36 @@ def test_the_thread_limit_ends_with_the_command() -> None:
         assert {library["num_threads"] for library in threadpoolctl.threadpool_info()} == {2}
 
 
-def test_a_folder_that_a_worker_does_not_have_is_named(tmp_path: Path) -> None:
-    (tmp_path / "there").mkdir()
-    content = pickle.dumps(Task(speak, [], tmp_path / "there"))
-    (tmp_path / "there").rmdir()
-    with pytest.raises(TrackbenchError, match=f"there is no folder {tmp_path / 'there'}, which has modules of the sc"):
-        pickle.loads(content)(0, print)
+def test_a_module_that_a_worker_does_not_have_is_named(tmp_path: Path) -> None:
+    (tmp_path / "only_here.py").write_text("class Answer: pass\n", encoding="utf-8")
+    with searched(tmp_path):
+        answer = importlib.import_module("only_here").Answer()
+    with executor(2) as two, pytest.raises(TrackbenchError, match="No module named 'only_here'"):
+        list(two.map(str, [(answer,)]))
+    with executor(2) as two:
+        assert "only_here.Answer" in next(two.map(str, [(answer,)], tmp_path))
 
 
-def test_a_changed_module_is_loaded_anew_by_the_next_task(tmp_path: Path) -> None:
-    """As in a worker that outlives a command."""
-    code = "import pickle; from pathlib import Path; from trackbench.base.execution import Task; import changing\n"
-    code += "Path('task').write_bytes(pickle.dumps(Task(str, changing.Answer(), Path.cwd())))"
-    for answer in ("one", "another"):
+def test_what_cannot_be_pickled_is_made_in_this_process() -> None:
+    lock = threading.Lock()
+    with executor(2) as two:
+        assert [*two.map(_process_of, [(lock,), (lock,)])] == [os.getpid()] * 2
+        assert os.getpid() not in two.map(_process_of, [(None,), (None,)])
+
+
+def _process_of(_: Any) -> int:
+    return os.getpid()
+
+
+def test_another_command_loads_a_changed_module_anew(tmp_path: Path) -> None:
+    """As in a worker of a cluster, which outlives commands."""
+    code = "from trackbench.base.notebook_classes import dumps; import changing; from pathlib import Path\n"
+    code += "Path('content').write_bytes(dumps((str, changing.Answer())))"
+    for command, answer in enumerate(("one", "another")):
         text = f"class Answer:\n    def __str__(self):\n        return {answer!r}\n"
         (tmp_path / "changing.py").write_text(text, encoding="utf-8")
         subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
-        sent = pickle.loads((tmp_path / "task").read_bytes())
-        assert pickle.loads(pickle.dumps(sent())) == answer
-    assert "changing" not in sys.modules
+        content = (tmp_path / "content").read_bytes()
+        for _ in range(2):
+            assert execution._make_call(content, (), (tmp_path,), str(command)) == answer
+    del sys.modules["changing"]

@@ -17,7 +17,7 @@ import trackbench as tb
 from trackbench.api.plan import Listener
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError
-from trackbench.base.execution import InProcess
+from trackbench.base.execution import Executor
 from trackbench.base.types import Estimate, Scan
 from trackbench.filters import InteractingMultipleModel
 from trackbench.scenario import Scenario
@@ -72,7 +72,7 @@ def scenario() -> Scenario:
 
 
 def evaluator(scenario: Scenario, tracker: str) -> Evaluator:
-    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], InProcess())
+    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], Executor())
 
 
 @pytest.mark.parametrize("tracker", ["ekf", "ukf", "lidar_only"])
@@ -328,9 +328,9 @@ def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(tmp_path: Path) ->
     table = [name for name in scenario.config.trackers if name.startswith("tuned_")]
     assert len(table) == 8
     plan = TunePlan(OBJECTIVES["position_rmse"])
-    (found,) = tune_trackers([scenario], ["ukf"], plan, InProcess(), Listener())
+    (found,) = tune_trackers([scenario], ["ukf"], plan, Executor(), Listener())
     bench = Bench(scenario, truths_of(scenario), held_out=False)
-    rows = [Evaluator([bench], name, [], InProcess()).start[0].sums for name in table]
+    rows = [Evaluator([bench], name, [], Executor()).start[0].sums for name in table]
     best = min(sums.value("position_rmse") for sums in rows if sums is not None)
     assert found.best.measures["position_rmse"] < best
     # Half of the log shows that the gain is none: on the other half it is gone.

@@ -10,7 +10,7 @@ import pytest
 
 import trackbench as tb
 from trackbench.api.scenario import load
-from trackbench.base.execution import InProcess
+from trackbench.base.execution import Executor
 from trackbench.runner.work import BlockRuns, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
@@ -51,7 +51,7 @@ def scenario() -> Scenario:
 
 
 def evaluator(scenario: Scenario, tracker: str) -> Evaluator:
-    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], InProcess())
+    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], Executor())
 
 
 def sums_of(evaluate: Evaluator, point: dict[str, Any]) -> Sums:
@@ -119,7 +119,7 @@ def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch:
             [Bench(scenario, truths_of(scenario))],
             "late",
             [Parameter("acceleration_sigma_mps2", "log", 0.1, 10.0)],
-            InProcess(),
+            Executor(),
         )
         return [outcomes[0].sums for outcomes in (*several(points), several.start)]
 
@@ -204,7 +204,7 @@ def batch_evaluator(tracker: str, keys: Sequence[str]) -> Evaluator:
         }
     )
     parameters = [Parameter(key, "log", 0.01, 10.0) for key in keys]
-    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, parameters, InProcess())
+    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, parameters, Executor())
 
 
 @pytest.mark.parametrize("tracker", TRACKERS)

@@ -81,7 +81,7 @@ def comparison_document(
         kind="comparison",
         title=title,
         lead=lead,
-        blocks=(*blocks, *_notes(comparison)),
+        blocks=(*blocks, *origin_blocks(comparison), *_notes(comparison)),
         trackers=tuple(styles.values()),
     )
 
@@ -171,7 +171,6 @@ def difference_blocks(comparison: Comparison, styles: Styles, reports: Mapping[s
             f"{metric}{unit_after_heading(items[0].unit)}", tuple(_metric_section(comparison, styles, metric, items))
         )
     yield Section("Results", tuple(_results(comparison, reports)))
-    yield from origin_blocks(comparison)
     yield from reproduction(comparison)
 
 

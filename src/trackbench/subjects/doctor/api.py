@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from trackbench import results
-from trackbench.base import at_hand
 from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.notebook_classes import reference_to
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.child import ChildProcess
 from trackbench.driving.faults import TrackFault
@@ -132,7 +132,7 @@ def doctor(
         TrackbenchError: the folder cannot be written.
     """
     if not isinstance(tracker, str):
-        tracker = at_hand.reference_to(tracker)
+        tracker = reference_to(tracker)
     values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout, tracker_memory)
     request = {
         "options": values,

@@ -7,7 +7,6 @@ import json
 import platform
 import shlex
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +16,7 @@ from trackbench.api.plan import Counter, Listener
 from trackbench.api.result import Report
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError
-from trackbench.base.execution import executor
+from trackbench.base.execution import Executor, executor
 from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation

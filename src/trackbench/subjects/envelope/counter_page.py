@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from concurrent.futures import Executor
 
 from trackbench.base.errors import counted
-from trackbench.base.execution import Task
+from trackbench.base.execution import Executor
 from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.function_events import FunctionEvent, events_of, function_events, function_labels
@@ -108,7 +107,7 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
         return ""
     sentences = []
     for name, target in offered("examiners"):
-        remark = executor.submit(Task(resolve(target), loaded, own_folder(loaded)), tracker).result()
+        remark = next(executor.map(resolve(target), [(loaded, tracker)], own_folder(loaded)))
         sentences.append(f"the {name} finds no fault in it" if remark is None else f"the {name}: {remark}")
     return "; ".join(sentences)
 

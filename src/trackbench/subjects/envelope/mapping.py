@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -13,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.base.execution import Task
+from trackbench.base.execution import Executor
 from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
@@ -172,7 +171,7 @@ class _Look(NamedTuple):
     work: Work
     pieces: list[BlockRuns]
     kept: bool
-    result: Future[LookResult]
+    result: Iterator[LookResult]
 
 
 class EnvelopeMap:
@@ -293,13 +292,11 @@ class EnvelopeMap:
         objects = max(1, *(len(scene.truth.ids) for scene in work.scenes))
         pieces = extent.blocks_beyond(done, max(1, LARGEST_BATCH // objects))
         kept = self._store.load(cell.point, look)
-        result: Future[LookResult] = Future()
-        if kept is not None:
-            result.set_result(kept)
-        else:
+        result: Iterator[LookResult] = iter(() if kept is None else (kept,))
+        if kept is None:
             # Scenes that are done are not sent again.
             here = work.of_scenes({piece.scene for piece in pieces})
-            result = self.executor.submit(Task(make_runs, here, own_folder(cell.loaded), long=True), names, pieces)
+            result = self.executor.map(make_runs, [(here, names, pieces)], own_folder(cell.loaded))
         return _Look(cell, names, work, pieces, kept is not None, result)
 
     def work(self, loaded: Scenario, extent: Extent) -> Work:
@@ -323,7 +320,7 @@ class EnvelopeMap:
 
     def _end(self, begun: _Look, look: int, extent: Extent, progress: NotedProgress) -> None:
         """Take in the runs of a look, and decide."""
-        cell, result = begun.cell, begun.result.result()
+        cell, result = begun.cell, next(begun.result)
         if not begun.kept:
             self._store.save(cell.point, look, result)
         cell.measurements.append(result.measurements)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import secrets
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ import numpy as np
 
 from trackbench.api.plan import Listener
 from trackbench.base.errors import InputError, counted
-from trackbench.base.execution import executor
+from trackbench.base.execution import Executor, executor
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers

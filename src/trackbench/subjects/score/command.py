@@ -86,7 +86,7 @@ def score_command(
     from trackbench.api.prepare import prepare
     from trackbench.api.run import run_prepared
     from trackbench.base.errors import InputError
-    from trackbench.base.execution import InProcess
+    from trackbench.base.execution import Executor
     from trackbench.base.files import write_whole
     from trackbench.cli.run import status
     from trackbench.cli.run_output import RunOutput
@@ -106,7 +106,7 @@ def score_command(
     for limit in limits:
         limit.require_files(len(loaded.config.trackers))
     output = RunOutput(as_json, quiet)
-    plan, executor = RunPlan(out, left_out=left_out), InProcess()
+    plan, executor = RunPlan(out, left_out=left_out), Executor()
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())
     (result,) = run_prepared(prepared, plan, executor, output)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from trackbench.api.result import Report
 from trackbench.api.run import Several
 from trackbench.api.scenario import Named, listed, loaded_scenario
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.execution import executor
+from trackbench.base.execution import Executor, executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -12,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from trackbench.base.execution import Task
+from trackbench.base.execution import Executor
 from trackbench.base.types import Indices, Progress, no_progress
 from trackbench.driving.faults import fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
@@ -186,19 +185,14 @@ class Evaluator:
         return [start._replace(engine=engine) for start, engine in zip(self._started(), engines, strict=True)]
 
     def _started(self) -> list[_Start]:
-        submitted = []
+        benches = []
         for bench, work in zip(self.benches, self._work, strict=True):
             batch = _Batch((0,), (bench.scenario.config.driven(self.tracker),), ({},), ())
-            tasks = enumerate(self._tasks(bench, work))
-            submitted.append(
-                [
-                    [self._executor.submit(task, piece, batch) for piece in _pieces(work, scene, 1)]
-                    for scene, task in tasks
-                ]
-            )
+            benches.append((work, self._made(bench, work, [batch])))
         starts = []
-        for scenes in submitted:
-            results: list[list[_Piece]] = [[piece.result()[0] for piece in pieces] for pieces in scenes]
+        for work, made in benches:
+            scenes = range(len(work.scenes))
+            results = [[next(made)[0] for _ in _pieces(work, scene, 1)] for scene in scenes]
             counted = []
             for pieces in results:
                 masks = [piece.available for piece in pieces if piece.available is not None]
@@ -219,30 +213,31 @@ class Evaluator:
         pending = []
         for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
             start = self._start[number]
-            tasks = self._tasks(bench, work, start.counted)
-            for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in sums]):
-                if start.outcome.sums is None:
-                    for trial in batch.trials:
-                        sums[trial][number].append("the tracker fails as it is")
-                    continue
-                for scene, task in enumerate(tasks):
-                    for piece in _pieces(work, scene, len(batch.trials)):
-                        pending.append((number, batch, self._executor.submit(task, piece, batch)))
-        for done, (number, batch, future) in enumerate(pending):
+            batches = [*self._batches(bench.scenario, points, [outcomes[number] for outcomes in sums])]
+            if start.outcome.sums is None:
+                for trial in (trial for batch in batches for trial in batch.trials):
+                    sums[trial][number].append("the tracker fails as it is")
+                continue
+            made = self._made(bench, work, batches, start.counted)
+            pending += [(number, batch, made) for batch in batches for _ in _all_pieces(work, batch)]
+        for done, (number, batch, made) in enumerate(pending):
             progress(done, len(pending))
-            for trial, outcome in zip(batch.trials, future.result(), strict=True):
+            for trial, outcome in zip(batch.trials, next(made), strict=True):
                 sums[trial][number].append(outcome.sums)
         progress(len(pending), len(pending))
         return [[_joined(parts) for parts in outcomes] for outcomes in sums]
 
-    def _tasks(self, bench: Bench, work: Work, counted: Sequence[PackedAvailability | None] = ()) -> list[Task]:
-        """A function for each scene, and what its calls share."""
+    def _made(
+        self, bench: Bench, work: Work, batches: Sequence[_Batch], counted: Sequence[PackedAvailability | None] = ()
+    ) -> Iterator[list[_Piece]]:
+        """Make the pieces of some batches, as ``_all_pieces`` orders them; an outcome for each trial of the batch."""
         make, log_time = _hidden if bench.hidden else _labelled, self._log_time(bench, work)
         constants = [
             _Scene(work.of_scenes([scene]), counted[scene] if counted else None, self._metric, self._measure, log_time)
             for scene in range(len(work.scenes))
         ]
-        return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]
+        calls = [(constants[piece.scene], piece, batch) for batch in batches for piece in _all_pieces(work, batch)]
+        return self._executor.map(make, calls, own_folder(bench.scenario))
 
     def _batches(
         self, loaded: Scenario, points: Sequence[Values], sums: Sequence[list[Sums | str]]
@@ -269,6 +264,12 @@ def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
     size = max(1, LARGEST_BATCH // (trials * max(1, len(work.scenes[scene].truth.ids))))
     for first in range(0, work.runs, size):
         yield BlockRuns(scene, range(first, min(first + size, work.runs)))
+
+
+def _all_pieces(work: Work, batch: _Batch) -> Iterator[BlockRuns]:
+    """The runs of all scenes, in pieces for the trials of a batch."""
+    for scene in range(len(work.scenes)):
+        yield from _pieces(work, scene, len(batch.trials))
 
 
 def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:

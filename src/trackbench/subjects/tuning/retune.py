@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from concurrent.futures import Executor
 
 from trackbench.base.errors import InputError
+from trackbench.base.execution import Executor
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.truth import PendingTruths

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.base.execution import Executor
 from trackbench.base.types import Array, Indices, NotedProgress, Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName

@@ -1,0 +1,254 @@
+"""Where the work of a command runs: in this process, in several of this machine (loky), or on a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Future
+from contextlib import ExitStack, contextmanager
+from functools import cache, partial
+from itertools import starmap
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from trackbench.base import notebook_classes
+from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.plugins import one_line, searched
+from trackbench.base.user_code import place_of
+
+log = logging.getLogger(__name__)
+
+#: Most processes of one machine.
+MOST_WORKERS = 1024
+#: Work that has taken this process longer goes on in others, which take a second to start, s.
+ALONE_S = 1.0
+#: Longest time that a Dask scheduler may take to answer, s.
+PATIENCE_S = 20
+#: A worker of a cluster may have several threads, which share the module path.
+_ONE_CALL = threading.Lock()
+Submit = Callable[..., Future[Any]]
+
+
+class Executor:
+    """Makes calls of functions in this process, or in others.
+
+    Args:
+        start: starts other processes and returns loky's or Dask's function that submits a call; None for none.
+        alone_s: how long this process makes the calls before others do, s.
+    """
+
+    def __init__(self, start: Callable[[], Submit] | None = None, alone_s: float = 0.0) -> None:
+        self._start = None if start is None else cache(start)
+        self._alone_s, self._busy_s, self._command = alone_s, 0.0, uuid4().hex
+
+    def map(
+        self,
+        function: Callable[..., Any],
+        calls: Iterable[tuple[Any, ...]],
+        folder: Path | None = None,
+        observers: tuple[Callable[..., None] | None, ...] = (),
+    ) -> Iterator[Any]:
+        """Yield what each call returns, in their order. Other processes begin at once, this one when a result is due.
+
+        Args:
+            function: of a module that other processes can import.
+            calls: the arguments of each. The first one is pickled once for all calls that share it.
+            folder: where modules of the arguments' classes are, beside the working directory; None if nowhere else.
+            observers: last arguments of the calls that this process makes; the function has a default for each.
+
+        Raises:
+            TrackbenchError: another process ended, or a plug-in failed there.
+        """
+        if self._start is None:
+            return starmap(function, [(*call, *observers) for call in calls])
+        waiting = deque(calls)
+        return self._results(self._sent(function, waiting, folder), waiting, function, folder, observers)
+
+    def _results(
+        self, sent: deque[Future[Any]], waiting: deque[Any], function: Callable[..., Any], folder: Any, observers: Any
+    ) -> Iterator[Any]:
+        while sent or waiting:
+            sent = sent or self._sent(function, waiting, folder)
+            if sent:
+                with _deaths_explained():
+                    result = sent.popleft().result()
+            else:
+                begin = time.monotonic()
+                result = function(*waiting.popleft(), *observers)
+                self._busy_s += time.monotonic() - begin
+            yield result
+
+    def _sent(self, function: Callable[..., Any], waiting: deque[Any], folder: Path | None) -> deque[Future[Any]]:
+        """Send the calls that wait to other processes, where there are some and it is time to."""
+        if self._start is None or self._busy_s < self._alone_s or not waiting:
+            return deque()
+        try:
+            firsts = {id(call[0]): call[0] for call in waiting}
+            contents = {key: notebook_classes.dumps((function, first)) for key, first in firsts.items()}
+        except Exception as error:
+            log.info("this process makes what cannot be sent to another one: %s", one_line(error))
+            return deque()
+        place = (folder, Path.cwd()), self._command
+        with _deaths_explained(), _unheard_interrupts():
+            submit = self._start()
+            sent = deque(submit(_make_call, contents[id(call[0])], call[1:], *place) for call in waiting)
+        waiting.clear()
+        return sent
+
+
+@contextmanager
+def _deaths_explained() -> Iterator[None]:
+    """Say in one line that a process ended, where loky or Dask raises that."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, BrokenExecutor | CancelledError) or type(error).__name__ == "KilledWorker":
+            codes = re.search(r"\{.+\}", str(error))
+            problem = f"no result: the process of a worker ended{f' {codes[0]}' if codes else ''}"
+            raise TrackbenchError(f"{problem}; a plug-in may have ended it, or the memory was not enough") from error
+        raise
+
+
+def _make_call(content: bytes, args: tuple[Any, ...], folders: tuple[Path | None, ...], command: str) -> Any:
+    """Make a call in the process to which it was sent."""
+    with _ONE_CALL, searched(*folders):
+        try:
+            _forget_modules(folders, command)
+            function, first = notebook_classes.loads(content)
+            with one_blas_thread():
+                return function(first, *args)
+        except TrackbenchError:
+            raise
+        except BaseException as error:
+            place = place_of(error, installed=False)
+            if place is None and isinstance(error, Exception) and not isinstance(error, ImportError):
+                raise
+            # The traceback is not sent, and a SystemExit would end whoever asks for the result.
+            where = "" if place is None else f" ({place})"
+            raise TrackbenchError(f"a plug-in failed: {one_line(error)}{where}") from None
+
+
+@cache
+def _forget_modules(folders: tuple[Path | None, ...], _command: str) -> None:
+    """Forget the modules of some folders, once for each command: they may change while a cluster's worker lives."""
+    for name in [*sys.modules]:
+        file = getattr(sys.modules.get(name.partition(".")[0]), "__file__", None)
+        if file and not name.startswith("trackbench") and not {*folders}.isdisjoint([*Path(file).parents][:2]):
+            del sys.modules[name]
+
+
+@contextmanager
+def executor(workers: int | None = 1, cluster: str | None = None) -> Iterator[Executor]:
+    """An executor for all the work of a command; whatever still runs when the command ends is dropped.
+
+    Args:
+        workers: number of processes of this machine; 1 is this process. None: this one and, where the work takes long,
+            one for each core.
+        cluster: ``tcp://HOST:PORT`` of a Dask scheduler, or ``local:N`` for one with N workers on this machine.
+
+    Raises:
+        InputError: the cluster cannot be reached, or what it takes is not installed; ``workers`` is no number of
+            processes, or stands beside a cluster.
+    """
+    if workers is not None and (type(workers) is not int or not 1 <= workers <= MOST_WORKERS):
+        problem = f"{workers!r} is no number of processes; give a whole one from 1 to {MOST_WORKERS}"
+        raise InputError(problem, key="workers")
+    if (workers or 1) > 1 and cluster is not None:
+        raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
+    with one_blas_thread(), ExitStack() as stack:
+        if cluster is not None:
+            with _unheard_interrupts():
+                submit = _cluster(cluster, stack)
+            yield Executor(lambda: submit)
+        else:
+            start = partial(_processes, workers, stack)
+            yield Executor() if workers == 1 else Executor(start, 0.0 if workers else ALONE_S)
+
+
+def _processes(number: int | None, stack: ExitStack) -> Submit:
+    """Start processes of this machine, one for each core unless their number is given; the stack ends them."""
+    from loky import ProcessPoolExecutor, cpu_count
+
+    # Loky would restart a worker that has grown by 300 MB, as one does whose blocks differ in size.
+    environment = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e15"}
+    pool = ProcessPoolExecutor(
+        number or cpu_count(), initializer=_watch_parent, initargs=(os.getpid(),), env=environment
+    )
+    stack.callback(pool.shutdown, kill_workers=True)
+    submit: Submit = pool.submit
+    return submit
+
+
+def _watch_parent(parent: int) -> None:
+    """End this process soon after the one that started it."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _unheard_interrupts() -> Iterator[None]:
+    """Ignore Ctrl-C, also in processes that start meanwhile, for good: each would print a traceback."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _cluster(address: str, stack: ExitStack) -> Submit:
+    """Connect to a Dask cluster, or start one on this machine, which the stack ends."""
+    local = re.fullmatch(r"local:([1-9][0-9]{0,2})", address)
+    if local is None and not re.fullmatch(r"[a-z]+://.+:[0-9]{1,5}", address):
+        raise InputError(f"write tcp://HOST:PORT or local:4, not {address!r}", key="--cluster")
+    try:
+        import dask
+        import distributed
+    except ImportError as missing:
+        problem = 'needs Dask, which is not installed: pip install "trackbench[cluster]"'
+        raise InputError(problem, key="--cluster") from missing
+    dask.config.set({"distributed.scheduler.allowed-failures": 0})
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    at: Any = address
+    try:
+        if local is not None:
+            options = {"threads_per_worker": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
+            at = distributed.LocalCluster(int(local[1]), host="127.0.0.1", dashboard_address="127.0.0.1:0", **options)
+            stack.enter_context(at)
+        client = stack.enter_context(distributed.Client(at, timeout=PATIENCE_S))
+        client.wait_for_workers(1, timeout=PATIENCE_S)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler with workers answers at {address}", key="--cluster") from error
+    # Bytes that several calls share are sent once to each worker.
+    submit, shared = client.get_executor(pure=False).submit, cache(client.scatter)
+    return lambda function, content, *args: submit(function, shared(content), *args)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread; also a decorator.
+
+    The products of a filter are so small that a second thread costs more than it saves, and many times more where the
+    processor is shared.
+    """
+    # Takes some 10 ms, which only the commands that compute shall wait for.
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):
+        yield

@@ -1,0 +1,34 @@
+"""Faults and checks as docs/doctor-reference.md, printed by ``python -m trackbench.subjects.doctor.docs``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from trackbench.subjects.doctor.certainty import checks_terms
+from trackbench.subjects.doctor.findings import known_faults
+
+_INTRODUCTION = """\
+# Faults and checks of the doctor
+
+<!-- Made by `python -m trackbench.subjects.doctor.docs`. Change the checks, not this page. -->
+
+A reference: what [the doctor](doctor.md) can name, and what it asks of a tracker. `trackbench explain NAME` prints
+where to look and the fix of a fault, and how a check is made."""
+
+
+def doctor_reference() -> str:
+    """Return the page with every fault and every check."""
+    return "\n".join(_lines()) + "\n"
+
+
+def _lines() -> Iterator[str]:
+    faults, checks = known_faults(), list(checks_terms())
+    yield from (_INTRODUCTION, "", f"## {len(faults)} faults", "")
+    yield from ("| fault | what is wrong |", "| --- | --- |")
+    yield from (f"| `{name}` | {fault.title} |" for name, fault in faults.items())
+    yield from ("", f"## {len(checks)} checks", "", "| check | question |", "| --- | --- |")
+    yield from (f"| `{term.name}` | {dict(term.page)['check']} |" for term in checks)
+
+
+if __name__ == "__main__":
+    print(doctor_reference(), end="")
