@@ -12,7 +12,6 @@ import pyarrow as pa
 from trackbench.base.subjects import collected
 from trackbench.base.types import Array, Indices, Scan, Truth, of_runs
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate
-from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
@@ -56,9 +55,6 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         "runs": [
             {**run_keys(name, work), **run_sums_record(item, scores[name], own_columns)}
             for name, item in evaluations.items()
-        ],
-        "breakdown": [
-            {"tracker": name, **cell} for name, item in evaluations.items() for cell in cells(item.scores.classes)
         ],
         "autocorrelation": _autocorrelation_records(scores),
         "truth": truth_records(truth, work.recorded_run),

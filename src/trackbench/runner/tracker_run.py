@@ -30,7 +30,7 @@ class TrackerRun(ABC, Generic[Answer]):
     """A tracker of a block of runs.
 
     It is a context: inside, iterating gives the arguments of each step beside the state, and ``take`` gets the answer.
-    What the tracker raises ends the context, and is kept as ``failure``.
+    What the tracker raises ends the context, and is kept as ``failure``; what a metric raises is passed on.
 
     Args:
         work: what all blocks share.
@@ -70,6 +70,7 @@ class TrackerRun(ABC, Generic[Answer]):
         self._stepper: Stepper | None = None
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
+        self._of_metric: Exception | None = None
 
     @property
     def instants(self) -> int:
@@ -101,7 +102,7 @@ class TrackerRun(ABC, Generic[Answer]):
         if self._stepper is not None:
             self.engine = self._work.engine_of(self._stepper.engine_used)
             self._stepper.close()
-        passed_on = isinstance(error, KeyboardInterrupt)
+        passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._of_metric)
         if error is not None and not passed_on:
             self._note(error)
         second, self._second = self._second, None
@@ -140,6 +141,9 @@ class TrackerRun(ABC, Generic[Answer]):
             self._score(step)
         except Fault as fault:
             self.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
+        except Exception as error:
+            self._of_metric = error
+            raise
         self._take(step)
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:

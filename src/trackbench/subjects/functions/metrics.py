@@ -10,7 +10,6 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.metrics.count_intervals import Counted
-from trackbench.metrics.evaluate import Broken
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction, Field, Metric, Outcome, run_column
 from trackbench.subjects.functions.protocol import FUNCTIONS, Function
@@ -161,12 +160,6 @@ def published_metrics() -> list[FunctionMetric]:
 def functions_among(metrics: Iterable[Metric]) -> dict[str, Function]:
     """The functions of these metrics, by their names."""
     return {metric.label: metric.function for metric in metrics if isinstance(metric, FunctionMetric)}
-
-
-def functions_at_work(metrics: Iterable[Metric], sums: Mapping[str, Any]) -> dict[str, Function]:
-    """Those of ``functions_among`` that have not raised, by the sums of a tracker."""
-    every = functions_among(metrics)
-    return {name: each for name, each in every.items() if not isinstance(sums[FunctionSums(name, each).name], Broken)}
 
 
 def _kinds(function: Function) -> list[type[FunctionMetric]]:

@@ -14,7 +14,7 @@ from trackbench.results.folder import NO_OBJECT
 from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.work import Work
-from trackbench.subjects.functions.metrics import functions_among, functions_at_work
+from trackbench.subjects.functions.metrics import functions_among
 from trackbench.subjects.functions.protocol import NO_OBJECT as NO_COLUMN
 from trackbench.subjects.functions.protocol import Function
 from trackbench.subjects.functions.sums import (
@@ -39,24 +39,24 @@ def function_records(
         evaluated: its trackers.
         recorded: by tracker, what it left of the recorded run.
     """
-    if not functions_among(work.metrics):
+    functions = functions_among(work.metrics)
+    if not functions:
         return
     scene = work.scenes[work.recorded_scene]
     time = scene.truth.time[work.scored_steps(scene)]
-    at_work = {name: functions_at_work(work.metrics, item.sums) for name, item in evaluated.evaluations.items()}
     yield (
         "decisions",
         [
             _decisions_record(tracker, label, _decisions(function, work, item), time, scene.truth.ids)
             for tracker, item in recorded.items()
-            for label, function in at_work[tracker].items()
+            for label, function in functions.items()
         ],
     )
     yield (
         "function_events",
         [
-            _events_record(tracker, label, evaluated.evaluations[tracker].sums[f"function {label}"], work)
-            for tracker, functions in at_work.items()
+            _events_record(tracker, label, evaluation.sums[f"function {label}"], work)
+            for tracker, evaluation in evaluated.evaluations.items()
             for label in functions
         ],
     )

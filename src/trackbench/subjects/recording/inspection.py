@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Mask, Scan
-from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_waiting
+from trackbench.metrics import BUILT_IN, Fault, Scorer, evaluate, health
 from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.function_events import FunctionEvent, TrackEvent, function_events
@@ -329,9 +329,9 @@ def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
     }
     for instant in range(len(recorded.time)):
         for name, scorer in scorers.items():
-            _take(scorer, recorded, recorded.tracks[name], innovations[name], instant)
-        if instant == len(recorded.time) - 1 or any(scorer.full for scorer in scorers.values()):
-            for name, fault in score_waiting(list(scorers.values())).items():
+            try:
+                _take(scorer, recorded, recorded.tracks[name], innovations[name], instant)
+            except Fault as fault:
                 raise InputError(f"the recorded estimates of {name} cannot be scored: {fault.cause}") from fault
     return [_reached(result[name], scorer) for name, scorer in scorers.items()]
 
