@@ -12,7 +12,7 @@ from tests.support import peers
 from trackbench.base.types import Array, Gaussian, Scan, Truth
 from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import Engine, compute_by
-from trackbench.metrics import BlockScores, Scorer, Target, score_waiting
+from trackbench.metrics import BlockScores, Scorer, Target
 from trackbench.metrics.conditions import condition_classes
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
@@ -149,7 +149,8 @@ def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float
         estimate = stepper.step(of.scans[instant])
         scorer.scan(instant, of.scans[instant], estimate)
         scorer.estimate(estimate)
-        score_waiting([scorer])
+        if scorer.waits:
+            scorer.score()
         instant += 1
     scores: BlockScores = scorer.close()[ESTIMATES.name]
     return time.perf_counter() - begin, scores

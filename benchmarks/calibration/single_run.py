@@ -16,8 +16,8 @@ from trackbench.metrics.differences import contrast_verdict
 from trackbench.metrics.intervals import FEWEST_STRETCHES, Interval, ratio, root
 from trackbench.metrics.protocol import Chunk, Scope
 from trackbench.metrics.sums import ERROR, stretch_numbers
-from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.loop import run_block
+from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import BlockRuns, work_of
 from trackbench.scenario.truth import truths_of
 
@@ -110,7 +110,7 @@ class StretchSums(Metric):
     meaning = "sums of the errors in each stretch of time of each run"
 
     def init(self, scope: Scope) -> dict[str, Any]:
-        time = scope.target.time
+        time = scope.labelled.time
         stretch = stretch_numbers(len(time), float(time[-1] - time[0]))
         return {"stretch": stretch, "sums": np.zeros((len(ERROR), stretch[-1] + 1, scope.runs)), "runs": scope.runs}
 
@@ -137,7 +137,7 @@ def _sums(seconds: int, tracker: str, runs: int, seed: int, q: float | None = No
     loaded = tb.load(SCENARIO, changes, runs=runs, seed=seed, trackers=[tracker])
     work = replace(work_of(loaded, truths_of(loaded)), metrics=(Coverage(), StretchSums()))
     outcome = run_block(work, BlockRuns(0, range(runs))).outcomes[tracker]
-    assert isinstance(outcome, LabelledOutcome)
+    assert isinstance(outcome, Outcome)
     sums: Sums = outcome.sums[StretchSums.name]["sums"]
     return sums
 

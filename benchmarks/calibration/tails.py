@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from trackbench.base.types import Array, Estimate
-from trackbench.metrics import Scorer, Target, score_waiting
+from trackbench.metrics import Scorer, Target
 from trackbench.metrics.built_in.basic import Nees
 from trackbench.metrics.conditions import AGES, MANOEUVRES, SHAPE, Classes
 from trackbench.metrics.consistency import BEYOND, beyond_points
@@ -96,8 +96,6 @@ def nees_of(
         covariance = np.broadcast_to(variances[instant] * np.eye(4)[..., None], (4, 4, OBJECTS * runs))
         mean = (truth[:, instant] + errors[:, instant]).reshape(4, -1)
         scorer.estimate(Estimate(mean, covariance))
-        if scorer.full or instant == INSTANTS - 1:
-            assert not score_waiting([scorer])
     scene = np.repeat(np.arange(number), each) if common else np.zeros(runs, dtype=int)
     return evaluate(scorer.close(), scene, [Nees()]).values["nees"]
 

@@ -12,8 +12,8 @@ from trackbench.base.execution import Executor
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
-from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.loop import run_block
+from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import work_of
 from trackbench.scenario.truth import PendingTruths
 
@@ -62,6 +62,6 @@ def _sums(changes: Mapping[str, object], number: int) -> Array:
     found = []
     for name in TRACKERS:
         scores = [block.outcomes[name] for block in blocks]
-        kept = [each.metrics[TRACKS.name] for each in scores if isinstance(each, TrafficScores)]
+        kept = [each.sums[TRACKS.name] for each in scores if isinstance(each, Outcome)]
         found.append(np.concatenate(kept))
     return np.array(found)

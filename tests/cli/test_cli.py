@@ -21,7 +21,6 @@ TABLES = {
     "steps",
     "nis",
     "runs",
-    "breakdown",
     "autocorrelation",
     "differences",
     "truth",

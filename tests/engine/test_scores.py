@@ -11,7 +11,7 @@ from tests.support.scenes import scan
 from trackbench.base.types import Array, Estimate
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.engine.kernels import Kernels
-from trackbench.metrics import Scorer, Target, score_waiting
+from trackbench.metrics import Fault, Scorer, Target
 from trackbench.metrics.estimates import ESTIMATES
 
 #: Runs enough that what they share is computed once for all.
@@ -64,10 +64,11 @@ def scored(compute: Compute, own: bool, change: tuple[str, Array] | None = None)
             white = np.where(valid & ~none, random.normal(size=(size, BATCH)), np.nan)
             given = Estimate(mean, covariance, whitened_innovation=white)
             scorer.scan(instant, scan(kind, 0.1 * instant, np.zeros((size, BATCH)), valid=valid), given)
-            scorer.estimate(given)
-        if made[0].full or instant == INSTANTS - 1:
-            faults |= {name: (f.cause, f.instant, f.member) for name, f in score_waiting(made).items()}
-            made = [scorer for scorer in made if scorer.tracker not in faults]
+            try:
+                scorer.estimate(given)
+            except Fault as fault:
+                faults[scorer.tracker] = fault.cause, fault.instant, fault.member
+        made = [scorer for scorer in made if scorer.tracker not in faults]
     return {scorer.tracker: asdict(scorer.close()[ESTIMATES.name]) for scorer in made}, faults
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.metrics.test_metrics_scorer import SENSORS, TWO, estimate, target
-from tests.support.scenes import block_of, random_walk, truth, work
+from tests.metrics.test_metrics_scorer import estimate, target
+from tests.support.scenes import truth
 
-from trackbench.metrics import Scorer, score_waiting
-from trackbench.metrics.breakdown import band_name, breakdown, cells, class_sums
+from trackbench.metrics import Scorer
+from trackbench.metrics.breakdown import band_name, breakdown, class_sums
 from trackbench.metrics.conditions import AGES, JUMPS, MANOEUVRES, SHAPE, condition_classes
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ratio, root
@@ -144,7 +144,6 @@ def scored(errors, codes, runs, covariance=None):
     made = Scorer(of, np.asarray(codes, dtype=np.int16), {})
     for error in errors:
         made.estimate(estimate(error, covariance))
-    assert not score_waiting([made])
     return class_sums(made.close()[ESTIMATES.name].errors.cells, runs)
 
 
@@ -204,16 +203,3 @@ def test_one_run_has_no_interval():
     found = breakdown(scored(np.ones((3, 4, 1)), np.zeros((3, 1, 1)), 1)).all
     assert found.position_rmse.ci95 is None
     assert "too short" in found.position_rmse.reason
-
-
-def test_cells_add_up_to_everything():
-    of = random_walk(4, 60, 0.05, 4.0, seed=2, start=np.array([15.0, 10.0, 10.0, 5.0]))
-    scores = block_of(work(of, SENSORS, TWO, 4), range(4)).outcomes["ekf"].scores
-    sums = scores.errors
-    rows = list(cells(sums.classes))
-    assert len(rows) > 2
-    assert sum(row["count"] for row in rows) == sums.per_run[0].sum()
-    square = sum(row["count"] * row["position_rmse_m"] ** 2 for row in rows)
-    assert square == pytest.approx(sums.per_run[1:3].sum())
-    mean = sum(row["count"] * row["nees_mean"] for row in rows)
-    assert mean == pytest.approx(sums.per_run[5].sum())

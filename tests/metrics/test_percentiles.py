@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Estimate
-from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_waiting
+from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums
 from trackbench.metrics.built_in.with_own_sums import percentile
 from trackbench.metrics.estimates import percentiles
 
@@ -53,9 +53,6 @@ def test_it_is_over_instants_and_objects_and_the_mean_over_runs() -> None:
         for instant in range(instants):
             estimate = mean[:, instant].reshape(4, objects, runs)[..., half].reshape(4, -1)
             scorer.estimate(Estimate(estimate, np.repeat(np.eye(4)[..., None], estimate.shape[1], axis=2)))
-            if scorer.full:
-                assert not score_waiting([scorer])
-        assert not score_waiting([scorer])
         blocks.append(scorer.close())
     found = evaluate(merge_sums(blocks), np.zeros(runs, dtype=int))
     for name, rows in (("position_p95", slice(0, 2)), ("velocity_p95", slice(2, 4))):

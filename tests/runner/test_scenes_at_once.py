@@ -10,13 +10,14 @@ import pytest
 from tests.support.scenes import truth
 
 from trackbench.base.types import Observer, Truth
-from trackbench.metrics.registry import built_in_metrics
+from trackbench.metrics.registry import metrics_for
 from trackbench.metrics.traffic import TRACKS
+from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import Clutter
 from trackbench.results import Failure
-from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.loop import run_blocks
+from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.config import FilterConfig
@@ -69,24 +70,28 @@ def work(engine: Any, steps: int = 31) -> Work:
     scenes = [scene(seed, objects, steps) for seed, objects in ((1, 4), (2, 6), (3, 3))]
     return Work(
         "test", 5, 3, scenes, trackers, None, 0.0, 1e9, 5.0, 1, 2, 2.0, 20.0,
-        metrics=built_in_metrics(True, True), cutoff=5.0, engine=engine,
+        metrics=metrics_for({"tracks", "truth"}), cutoff=5.0, engine=engine,
     )  # fmt: skip
 
 
 def assert_same(outcome: object, alone: object) -> None:
-    assert isinstance(outcome, TrafficScores)
-    assert isinstance(alone, TrafficScores)
-    np.testing.assert_array_equal(outcome.metrics[TRACKS.name], alone.metrics[TRACKS.name])
-    np.testing.assert_array_equal(outcome.sums.gospa, alone.sums.gospa)
-    assert outcome.sums.events == alone.sums.events
-    assert (outcome.recorded is None) == (alone.recorded is None)
-    if outcome.recorded is not None and alone.recorded is not None:
-        for values, others in zip(outcome.recorded, alone.recorded, strict=True):
-            np.testing.assert_array_equal(values, others)
-    np.testing.assert_array_equal(outcome.taken, alone.taken)
-    assert outcome.predicted.keys() == alone.predicted.keys()
-    for number, tracks in outcome.predicted.items():
-        np.testing.assert_array_equal(tracks.mean, alone.predicted[number].mean)
+    assert isinstance(outcome, Outcome)
+    assert isinstance(alone, Outcome)
+    np.testing.assert_array_equal(outcome.sums[TRACKS.name], alone.sums[TRACKS.name])
+    np.testing.assert_array_equal(outcome.timeline.gospa, alone.timeline.gospa)
+    assert outcome.timeline.events == alone.timeline.events
+    own, other = outcome.recorded, alone.recorded
+    assert (own is None) == (other is None)
+    if own is None or other is None:
+        return
+    assert isinstance(own, RecordedTracks)
+    assert isinstance(other, RecordedTracks)
+    for values, others in zip(own.history, other.history, strict=True):
+        np.testing.assert_array_equal(values, others)
+    np.testing.assert_array_equal(own.taken, other.taken)
+    assert own.predicted.keys() == other.predicted.keys()
+    for number, tracks in own.predicted.items():
+        np.testing.assert_array_equal(tracks.mean, other.predicted[number].mean)
 
 
 @pytest.mark.parametrize("engine", ["numpy", "fused"])

@@ -15,9 +15,9 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.metrics.function_events import events_of
+from trackbench.metrics.traffic import timeline
 from trackbench.results import Result
 from trackbench.results.declared import FUNCTION_TABLES, HIDDEN
-from trackbench.runner import traffic_sums
 from trackbench.runner.traffic_tables import CORNERS, outlines
 
 
@@ -77,7 +77,7 @@ def test_existence_adds_up(traffic_result: Result) -> None:
 def test_the_events_that_are_kept_are_the_dearest(
     traffic_text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, traffic_result: Result
 ) -> None:
-    monkeypatch.setattr(traffic_sums, "MOST_EVENTS", 2)
+    monkeypatch.setattr(timeline, "MOST_EVENTS", 2)
     (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
     result = tb.run(tmp_path / "three_cars.yaml")
     for tracker in ("gnn", "naive"):

@@ -17,8 +17,8 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
 from trackbench.cli.commands import cli
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS
-from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.loop import run_block
+from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -268,8 +268,8 @@ def test_every_second_stretch_has_the_scores_that_it_has_among_all(tmp_path: Pat
         own = replace(loaded, config=loaded.config.model_copy(update={"truth": source}))
         work = work_of(own, truths_of(own))
         outcome = run_block(work, work.pieces()[0]).outcomes["gnn"]
-        assert isinstance(outcome, TrafficScores)
-        return np.asarray(outcome.metrics[TRACKS.name])
+        assert isinstance(outcome, Outcome)
+        return np.asarray(outcome.sums[TRACKS.name])
 
     truth = loaded.config.truth
     assert isinstance(truth, RecordingTruth)

@@ -6,7 +6,7 @@ import inspect
 import re
 import textwrap
 from collections.abc import Iterable, Iterator
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
 
 import click
@@ -71,25 +71,15 @@ def terms() -> dict[str, list[TermPage]]:
 def _metrics() -> Iterator[TermPage]:
     from trackbench.metrics.registry import METRICS, metric_paths
 
-    own = list(METRICS.loaded().values())
-    fields = metric_paths(
-        [*collected("examples_of_metrics"), *(metric for metric in own if metric.scores == "estimates")]
-    )
-    of_tracks = metric_paths((metric for metric in own if metric.scores == "tracks"), hidden=True)
-    of_tracks += metric_paths(hidden=True, truth=False)
-    lines: dict[str, dict[str, str]] = {}
-    for hidden, entry in [*product([False], fields), *product([True], of_tracks)]:
+    lines: dict[str, list[tuple[str, str]]] = {}
+    for entry in metric_paths([*collected("examples_of_metrics"), *METRICS.loaded().values()]):
         notes = [
             *[entry.unit] * (entry.unit not in ("", "1")),
             *([f"{entry.better} is better"] if entry.better else []),
         ]
         unit = f" [{', '.join(notes)}]" if notes else ""
-        name = entry.name.partition(".")[0]
-        where = "with hidden identities: " if hidden and entry.name in lines.get(name, {}) else ""
-        if lines.get(name, {}).get(entry.name) != f"{entry.meaning}{unit}":
-            lines.setdefault(name, {})[entry.name + " " * bool(where)] = f"{where}{entry.meaning}{unit}"
-    for name, entries in lines.items():
-        page = [(entry.strip(), text) for entry, text in entries.items()]
+        lines.setdefault(entry.name.partition(".")[0], []).append((entry.name, f"{entry.meaning}{unit}"))
+    for name, page in lines.items():
         families = (FAMILIES.get(name, name), name.partition("_")[0], name.rpartition("_")[2])
         page += [("formula", _formula(FORMULAS[family])) for family in families if family in FORMULAS][:1]
         yield TermPage(name, tuple(page))

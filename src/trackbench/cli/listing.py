@@ -25,7 +25,7 @@ from trackbench.scenario.schema import json_schema
 from trackbench.scenario.shipped import at_hand, files_of_scenarios, shown_name
 
 if TYPE_CHECKING:
-    from trackbench.metrics import Field
+    pass
 
 Row = tuple[str, str]
 
@@ -99,18 +99,13 @@ def _options(model: Any, without: Sequence[str] = ()) -> str:
 def _metrics() -> Iterator[Row]:
     from trackbench.metrics.registry import METRICS, metric_paths
 
-    def of(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
-        for metric in metrics:
-            yield metric.name, where + metric.meaning + (f" [{metric.unit}]" if metric.unit not in ("", "1") else "")
-
     for name, reason in METRICS.failures().items():
         yield name, f"failed: {reason}"
-    own = METRICS.loaded().values()
-    of_estimates = [metric for metric in own if metric.scores == "estimates"]
-    yield from of(metric_paths([*collected("examples_of_metrics"), *of_estimates]))
-    of_tracks = [metric for metric in own if metric.scores == "tracks"]
-    yield from of(metric_paths(of_tracks, hidden=True), "hidden identities: ")
-    yield from of(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")
+    for metric in metric_paths([*collected("examples_of_metrics"), *METRICS.loaded().values()]):
+        where = "hidden identities" if "tracks" in metric.needs else ""
+        where += ", no truth" if "no truth" in metric.needs else ""
+        unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
+        yield metric.name, f"{where}{': ' if where else ''}{metric.meaning}{unit}"
 
 
 def _envs() -> Iterator[Row]:

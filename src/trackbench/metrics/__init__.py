@@ -5,7 +5,7 @@ from trackbench.metrics.built_in.basic import EstimateMetric
 from trackbench.metrics.evaluate import Evaluation, MetricSums, evaluate, health, merge_sums, no_metrics
 from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled_interval
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
-from trackbench.metrics.scorer import Scorer, score_waiting
+from trackbench.metrics.scorer import Scorer
 from trackbench.metrics.sums import BlockScores, Scores
 
 __all__ = [
@@ -32,5 +32,4 @@ __all__ = [
     "ratio",
     "root",
     "scaled_interval",
-    "score_waiting",
 ]

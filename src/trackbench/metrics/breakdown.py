@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,13 +37,12 @@ DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2} | dict.fromkeys(DIRECT
 #: The share beyond a point is stated where at least so many independent estimates are expected beyond it.
 LEAST_BEYOND = 10
 
-# Columns of the sums: all estimates, each manoeuvre, band, age, and jump or none, and each manoeuvre in each band.
+# Columns of the sums: all estimates, each manoeuvre, band, age, and jump or none.
 _MANOEUVRE = 1
 _BAND = _MANOEUVRE + len(MANOEUVRES)
 _AGE = _BAND + BANDS
 _JUMP = _AGE + len(AGES)
-_CELL = _JUMP + len(JUMPS)
-_COLUMNS = _CELL + len(MANOEUVRES) * BANDS
+_COLUMNS = _JUMP + len(JUMPS)
 #: Row of the number of which each is a mean.
 _NUMBER = [1 if name in DOF or name in BEYOND else 0 for name in ROWS]
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
@@ -52,8 +51,7 @@ _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in F
 def _condition_columns(classes: Indices) -> Indices:
     """``(columns, classes)`` those in which the estimates of each class count."""
     manoeuvre, band, age, jump = np.unravel_index(classes, SHAPE)
-    cell = _CELL + manoeuvre * BANDS + band
-    return np.stack([np.zeros_like(cell), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _JUMP + jump, cell])
+    return np.stack([np.zeros_like(band), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _JUMP + jump])
 
 
 def breakdown_sums(errors: Array) -> Array:
@@ -112,22 +110,6 @@ def breakdown(sums: ClassSums) -> Breakdown:
         age=each(AGES, _AGE),
         jump=each(JUMPS, _JUMP),
     )
-
-
-def cells(sums: ClassSums) -> Iterator[dict[str, Any]]:
-    """Each manoeuvre in each range band that occurred, as a row of a table."""
-    for cell in np.flatnonzero(sums.total[0, _CELL:]):
-        manoeuvre, band = divmod(int(cell), BANDS)
-        total = dict(zip(ROWS, sums.total[:, _CELL + cell].tolist(), strict=True))
-        count, given = total.pop("count"), total.pop("given")
-        yield {
-            "manoeuvre": MANOEUVRES[manoeuvre],
-            **dict(zip(("range_from_m", "range_to_m"), _edges(band), strict=True)),
-            "count": count,
-            "position_rmse_m": (total["position"] / count) ** 0.5,
-            "velocity_rmse_mps": (total["velocity"] / count) ** 0.5,
-            **{f"{name}_mean": total[name] / given if given else math.nan for name in DOF},
-        }
 
 
 def band_name(band: int) -> str:

@@ -44,10 +44,11 @@ class _Summing:
     """The sums of a block that is under way."""
 
     def __init__(self, scope: Scope) -> None:
-        self._scope = scope
-        instants = len(scope.target.time)
+        self._scope, self._target = scope, scope.labelled
+        assert scope.classes is not None
         # Of a single run, each stretch of time has classes of its own.
-        time = scope.target.time
+        time = self._target.time
+        instants, objects = self._target.alive.shape
         self._duration = float(time[-1] - time[0])
         stretch = stretch_numbers(instants, self._duration) if scope.single else np.zeros(instants, dtype=np.intp)
         self._stretches = int(stretch[-1]) + 1
@@ -65,10 +66,8 @@ class _Summing:
         self._repaired = np.zeros(scope.runs)
         self._spread = np.full((2, instants), np.nan)
         self._innovations = {
-            name: Innovations(count, scope.objects, scope.runs, scope.compute)
-            for name, count in scope.measurements.items()
+            name: Innovations(count, objects, scope.runs, scope.compute) for name, count in scope.measurements.items()
         }
-        self._seconds, self._steps = 0.0, 0
 
     def add(self, chunk: Chunk) -> None:
         """Add some instants."""
@@ -76,8 +75,6 @@ class _Summing:
             for innovation in innovations:
                 self._innovations[sensor].add(innovation.whitened, innovation.used, innovation.due)
         self._repaired += chunk.repaired
-        self._seconds += chunk.seconds
-        self._steps += chunk.steps
         here, scored, values = chunk.instants, chunk.scored, chunk.values
         self._note_spread(here, chunk.squares[0], scored, chunk.given)
         if (chunk.starting & ~scored).any():
@@ -95,16 +92,13 @@ class _Summing:
         """``(instants, objects, runs or 1)`` number of the class of each object, and how many there are."""
         return self._class, len(self._codes)
 
-    def add_sequence(
-        self, scores: ScoreSequence, squares: SquaredErrors, repaired: Array, spent: tuple[float, int]
-    ) -> None:
+    def add_sequence(self, scores: ScoreSequence, squares: SquaredErrors, repaired: Array) -> None:
         """Add some instants that were scored by kernels.
 
         Args:
             scores: their sums.
             squares: the squared errors.
             repaired: ``(runs,)`` number of repaired covariances.
-            spent: seconds, and for how many steps of single objects.
         """
         fields, here, square = len(ERROR_FIELDS), scores.here, squares.squares[0]
         self._per_step[:, here] = scores.per_step
@@ -112,8 +106,6 @@ class _Summing:
         # Beyond one point and not beyond the next.
         self._passed -= np.diff(scores.by_class[fields:], axis=0, append=0.0)
         self._repaired += repaired
-        self._seconds += spent[0]
-        self._steps += spent[1]
         self._note_spread(here, square, squares.scored, squares.given)
 
     def innovations(self, sensor: str) -> Innovations:
@@ -122,7 +114,7 @@ class _Summing:
 
     def _note_spread(self, here: slice, square: Array, scored: Mask, given: Mask) -> None:
         """Note what squared errors of the position ``(instants, batch)`` tell of divergence and of their spread."""
-        far = (square > self._scope.target.divergence**2) & given & scored
+        far = (square > self._target.divergence**2) & given & scored
         if far.any():
             self._diverged |= self._by_run(np.asarray(far.any(axis=0))) > 0
         if self._scope.first:
@@ -138,14 +130,12 @@ class _Summing:
                 self._charged_per_run,
                 self._cells(self._per_class),
             ),
-            due=self._by_run(self._scope.expected.sum(axis=0)),
+            due=self._by_run(self._target.each(self._target.due).sum(axis=0)),
             diverged=self._diverged.astype(float),
             repaired=self._repaired,
             nis={name: item.scores() for name, item in self._innovations.items()},
             spread=self._spread,
             duration=self._duration,
-            seconds=self._seconds,
-            steps=self._steps,
             single_runs=() if self._scope.single else None,
         )
 
@@ -158,7 +148,7 @@ class _Summing:
 
     def _by_run(self, batch: Array) -> Array:
         """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
-        return np.asarray(batch.reshape(*batch.shape[:-1], self._scope.objects, self._scope.runs).sum(axis=-2))
+        return np.asarray(batch.reshape(*batch.shape[:-1], -1, self._scope.runs).sum(axis=-2))
 
     def _add_by_class(self, values: Array, classes: Indices) -> None:
         """Add values ``(fields, instants, batch)`` to the sums of their classes ``(instants, objects, runs or 1)``."""

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import logging
 import math
-import pickle
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from trackbench.base.answers import require, require_array
-from trackbench.base.errors import PluginError
-from trackbench.base.plugins import one_line, with_plugins
+from trackbench.base.plugins import one_line
 from trackbench.base.types import EXACT, Array, Indices, RecordedNoise
 from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
-from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope, SquaredErrors, run_column
+from trackbench.metrics.protocol import Accumulator, Metric, Outcome, run_column
 from trackbench.metrics.sums import BlockScores, Scores, stretch_numbers
 from trackbench.results import Health, MetricValue
 
@@ -42,7 +40,7 @@ class Evaluation:
     run_columns: dict[str, Array] = field(default_factory=dict)
     """``(runs,)`` each, the columns of the table of runs of those with sums of their own."""
     broken: dict[str, str] = field(default_factory=dict)
-    """By name, why a metric raised."""
+    """By name, why a metric has no value: what its ``finish`` raised."""
 
     @property
     def scores(self) -> Scores:
@@ -81,10 +79,13 @@ def evaluate(
         by_part = metric.accumulator is ESTIMATES
         parts = evaluation.scores.per_part.shape[1] if by_part else len(scene)
         own_sums = evaluation.sums[metric.accumulator.name]
-        values = _guarded(metric, _checked, metric, own_sums, sensors, parts)
-        if isinstance(values, Broken):
-            evaluation.broken[metric.name] = values.cause
-            values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
+        try:
+            values = _checked(metric, own_sums, sensors, parts)
+        except Exception as error:
+            if is_built_in(metric):
+                raise
+            evaluation.broken[metric.name] = cause = one_line(error)
+            values = {metric.name: (MetricValue(unit=metric.unit, reason=cause), None)}
         charged = metric.without_charged(own_sums) if by_part else None
         for path, (value, interval) in values.items():
             if metric.shared is None or run_column(path) in metric.columns:
@@ -153,8 +154,6 @@ def independent_scores(merged: BlockScores, scene: Indices) -> Scores:
         nis=nis,
         classes=(None if over_scenes else sums.classes) or class_sums(cells, per_part.shape[1], over_scenes),
         spread=merged.spread,
-        seconds=merged.seconds,
-        steps=merged.steps,
     )
 
 
@@ -185,9 +184,8 @@ def health(scores: BlockScores) -> Health:
 
 
 def accumulators(metrics: Sequence[Metric]) -> dict[str, Accumulator]:
-    """What sums for these metrics, each once; one that raises breaks its own metrics alone."""
-    named = {metric.accumulator.name: metric.accumulator for metric in metrics}
-    return {name: item if item is ESTIMATES else Guarded(item) for name, item in named.items()}
+    """Return what sums for these metrics by name, each once."""
+    return {metric.accumulator.name: metric.accumulator for metric in metrics}
 
 
 def merge_sums(blocks: Sequence[MetricSums], metrics: Sequence[Metric] = BUILT_IN) -> MetricSums:
@@ -195,63 +193,9 @@ def merge_sums(blocks: Sequence[MetricSums], metrics: Sequence[Metric] = BUILT_I
     return {name: item.merge([block[name] for block in blocks]) for name, item in accumulators(metrics).items()}
 
 
-@dataclass(frozen=True)
-class Broken:
-    """In the place of the sums of a metric that raised."""
-
-    cause: str
-
-
-class Guarded:
-    """MetricSums of a plug-in, which are ``Broken`` once it raises."""
-
-    def __init__(self, accumulator: Accumulator) -> None:
-        self._accumulator = accumulator
-        self.name = accumulator.name
-        self.of_squares = _built_in(accumulator) and getattr(accumulator, "of_squares", False)
-        """Whether it is a metric of the bench that looks at no more of a chunk than at squared errors."""
-
-    def init(self, scope: Scope) -> Any:
-        return _guarded(self._accumulator, self._accumulator.init, scope)
-
-    def update(self, sums: Any, chunk: Chunk | SquaredErrors) -> Any:
-        return _guarded(self._accumulator, self._accumulator.update, sums, chunk)
-
-    def close(self, sums: Any) -> Any:
-        return _guarded(self._accumulator, self._close, sums)
-
-    def _close(self, sums: Any) -> Any:
-        closed = self._accumulator.close(sums)
-        # As they come from another process, so that the number of processes changes nothing.
-        try:
-            return pickle.loads(pickle.dumps(closed))
-        except Exception as error:
-            raise TypeError(f"the sums cannot be pickled: {error}") from None
-
-    def merge(self, blocks: Sequence[Any]) -> Any:
-        broken = next((block for block in blocks if isinstance(block, Broken)), None)
-        return broken or _guarded(self._accumulator, self._accumulator.merge, blocks)
-
-
-def _guarded(plugin: Accumulator | Metric, call: Callable[..., Any], *arguments: Any) -> Any:
-    broken = next((item for item in arguments if isinstance(item, Broken)), None)
-    if broken is not None:
-        return broken
-    try:
-        return call(*arguments)
-    except (Fault, KeyboardInterrupt):
-        raise
-    except BaseException as error:
-        if _built_in(plugin) and (plugins := with_plugins()):
-            problem = f"no result: the built-in metric {plugin.name} fails: {one_line(error)}, {plugins}"
-            raise PluginError(problem) from error
-        return Broken(one_line(error))
-
-
-def _built_in(plugin: Accumulator | Metric) -> bool:
-    # A metric of a function of driver assistance runs that function.
-    parts = plugin, getattr(plugin, "function", plugin)
-    return all(type(part).__module__.startswith("trackbench.") for part in parts)
+def is_built_in(plugin: Accumulator | Metric) -> bool:
+    """Whether a metric or an accumulator is the bench's own."""
+    return type(plugin).__module__.startswith("trackbench.")
 
 
 def _checked(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval, ratio
 from trackbench.metrics.sums import ERROR
 from trackbench.results import MetricValue
+
+if TYPE_CHECKING:
+    from trackbench.metrics.traffic import TrafficScoreOptions
 
 Direction = Literal["smaller", "larger"]
 #: What ``finish`` may give for one path; None where there is no value.
@@ -46,46 +49,41 @@ class Target(NamedTuple):
     reference: Array
     """``(2, instants, objects, runs or 1)`` of the squared error of position, m^2, and velocity, (m/s)^2."""
 
+    def each(self, mask: Mask) -> Mask:
+        """Return ``(instants, objects * runs)`` of a mask of this target, such as ``due``."""
+        return mask.reshape(len(self.time), -1)
+
 
 @dataclass(frozen=True)
 class Scope:
-    """A block of runs, as a metric knows it before the first estimate. Its arrays cannot be changed."""
+    """A block of runs, as a metric knows it before the first estimate or track. Its arrays cannot be changed."""
 
-    target: Target
-    classes: Classes
-    """``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`."""
-    measurements: Mapping[str, int]
-    """How many instants each sensor has."""
     tracker: str
-    """Whose estimates they are."""
-    first: bool
-    """Whether it is the first block."""
-    single: bool
-    """Whether it is a run whose stretches of time stand for independent runs."""
-    chunk: int
-    """Largest number of instants in a chunk."""
-    compute: Compute = by_numpy
-    """What computes equations."""
+    """Name of the tracker that is scored."""
+    runs: int
+    """Number of runs, or of stretches of a run, each of which is scored by itself."""
     bodies: EgoScene | None = None
     """The ego and the sizes of the objects."""
+    options: TrafficScoreOptions | None = None
+    """What is asked of a track; None with known identities."""
+    target: Target | None = None
+    """What estimates are held against; None with hidden identities, as ``classes``."""
+    classes: Classes | None = None
+    """``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`."""
+    measurements: Mapping[str, int] = field(default_factory=dict)
+    """Number of instants of each sensor; empty with hidden identities."""
+    first: bool = True
+    """Whether it is the first block."""
+    single: bool = False
+    """Whether it is a run whose stretches of time stand for independent runs."""
+    compute: Compute = by_numpy
+    """What computes equations."""
 
     @property
-    def objects(self) -> int:
-        return int(self.target.due.shape[1])
-
-    @property
-    def runs(self) -> int:
-        return int(self.target.due.shape[2])
-
-    @property
-    def expected(self) -> Mask:
-        """``(instants, objects * runs)`` where an estimate is due."""
-        return self.target.due.reshape(len(self.target.time), -1)
-
-    @property
-    def starting(self) -> Mask:
-        """``(instants, objects * runs)`` the first second after a detection."""
-        return self.target.starting.reshape(len(self.target.time), -1)
+    def labelled(self) -> Target:
+        """The target of a scope with known identities."""
+        assert self.target is not None
+        return self.target
 
 
 class Innovation(NamedTuple):
@@ -187,6 +185,8 @@ class SquaredErrors(NamedTuple):
     starting: Mask
     given: Mask
     runs: int
+    seconds: float
+    steps: int
 
 
 class Fault(Exception):
@@ -227,6 +227,9 @@ class Accumulator(Protocol):
     def merge(self, blocks: Sequence[Any]) -> Any: ...
 
 
+#: What a scenario may have: measurements that say of which object they are, or hidden identities and so tracks; and
+#: a truth, or none.
+PROPERTIES = frozenset({"labels", "tracks", "truth", "no truth"})
 #: Stands in a path for a sensor's name.
 SENSOR = "<sensor>"
 
@@ -244,6 +247,8 @@ class Field(NamedTuple):
     better: Direction | None = None
     compared: bool = False
     """Whether two trackers are compared by it, run by run (``better_than``)."""
+    needs: Set[str] = frozenset()
+    """Which of ``PROPERTIES`` a scenario must have."""
 
     @property
     def per_sensor(self) -> bool:
@@ -260,9 +265,8 @@ class Metric(Config):
     It has ``init``, ``update`` and ``merge`` of its own, with sums of any type that can be pickled, or names in
     ``shared`` the sums that it has in common with others; and it has ``finish``.
 
-    One of estimates gets a :class:`Scope` and chunks of a block. One of tracks, with hidden identities, gets a
-    :class:`~trackbench.metrics.traffic.TrackScope` and one :class:`~trackbench.metrics.traffic.TrackedRun` after the
-    other.
+    ``init`` is given a :class:`Scope`. ``update`` is given the chunks of a block where identities are known, and one
+    :class:`~trackbench.metrics.traffic.TrackedRun` after the other where they are hidden.
     """
 
     name: ClassVar[str]
@@ -271,8 +275,8 @@ class Metric(Config):
     """ "1" for a number without a unit."""
     meaning: ClassVar[str]
     """In one line."""
-    scores: ClassVar[Literal["estimates", "tracks"]] = "estimates"
-    """What it is of: estimates of single objects, or tracks where identities are hidden."""
+    needs: ClassVar[Set[str]] = frozenset({"labels", "truth"})
+    """Which of ``PROPERTIES`` a scenario must have."""
     better: ClassVar[Direction | None] = None
     """Which values are better; None where neither is."""
     ranks: ClassVar[bool] = False
@@ -289,8 +293,6 @@ class Metric(Config):
     """The sums that it is made of; None where they are its own."""
     of_squares: ClassVar[bool] = False
     """Whether ``update`` looks at no more of a chunk than :class:`SquaredErrors` have."""
-    without_truth: ClassVar[bool] = False
-    """Whether it needs no truth."""
     at_least: ClassVar[float] = -np.inf
     """What its mean over runs cannot be below."""
     at_most: ClassVar[float] = np.inf
@@ -376,8 +378,11 @@ class Metric(Config):
         """What an expectation may name of it."""
         path = f"{self.name}.{SENSOR}" if self.per_sensor else self.name
         compared = self.compared and self.better is not None
-        value = Field(self.path, self.meaning, unit=self.unit, better=self.better, compared=compared)
-        parts = [Field(f"{path}.{part.name}", *part[1:3], unit="" if part.words else part.unit) for part in self.fields]
+        value = Field(self.path, self.meaning, (), self.unit, self.better, compared, self.needs)
+        parts = [
+            Field(f"{path}.{part.name}", *part[1:3], unit="" if part.words else part.unit, needs=self.needs)
+            for part in self.fields
+        ]
         return [value, *parts]
 
 

@@ -3,37 +3,32 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Set
 from typing import Any
 
 from trackbench.base.plugins import Registry
 from trackbench.metrics.built_in import BUILT_IN
-from trackbench.metrics.protocol import SENSOR, Field, Metric
+from trackbench.metrics.protocol import PROPERTIES, SENSOR, Field, Metric
+from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 
 #: Paths that begin so are of a tracker's health, beside its metrics.
 HEALTH = "health."
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
-#: By whether identities are hidden.
-_HEALTH = {
-    False: (
-        Field(HEALTH + "diverged_runs", "runs whose position error exceeded score.divergence_m"),
-        Field(HEALTH + "repaired_covariances", "covariances that had to be made positive definite again"),
-        Field(HEALTH + "repaired_runs", "runs in which that happened"),
-        Field(HEALTH + "non_finite_estimates", "estimates with NaN or infinity"),
-    ),
-    True: (Field(HEALTH + "reused_ids", "identities that were used again after their track had ended"),),
-}
+_HEALTH = (
+    Field(HEALTH + "diverged_runs", "runs whose position error exceeded score.divergence_m", needs={"labels"}),
+    Field(HEALTH + "repaired_covariances", "covariances made positive definite again", needs={"labels"}),
+    Field(HEALTH + "repaired_runs", "runs in which a covariance was repaired", needs={"labels"}),
+    Field(HEALTH + "non_finite_estimates", "estimates with NaN or infinity", needs={"labels"}),
+    Field(HEALTH + "reused_ids", "identities that were used again after their track had ended", needs={"tracks"}),
+)
+#: Every built-in metric. Two of one name are one metric, summed over estimates and over tracks.
+_EVERY: tuple[Metric, ...] = (*BUILT_IN, *TRACK_METRICS.values(), *DETECTION_METRICS.values())
 
 
-def built_in_metrics(hidden: bool, truth: bool = True) -> tuple[Metric, ...]:
-    """The metrics of every run with known or hidden identities; ``truth``: whether there is one."""
-    if not hidden:
-        return BUILT_IN
-    # The scores of tracks take their time to import.
-    from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-
-    return tuple((TRACK_METRICS if truth else DETECTION_METRICS).values())
+def metrics_for(properties: Set[str]) -> tuple[Metric, ...]:
+    """Return the built-in metrics of a scenario that has these of ``PROPERTIES``."""
+    return tuple(metric for metric in _EVERY if metric.needs <= properties)
 
 
 def ranking_path(metrics: Iterable[Metric]) -> str:
@@ -41,20 +36,27 @@ def ranking_path(metrics: Iterable[Metric]) -> str:
     return next(metric.path for metric in metrics if metric.ranks)
 
 
-def metric_paths(own: Iterable[Metric | type[Metric]] = (), hidden: bool = False, truth: bool = True) -> list[Field]:
-    """What an expectation may name of the built-in metrics, as :func:`built_in_metrics`, and of others."""
-    metrics = (*built_in_metrics(hidden, truth), *own)
-    return [*(field for metric in metrics for field in _metric_fields(metric)), *_HEALTH[hidden]]
+def metric_paths(own: Iterable[Metric | type[Metric]] = (), properties: Set[str] = PROPERTIES) -> list[Field]:
+    """Return what an expectation may name of the built-in metrics and of others, each once.
+
+    Args:
+        own: metrics beside the built-in ones.
+        properties: those of the scenarios that are spoken of.
+    """
+    fields: dict[str, Field] = {}
+    for field in (*(field for metric in (*_EVERY, *own) for field in _metric_fields(metric)), *_HEALTH):
+        if field.needs <= properties:
+            same = fields.get(field.name, field)
+            fields[field.name] = same._replace(needs=same.needs & field.needs)
+    return list(fields.values())
 
 
-def by_path(
-    sensors: Iterable[str], own: Sequence[Metric] = (), hidden: bool = False, truth: bool = True
-) -> dict[str, Field]:
-    """Every path that an expectation may name in a scenario with these sensors."""
+def by_path(sensors: Iterable[str], own: Iterable[Metric] = (), properties: Set[str] = PROPERTIES) -> dict[str, Field]:
+    """Return every path that an expectation may name in a scenario with these sensors and properties."""
     names = list(sensors)
     return {
         path: field
-        for field in metric_paths(own, hidden, truth)
+        for field in metric_paths(own, properties)
         for path in ([field.name.replace(SENSOR, name) for name in names] if field.per_sensor else [field.name])
     }
 
@@ -64,11 +66,11 @@ def _metric_fields(metric: Metric | type[Metric]) -> list[Field]:
     return metric.entries() if isinstance(metric, Metric) else metric.model_construct().entries()
 
 
-def unfit_name(name: str, scores: str = "estimates") -> str | None:
-    """Why no metric of one's own can have this name; None if one can. ``scores``: what it is of."""
+def unfit_name(name: str) -> str | None:
+    """Return why no metric of one's own can have this name; None if one can."""
     if not NAME.fullmatch(name):
         return f"its name {name!r} may have a to z, 0 to 9 and _ alone"
-    if name in {"health", "step_time", *(item.name.partition(".")[0] for item in built_in_metrics(scores == "tracks"))}:
+    if name in {"health", *(item.name.partition(".")[0] for item in _EVERY)}:
         return f"its name {name!r} is that of a built-in one"
     return None
 
@@ -92,9 +94,9 @@ def _lacks(metric: Any) -> str | None:
             return f"its {name} must be True or False, not {getattr(metric, name)!r}"
     if not isinstance(metric.fields, tuple) or not all(isinstance(field, Field) for field in metric.fields):
         return f"its fields must be a tuple of trackbench.metrics.Field, not {metric.fields!r}"
-    if metric.scores not in ("estimates", "tracks"):
-        return f'scores must be "estimates" or "tracks", not {metric.scores!r}'
-    if unfit := unfit_name(metric.name, metric.scores):
+    if not isinstance(metric.needs, Set) or not metric.needs <= PROPERTIES:
+        return f"its needs must be a set of {', '.join(sorted(PROPERTIES))}, not {metric.needs!r}"
+    if unfit := unfit_name(metric.name):
         return unfit
     if metric.better not in ("smaller", "larger", None):
         return f'better must be "smaller", "larger" or None, not {metric.better!r}'

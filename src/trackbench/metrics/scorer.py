@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.driving.drive import DriveStep
 from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.metrics.built_in import BUILT_IN
@@ -19,9 +19,9 @@ from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.evaluate import accumulators
+from trackbench.metrics.evaluate import accumulators, is_built_in
 from trackbench.metrics.innovations import Innovations
-from trackbench.metrics.protocol import Chunk, Fault, Innovation, Metric, Scope, SquaredErrors, Target, raise_fault
+from trackbench.metrics.protocol import Chunk, Innovation, Metric, Scope, SquaredErrors, Target, raise_fault
 from trackbench.metrics.silence import Silence
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 
@@ -45,10 +45,7 @@ def no_measurements(_: slice) -> Array:
 
 
 class Scorer:
-    """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end.
-
-    ``full`` tells when :func:`score_waiting` is due.
-    """
+    """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end."""
 
     def __init__(
         self,
@@ -85,9 +82,18 @@ class Scorer:
         batch = self._objects * self._runs
         self.chunk: int = max(1, BATCH // batch)
         self.tracker = tracker
-        read_only = _read_only(target), _read_only(classes), _read_only(measurements)
-        scope = Scope(*read_only, tracker, first, single, self.chunk, compute, bodies)
-        self._due, self._starting = scope.expected, scope.starting
+        scope = Scope(
+            tracker,
+            self._runs,
+            bodies,
+            target=_read_only(target),
+            classes=_read_only(classes),
+            measurements=measurements,
+            first=first,
+            single=single,
+            compute=compute,
+        )
+        self._due, self._starting = (scope.labelled.each(mask) for mask in (target.due, target.starting))
         self._expected = self._due | self._starting
         self._classes = classes
         self._accumulators = accumulators(metrics)
@@ -98,20 +104,30 @@ class Scorer:
         self._had = np.zeros(batch, dtype=bool)
         self._silence = Silence(target.state, target.due | target.starting, measured)
         self._sensors = tuple(measurements)
+        self.none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
+        """In the place of the estimates of a tracker that gives none."""
         self._begin_chunk()
         if self.kernels is not None:
             self.chunk = min(self.chunk, BEFORE_SEQUENCES)
+
+    def take(self, step: DriveStep[Estimate | None]) -> None:
+        """Take in what a tracker made of a scan; to be called in order.
+
+        Raises:
+            Fault: an estimate cannot be scored.
+        """
+        estimate = step.answer or self.none
+        self.scan(step.instant, step.scan, estimate, step.seconds)
+        if step.last:
+            self.estimate(estimate)
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
         if not scan.asked:
             white, used = whitened_innovation(estimate), scan.valid & self._due[instant]
             # A view would keep all that the step computed, so that the next one found no memory that is in the cache.
-            innovation = None if white is None else white.copy(), used, used & self._had
-            for array in innovation:
-                if array is not None:
-                    array.setflags(write=False)
-            self._innovations[scan.sensor].append(Innovation(instant, *innovation))
+            white = None if white is None else white.copy()
+            self._innovations[scan.sensor].append(Innovation(instant, white, used, used & self._had))
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._due[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)
@@ -119,16 +135,17 @@ class Scorer:
         self._steps += scan.valid.size
 
     def estimate(self, estimate: Estimate) -> None:
-        """Take in the estimate after the last scan of an instant."""
+        """Take in the estimate after the last scan of an instant; score what waits at the end of a chunk.
+
+        Raises:
+            Fault: an estimate cannot be scored.
+        """
         self._mean[:, self._filled] = estimate.mean
         self._covariance[:, :, self._filled] = estimate.covariance
         self._had = (self._had | np.isfinite(estimate.mean[0])) & self._expected[self._first + self._filled]
         self._filled += 1
-
-    @property
-    def full(self) -> bool:
-        """Whether what was taken in must be scored before the next instant."""
-        return self._filled == self.chunk
+        if self._filled == self.chunk or self._waiting.stop == len(self._target.time):
+            self.score()
 
     @property
     def waits(self) -> bool:
@@ -141,7 +158,7 @@ class Scorer:
         others = dict(self._accumulators)
         if others.pop(ESTIMATES.name, None) is None or self._classes.shape[-1] > 1:
             return None
-        of_squares = all(getattr(item, "of_squares", False) for item in others.values())
+        of_squares = all(is_built_in(item) and getattr(item, "of_squares", False) for item in others.values())
         return kernels_of(self._compute, self._runs) if of_squares else None
 
     @property
@@ -172,7 +189,7 @@ class Scorer:
         innovations: Innovations = self._sums[ESTIMATES.name].innovations(sensor)
         return innovations
 
-    def take(
+    def take_sequence(
         self, scores: ScoreSequence, repaired: Array, latest: Array, given: Mask, spent: tuple[float, int]
     ) -> None:
         """Take in what a sequence has scored.
@@ -182,17 +199,23 @@ class Scorer:
             repaired: ``(instants, batch or 1)`` number of repaired covariances.
             latest: ``(4, batch)`` the estimates at the last of them.
             given: ``(batch,)`` which of them there are.
-            spent: seconds, and for how many scans.
+            spent: seconds, and for how many steps of single objects.
         """
         here = scores.here
         due = self._due[here]
         squares = SquaredErrors(
-            here, scores.squares, due, self._starting[here], np.broadcast_to(given, due.shape), self._runs
+            here,
+            scores.squares,
+            due,
+            self._starting[here],
+            np.broadcast_to(given, due.shape),
+            self._runs,
+            *spent,
         )
         repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
-                self._sums[name].add_sequence(scores, squares, repairs, (spent[0], spent[1] * len(given)))
+                self._sums[name].add_sequence(scores, squares, repairs)
             else:
                 self._sums[name] = accumulator.update(self._sums[name], squares)
         self._first = here.stop
@@ -251,7 +274,7 @@ class Scorer:
             scored=_read_only(self._due[here]),
             starting=_read_only(self._starting[here]),
             given=_read_only(finite),
-            innovations=MappingProxyType({sensor: tuple(each) for sensor, each in self._innovations.items()}),
+            innovations=self._innovations,
             repaired=_read_only(self._repaired),
             seconds=self._seconds,
             steps=self._steps,
@@ -277,32 +300,17 @@ class Scorer:
         return np.repeat(self._target.alive[instants], self._runs, axis=1)
 
 
-def score_waiting(scorers: Sequence[Scorer]) -> dict[str, Fault]:
-    """Score the buffered estimates of several trackers; return the faults by tracker name."""
-    faults = {}
-    for scorer in scorers:
-        try:
-            scorer.score()
-        except Fault as fault:
-            faults[scorer.tracker] = fault
-    return faults
-
-
 def _masks(computed: Mapping[str, Any], *names: str) -> list[Mask]:
     """Masks ``(instants, batch)`` of what was computed ``(instants, objects, runs)``."""
     return [computed[name].reshape(len(computed[name]), -1) for name in names]
 
 
 def _read_only(value: Any) -> Any:
-    """What a metric may look at and not change, whose owner still may: an array, or a collection of them."""
-    if isinstance(value, np.ndarray):
-        view = value.view()
-        view.flags.writeable = False
-        return view
+    """Return a view of an array, or of those of a target, that a metric cannot change by mistake."""
     if isinstance(value, Target):
-        return type(value)(*map(_read_only, value))
-    if isinstance(value, list | tuple):
-        return tuple(map(_read_only, value))
-    if isinstance(value, Mapping):
-        return MappingProxyType({key: _read_only(item) for key, item in value.items()})
-    return value
+        return Target(*map(_read_only, value))
+    if not isinstance(value, np.ndarray):
+        return value
+    view = value.view()
+    view.flags.writeable = False
+    return view

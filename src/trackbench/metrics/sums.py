@@ -115,10 +115,6 @@ class BlockScores:
     """``(2, instants)`` 10th and 90th percentile of the position error over the runs of the first block."""
     duration: float
     """From the first instant to the last, s."""
-    seconds: float
-    """Time spent in the tracker."""
-    steps: int
-    """Number of steps of single objects that it took."""
     single_runs: tuple[BlockScores, ...] | None = None
     """Each run by itself, where stretches of time stand for independent runs; of one that is not merged yet ``()``."""
 
@@ -183,8 +179,6 @@ class Scores:
     """By condition."""
     spread: Array
     """``(2, instants)`` 10th and 90th percentile of the position error over the runs of the first block."""
-    seconds: float
-    steps: int
 
 
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
@@ -216,8 +210,6 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
         },
         spread=np.pad(first.spread, ((0, 0), (0, longest - first.spread.shape[1])), constant_values=np.nan),
         duration=max(block.duration for block in blocks),
-        seconds=sum(block.seconds for block in blocks),
-        steps=sum(block.steps for block in blocks),
         single_runs=None if first.single_runs is None else tuple(blocks),
     )
 

@@ -195,16 +195,6 @@ LABELLED = {
             *_numbers(_number("nees_mean", _mean("nees", "given")), *REFERENCES),
         ],
     ),
-    "breakdown": _table(
-        "errors of each tracker by manoeuvre and range band",
-        ["tracker", "manoeuvre"],
-        [
-            *(_number(f"range_{end}_m", kind="sparse") for end in ("from", "to")),
-            *_numbers("count", "position_rmse_m", "velocity_rmse_mps", "nees_mean"),
-            *(_number(f"nees_{part}_mean", required=False) for part in ("position", "velocity")),
-        ],
-        single=True,
-    ),
     "autocorrelation": _table(
         "autocorrelation of each tracker's whitened innovations, by lag; 95 % are within ``low`` and ``high`` if white",
         ["tracker", "sensor"],

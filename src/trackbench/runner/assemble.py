@@ -151,7 +151,11 @@ def assemble(
             margin=margin,
             baseline=baseline,
             best=best,
-            metrics=[_summary_of_metric(metric) for metric in (work.metrics if hidden else scenario.own_metrics)],
+            metrics=[
+                _summary_of_metric(metric)
+                for metric in (work.metrics if hidden else scenario.own_metrics)
+                if metric.columns or metric.per_sensor
+            ],
         ),
         recorded_run=work.number(work.recorded_scene, work.recorded_run),
         trackers=trackers,

@@ -11,11 +11,12 @@ import numpy as np
 from trackbench.base.types import Array, Scan, of_runs, scan_of_run
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.breakdown import sum_classes
+from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
 from trackbench.runner.filed_run import FiledRun
-from trackbench.runner.hidden_run import HiddenBatch, HiddenRun, TrafficScores
-from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun
-from trackbench.runner.recorded import RecordedEstimates, RecordedInstant, RecordedScans
+from trackbench.runner.hidden_run import HiddenBatch, HiddenRun
+from trackbench.runner.labelled_run import LabelledRun
+from trackbench.runner.recorded import Outcome, RecordedEstimates, RecordedInstant, RecordedScans
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.targets import Targets
 from trackbench.runner.tracker_run import TrackerRun
@@ -27,7 +28,6 @@ from trackbench.trackers.config import FilterConfig
 #: Called with the recorded run while it is made: with its scans first, then with the estimates of one tracker after the
 #: other at each instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
-Outcome = LabelledOutcome | TrafficScores | Failure
 
 
 @dataclass
@@ -35,7 +35,7 @@ class Block:
     """What a block of runs leaves behind."""
 
     piece: BlockRuns
-    outcomes: dict[str, Outcome]
+    outcomes: dict[str, Outcome | Failure]
     """By tracker."""
     detections: dict[str, float]
     """By sensor, the number of detections of objects."""
@@ -50,7 +50,7 @@ class Block:
     spreads: dict[str, list[Array]] = field(default_factory=dict)
     """Sums of ``RunSpread`` for each plug-in."""
 
-    def add(self, tracker: TrackerRun[Any], outcome: Outcome, engine: EngineUsed | None) -> None:
+    def add(self, tracker: TrackerRun[Any], outcome: Outcome | Failure, engine: EngineUsed | None) -> None:
         """Add what a tracker leaves, what computed it, and what it says of itself."""
         self.outcomes[tracker.name] = outcome
         if engine is not None:
@@ -61,10 +61,10 @@ class Block:
             self.spreads[tracker.name] = tracker.spread.sums
 
     @property
-    def recorded(self) -> dict[str, RecordedEstimates]:
-        """With known identities, by tracker its estimates of the recorded run, if it is in this block."""
-        labelled = {name: item for name, item in self.outcomes.items() if isinstance(item, LabelledOutcome)}
-        return {name: item.recorded for name, item in labelled.items() if item.recorded is not None}
+    def recorded(self) -> dict[str, RecordedEstimates | RecordedTracks]:
+        """By tracker that has not failed, what it gave in the recorded run, if that is in this block."""
+        outcomes = {name: item for name, item in self.outcomes.items() if not isinstance(item, Failure)}
+        return {name: item.recorded for name, item in outcomes.items() if item.recorded is not None}
 
 
 def failures_and_outcomes(
@@ -112,7 +112,7 @@ class KnownBlocks:
             run = LabelledRun(self._work, block.piece, name, targets, second_drives, self._observe)
             yield run
             outcome = run.close()
-            if isinstance(outcome, LabelledOutcome):
+            if isinstance(outcome, Outcome):
                 sum_classes(outcome.scores)
             block.add(run, outcome, run.engine)
 

@@ -10,9 +10,9 @@ from trackbench.metrics.differences import UNDECIDED, size
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.registry import HEALTH
 from trackbench.metrics.traffic import ASSOCIATION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS, TRACKS, run_sums
-from trackbench.results import Difference, ExpectationResult, Failure, MetricValue, TrackerResult, by_value
+from trackbench.results import Difference, ExpectationResult, Failure, TrackerResult, by_value
 from trackbench.runner.block import Block, failures_and_outcomes
-from trackbench.runner.hidden_run import TrafficScores
+from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import Work
 from trackbench.scenario.keys import Expectation
 
@@ -23,9 +23,6 @@ UNLABELLED = "the recording does not say of which object a detection is"
 
 #: Why there is no value of what counts false tracks.
 OTHERS_IGNORED = "tracks on no object are ignored (truth.reference.others)"
-
-#: Why there is no computing time.
-NO_STEPS = "nothing was driven"
 
 
 @dataclass(frozen=True)
@@ -40,7 +37,7 @@ class Evaluated:
     """Those with enough estimates, best first."""
     scores: Mapping[str, BlockScores] = field(default_factory=dict)
     """With known identities, by each tracker that did not fail, the sums over all runs."""
-    tracks: Mapping[str, Sequence[TrafficScores]] = field(default_factory=dict)
+    tracks: Mapping[str, Sequence[Outcome]] = field(default_factory=dict)
     """With hidden identities, by each tracker that did not fail, what its blocks left."""
 
 
@@ -62,7 +59,7 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
 
 
 def _evaluated_tracks(
-    work: Work, failures: Mapping[str, Failure], outcomes: Mapping[str, Sequence[TrafficScores]]
+    work: Work, failures: Mapping[str, Failure], outcomes: Mapping[str, Sequence[Outcome]]
 ) -> Evaluated:
     """The same where identities are hidden."""
     evaluations = {name: _evaluation_of_tracks(work, blocks) for name, blocks in outcomes.items()}
@@ -72,32 +69,27 @@ def _evaluated_tracks(
     return Evaluated(failures, evaluations, ranked, tracks=outcomes)
 
 
-def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evaluation:
-    metrics = [metric for metric in work.metrics if work.has_truth or metric.without_truth]
-    evaluation = Evaluation(merge_sums([block.metrics for block in blocks], metrics))
-    if work.has_truth and not run_sums(evaluation.sums[TRACKS.name], "matched_share")[1].any():
-        evaluation.values = no_metrics(NOTHING_DUE, work.metrics)
-    else:
-        evaluation = evaluate(
-            evaluation.sums, work.scene_of_run, metrics, work.recorded_noise, in_time=work.stretches > 0
-        )
-        if not work.has_truth:
-            evaluation.values |= no_metrics("there is no truth", metrics_of_truth(work))
-        elif work.scenes[0].unlabelled:
-            evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
-        if work.scenes[0].truth.unscored is not None and work.scenes[0].truth.unscored.others:
-            evaluation.values |= no_metrics(OTHERS_IGNORED, [TRACK_METRICS[path] for path in OF_FALSE_TRACKS])
-    seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
-    step_time = (
-        MetricValue(value=1e6 * seconds / steps, unit="us") if steps else MetricValue(unit="us", reason=NO_STEPS)
-    )
-    evaluation.values["step_time"] = step_time
+def _evaluation_of_tracks(work: Work, blocks: Sequence[Outcome]) -> Evaluation:
+    without_truth = [metric for metric in work.metrics if "truth" not in metric.needs]
+    sums = merge_sums([block.sums for block in blocks], work.metrics if work.has_truth else without_truth)
+    reason = "" if work.has_truth else "there is no truth"
+    if work.has_truth and not run_sums(sums[TRACKS.name], "matched_share")[1].any():
+        reason = NOTHING_DUE
+    metrics = without_truth if reason else work.metrics
+    evaluation = evaluate(sums, work.scene_of_run, metrics, work.recorded_noise, in_time=work.stretches > 0)
+    if reason:
+        evaluation.values |= no_metrics(reason, metrics_of_truth(work))
+        return evaluation
+    if work.scenes[0].unlabelled:
+        evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
+    if work.scenes[0].truth.unscored is not None and work.scenes[0].truth.unscored.others:
+        evaluation.values |= no_metrics(OTHERS_IGNORED, [TRACK_METRICS[path] for path in OF_FALSE_TRACKS])
     return evaluation
 
 
 def metrics_of_truth(work: Work) -> list[Metric]:
     """Where identities are hidden, the metrics that need a truth."""
-    return [*TRACK_METRICS.values(), *(metric for metric in work.metrics if not metric.without_truth)]
+    return [*TRACK_METRICS.values(), *(metric for metric in work.metrics if "truth" in metric.needs)]
 
 
 def judge(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -11,9 +11,11 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Truth
 from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of, correlation_time
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
+from trackbench.metrics.traffic.scorer import Histories, SceneRuns
 from trackbench.results import MetricValue
 from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
-from trackbench.runner.hidden_run import HiddenRun, SceneRuns, TrafficScores
+from trackbench.runner.hidden_run import HiddenRun
+from trackbench.runner.recorded import Outcome
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
@@ -198,36 +200,35 @@ class FiledRun(HiddenRun):
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
         return iter(())
 
-    def close(self) -> list[TrafficScores]:
+    def close(self) -> list[Outcome]:
         """What it leaves of the piece."""
         self._offsets: list[np.ndarray] = []
         self._counts = np.zeros(3, dtype=np.intp)
-        (outcome,) = self._scored()
-        outcome.offset, outcome.filed = np.concatenate(self._offsets, axis=1), self._counts
-        return [outcome]
+        (scored,) = self.scorer.close(self._histories())
+        return [Outcome(scored.sums, scored.recorded, offset=np.concatenate(self._offsets, axis=1), filed=self._counts)]
 
-    def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:
+    def _histories(self) -> Histories:
         config = self._work.trackers[self.name]
         assert isinstance(config, TracksConfig)
         files = self._work.filed[self.name]
 
-        def histories(part: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
-            number, truth = part.piece.runs.start + run, part.scene.truth
-            place = part.piece.scene if len(files) > 1 else 0
+        def histories(scene: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
+            number, truth = scene.runs.start + run, scene.truth
+            place = self._piece.scene if len(files) > 1 else 0
             every = files[place]
             shift = float(every.start - truth.start) + config.time_offset_s
-            rows = rows_of_run(every, part.piece.scene, number)
+            rows = rows_of_run(every, self._piece.scene, number)
             problem = why_other_scans(rows, self._hidden.digests[run].hex()[:16])
             # Without a sensor there are no scans that the tracks could have been made of.
             if problem is not None and self._hidden.scans:
-                where = f"scene {part.piece.scene}, run {number}"
+                where = f"scene {self._piece.scene}, run {number}"
                 raise InputError(f"{where}: {problem}", file=files_in(config.path)[place], key=f"trackers.{self.name}")
             there = inside(rows, shift, truth.time[0], truth.time[-1])
             self._counts += len(rows), there.sum(), not there.any()
             history, stamp = tracks_at_instants(rows, self._time, shift)
             pairs = offset_pairs(rows, truth, number, shift, self._work.cutoff or 0.0)
-            of_run = np.full((1, pairs.shape[1]), self._work.number(part.piece.scene, number))
+            of_run = np.full((1, pairs.shape[1]), scene.number + run)
             self._offsets.append(np.concatenate([of_run, pairs]))
-            return truth_at(truth, number, self._truth_of(part, run), stamp), history
+            return truth_at(truth, number, scene.truth_at(self._time, run), stamp), history
 
         return histories

@@ -382,7 +382,8 @@ def through(
     for step in steps:
         if not step.reads and not step.scan.asked:
             scorer.innovations(step.scan.sensor).add(None, nobody, nobody)
-    scorer.take(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started, (seconds, len(steps)))
+    spent = seconds, len(steps) * len(state.started)
+    scorer.take_sequence(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started, spent)
     of_recorded = None if recorded is None else _recorded(tracker, state, steps, (objects, runs), recorded)
     return SequenceResult(steps, sequence, whitened, state.started, of_recorded)
 

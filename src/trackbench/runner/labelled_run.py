@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -14,12 +13,11 @@ from trackbench.driving.drive import DriveStep, scans_read
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.steppers import Direct, Stepper
 from trackbench.engine.choice import compute_by
-from trackbench.metrics import BlockScores, Fault, MetricSums, Scorer
+from trackbench.metrics import Scorer
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
-from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
-from trackbench.runner.recorded import ModeSums, RecordedEstimates, RecordedInstant
+from trackbench.runner.recorded import ModeSums, Outcome, RecordedEstimates, RecordedInstant
 from trackbench.runner.start import SecondDrives, stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.tracker_run import TrackerRun
@@ -33,28 +31,6 @@ OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack
 NO_ANSWER_YET = "is it of several objects? Those need sensing: {identities: hidden}"
 #: Instants that are taken by one sequence of calls, at most.
 INSTANTS = 64
-
-
-@dataclass
-class LabelledOutcome:
-    """What a block leaves of one tracker."""
-
-    sums: MetricSums
-    recorded: RecordedEstimates | None
-    """Its estimates of the recorded run, if that is in this block."""
-    modes: ModeSums | None
-    """Of a tracker that has modes."""
-
-    @property
-    def scores(self) -> BlockScores:
-        """The sums that the built-in metrics share."""
-        scores: BlockScores = self.sums[ESTIMATES.name]
-        return scores
-
-    @property
-    def seconds(self) -> float:
-        """Time spent in the tracker."""
-        return self.scores.seconds
 
 
 class LabelledRun(TrackerRun[Estimate | None]):
@@ -95,8 +71,6 @@ class LabelledRun(TrackerRun[Estimate | None]):
             bodies=EgoScene.of(scene.truth, scene.instants()),
         )
         objects, instants = len(scene.truth.ids), len(self._target.time)
-        batch = objects * len(piece.runs)
-        self._none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
         self._modes: ModeSums | None = None
         self._has_answered = False
         self._step_by_step_until = 0
@@ -118,11 +92,11 @@ class LabelledRun(TrackerRun[Estimate | None]):
                 self._of_sensor.append(counts[scan.sensor])
                 counts[scan.sensor] += 1
 
-    def close(self) -> LabelledOutcome | Failure:
+    def close(self) -> Outcome | Failure:
         """What it left behind, once the context is left."""
         if self.failure is not None:
             return self.failure
-        outcome = LabelledOutcome(self.scorer.close(), self._recorded, self._modes)
+        outcome = Outcome(self.scorer.close(), self._recorded, self._modes)
         if outcome.scores.due.sum() > 0 and not outcome.scores.given:
             self.fail(TrackFault("it gave no estimate at all", "answer"), len(self._time) - 1, None)
         return self.failure or outcome
@@ -152,14 +126,6 @@ class LabelledRun(TrackerRun[Estimate | None]):
         self.state = taken.sequence.state()
         return taken.steps[-1].instant + 1
 
-    def _end_of(self, instant: int) -> None:
-        if not (self.scorer.full or instant == len(self._time) - 1):
-            return
-        try:
-            self.scorer.score()
-        except Fault as fault:
-            self.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
-
     def _keep_sequence(self, taken: SequenceResult, first: int, numbers: Sequence[int | None]) -> None:
         """Keep what the recorded run and the modes have of a sequence; ``numbers``: of the scans of its steps."""
         members = slice(self._kept, None, len(self._piece.runs))
@@ -174,8 +140,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
 
     def _take(self, step: DriveStep[Estimate | None]) -> None:
         self._has_answered = True
-        latest = step.answer or self._none
-        self.scorer.scan(step.instant, step.scan, latest, step.seconds)
+        latest = step.answer or self.scorer.none
         members = slice(self._kept, None, len(self._piece.runs))
         if step.number is not None and self._recorded is not None:
             white = whitened_innovation(latest, members)
@@ -183,7 +148,6 @@ class LabelledRun(TrackerRun[Estimate | None]):
                 self._keep_nis(step.number, step.scan, white, members)
         if not step.last:
             return
-        self.scorer.estimate(latest)
         if self.spread is not None:
             due = self._target.due[step.instant]
             self.spread.take(step.instant, latest.mean[:2].reshape(2, *due.shape), due)

@@ -1,4 +1,4 @@
-"""What is kept of the recorded run, and of the mode probabilities of all."""
+"""What a block leaves of a tracker: its sums, the recorded run, and the mode probabilities of all."""
 
 from __future__ import annotations
 
@@ -9,8 +9,46 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan
+from trackbench.metrics import BlockScores, MetricSums
+from trackbench.metrics.built_in.step_time import StepTime
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.protocol import Target
+from trackbench.metrics.traffic.scorer import RecordedTracks
+from trackbench.metrics.traffic.timeline import TIMELINE, Timeline
 from trackbench.trackers.answers import TrackerFault
+
+
+@dataclass
+class Outcome:
+    """What a block leaves of one tracker."""
+
+    sums: MetricSums
+    recorded: RecordedEstimates | RecordedTracks | None
+    """What the tracker gave in the recorded run; None where that is not in this block."""
+    modes: ModeSums | None = None
+    """Of a tracker that has modes."""
+    offset: Array | None = None
+    """Of tracks made elsewhere, ``(5, P)``: the run, and the rows of :func:`offset_pairs`."""
+    filed: Indices | None = None
+    """Of tracks made elsewhere, the numbers of rows, of those within the time of the truth, and of runs without any."""
+
+    @property
+    def scores(self) -> BlockScores:
+        """The sums that the built-in metrics of estimates share."""
+        scores: BlockScores = self.sums[ESTIMATES.name]
+        return scores
+
+    @property
+    def timeline(self) -> Timeline:
+        """The sums of tracks at each instant."""
+        timeline: Timeline = self.sums[TIMELINE]
+        return timeline
+
+    @property
+    def seconds(self) -> float:
+        """Time spent in the tracker."""
+        seconds: float = self.sums[StepTime.name][0] if StepTime.name in self.sums else np.nan
+        return seconds
 
 
 @dataclass

@@ -12,7 +12,6 @@ import pyarrow as pa
 from trackbench.base.subjects import collected
 from trackbench.base.types import Array, Indices, Scan, Truth, of_runs
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate
-from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
@@ -24,8 +23,7 @@ from trackbench.results.declared import LABELLED
 from trackbench.results.folder import OBSERVER
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.labelled_run import LabelledOutcome
-from trackbench.runner.recorded import RecordedEstimates
+from trackbench.runner.recorded import Outcome, RecordedEstimates
 from trackbench.runner.work import Work
 from trackbench.trackers.config import FilterConfig, ImmConfig
 
@@ -46,16 +44,17 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
     own_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
     block = next(block for block in blocks if block.recorded_scans is not None)
     assert block.recorded_scans is not None
-    recorded = {name: estimates for name, estimates in block.recorded.items() if name in evaluations}
+    recorded = {
+        name: item
+        for name, item in block.recorded.items()
+        if name in evaluations and isinstance(item, RecordedEstimates)
+    }
     records: Records = {
         "steps": [_step_record(name, item, work.longest_time) for name, item in evaluations.items()],
         "nis": _nis_records(scores, times),
         "runs": [
             {**run_keys(name, work), **run_sums_record(item, scores[name], own_columns)}
             for name, item in evaluations.items()
-        ],
-        "breakdown": [
-            {"tracker": name, **cell} for name, item in evaluations.items() for cell in cells(item.scores.classes)
         ],
         "autocorrelation": _autocorrelation_records(scores),
         "truth": truth_records(truth, work.recorded_run),
@@ -239,7 +238,7 @@ def _mode_records(work: Work, blocks: Sequence[Block], trackers: Sequence[str]) 
     single: list[Record] = []
     for tracker in trackers:
         config, outcomes = work.trackers[tracker], [block.outcomes[tracker] for block in blocks]
-        sums = [item.modes for item in outcomes if isinstance(item, LabelledOutcome) and item.modes is not None]
+        sums = [item.modes for item in outcomes if isinstance(item, Outcome) and item.modes is not None]
         if not sums:
             continue
         names = [f"mode {number}" for number in range(1, len(sums[0].total) + 1)]
@@ -288,7 +287,7 @@ def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
     evaluation = evaluate(sums, np.zeros(runs, dtype=np.intp), [metric])
     if metric.columns[0] in evaluation.run_columns:
         columns = [evaluation.run_columns[name] for name in metric.columns]
-    elif metric.scores == "tracks":
+    elif "tracks" in metric.needs:
         columns = [*run_sums(evaluation.sums[TRACKS.name], metric.name)]
     else:
         record = run_sums_record(evaluation, sums[ESTIMATES.name], ())

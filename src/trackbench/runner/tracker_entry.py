@@ -20,7 +20,7 @@ from trackbench.results import FiledRows, Health, TrackerResult
 from trackbench.runner.evaluated import Evaluated, metrics_of_truth
 from trackbench.runner.filed_frames import remarks_on_files
 from trackbench.runner.filed_run import offset_of
-from trackbench.runner.hidden_run import TrafficScores
+from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import Work
 from trackbench.scenario.keys import TrackerEntry
 from trackbench.trackers.answers import NOT_FINITE
@@ -68,12 +68,12 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
             entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
             remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
             entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name], remarks)
-        reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
+        reused = sum(block.timeline.reused_ids for block in scores.tracks[name])
         return TrackerResult(**entry, health=Health(reused_ids=reused))
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
 
 
-def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[TrafficScores], remarks: tuple[str, ...]) -> FiledRows:
+def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: tuple[str, ...]) -> FiledRows:
     read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
     total = sum(map(len, files))
     # Scenes of one file without runs share its rows.

@@ -19,6 +19,7 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.steppers import Direct, DirectTracks, Offline, Stepper
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
+from trackbench.metrics.protocol import Fault
 from trackbench.results import Failure
 from trackbench.runner.run_spread import spread_in
 from trackbench.runner.start import SecondDrives
@@ -30,7 +31,7 @@ class TrackerRun(ABC, Generic[Answer]):
     """A tracker of a block of runs.
 
     It is a context: inside, iterating gives the arguments of each step beside the state, and ``take`` gets the answer.
-    What the tracker raises ends the context, and is kept as ``failure``.
+    What the tracker raises ends the context, and is kept as ``failure``; what a metric raises is passed on.
 
     Args:
         work: what all blocks share.
@@ -55,6 +56,8 @@ class TrackerRun(ABC, Generic[Answer]):
         """Has ``step(state, *arguments) -> (state, answer)``; inside the context."""
         self.state: Any = None
         """Of the tracker; None before the first step."""
+        self.scorer: Any = None
+        """Has ``take(step)`` and ``close()``."""
         self.failure: Failure | None = None
         self.engine: EngineUsed | None = None
         """Known once the context is left, of a built-in tracker."""
@@ -68,6 +71,7 @@ class TrackerRun(ABC, Generic[Answer]):
         self._stepper: Stepper | None = None
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
+        self._of_metric: Exception | None = None
 
     @property
     def instants(self) -> int:
@@ -100,7 +104,7 @@ class TrackerRun(ABC, Generic[Answer]):
         if self._stepper is not None:
             self.engine = self._work.engine_of(self._stepper.engine_used)
             self._stepper.close()
-        passed_on = isinstance(error, KeyboardInterrupt)
+        passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._of_metric)
         if error is not None and not passed_on:
             self._note(error)
         again, self._again = self._again, None
@@ -125,7 +129,6 @@ class TrackerRun(ABC, Generic[Answer]):
                 arguments = self._arguments(delivery)
                 self._began = time.perf_counter() - seconds_on_kernels(self._work.engine_here)
                 yield arguments
-            self._end_of(instant)
 
     def take(self, answer: Answer) -> None:
         """Keep and score what the tracker says to the latest arguments."""
@@ -133,7 +136,15 @@ class TrackerRun(ABC, Generic[Answer]):
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
         instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self._stepper, Offline) else seconds
-        self._take(DriveStep(instant, *delivery, answer, seconds, last))
+        step = DriveStep(instant, *delivery, answer, seconds, last)
+        try:
+            self._score(step)
+        except Fault as fault:
+            self.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
+        except Exception as error:
+            self._of_metric = error
+            raise
+        self._take(step)
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""
@@ -157,9 +168,6 @@ class TrackerRun(ABC, Generic[Answer]):
         """Take the tracker through the instants from this one on without steps; return how many these are."""
         return 0
 
-    def _end_of(self, instant: int) -> None:
-        """All steps of an instant were taken."""
-
     def _note(self, error: BaseException) -> None:
         instant, sensor = (0, None) if self._delivery is None else (self._delivery[0], self._delivery[1].scan.sensor)
         self.fail(self._explained(fault_of(error)), instant, sensor)
@@ -168,9 +176,13 @@ class TrackerRun(ABC, Generic[Answer]):
     def _start(self) -> Stepper:
         """A fresh tracker."""
 
+    def _score(self, step: DriveStep[Answer]) -> None:
+        """Have the scorer take in what the tracker says."""
+        self.scorer.take(step)
+
     @abstractmethod
     def _take(self, step: DriveStep[Answer]) -> None:
-        """Keep and score what the tracker says."""
+        """Keep what the recorded run and the spread over runs have of what the tracker says."""
 
     @abstractmethod
     def _place(self, member: int | None) -> tuple[str | None, int | None]:

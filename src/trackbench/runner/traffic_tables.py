@@ -12,6 +12,8 @@ from trackbench.base.types import UNKNOWN_ORIGIN, Array, Indices, Scan, Truth
 from trackbench.metrics import Evaluation
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.metrics.traffic.events import STATES
+from trackbench.metrics.traffic.scorer import RecordedTracks
+from trackbench.metrics.traffic.timeline import Timeline, dearest, summed_existence
 from trackbench.metrics.traffic.track_quality import BINS
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
@@ -19,9 +21,7 @@ from trackbench.results.declared import ASSOCIATIONS, GOSPA_PARTS, HIDDEN
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.tables import Records, other_truth, road_records, run_keys, scan_record, truth_records
-from trackbench.runner.traffic_sums import TrafficSums, dearest, summed_existence
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
@@ -40,18 +40,18 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
     assert scans.status is not None
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     kept = {
-        name: item for name, item in block.outcomes.items() if name in evaluations and isinstance(item, TrafficScores)
+        name: item for name, item in block.recorded.items() if name in evaluations and isinstance(item, RecordedTracks)
     }
-    sums = {name: [block.sums for block in blocks] for name, blocks in evaluated.tracks.items()}
+    sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.tracks.items()}
     records: Records = {
         "steps": [_gospa_record(name, blocks, work.longest_time) for name, blocks in sums.items()],
         "runs": _run_records(evaluations, work),
         "truth": truth_records(scene.truth, work.recorded_run),
         "measurements": _detection_records(scene.truth, scans.scans, scans.origins),
-        "tracks": [_tracks_record(name, item, time) for name, item in kept.items() if item.recorded is not None],
+        "tracks": [_tracks_record(name, item, time) for name, item in kept.items()],
         **({"other_tracks": _other_tracks(work, blocks, kept)} if len(work.scenes) > 1 else {}),
         **other_truth(work),
-        "taken": [_taken_record(name, item, scans.scans) for name, item in kept.items() if item.taken is not None],
+        "taken": [_taken_record(name, item, scans.scans) for name, item in kept.items()],
         "gates": [record for name, item in kept.items() for record in _gate_records(work, name, item, scans.scans)],
         "events": [_events_record(name, blocks, work) for name, blocks in sums.items()],
         "objects": [record for name, blocks in sums.items() for record in _stretch_records(name, blocks, ids, time)],
@@ -123,7 +123,7 @@ def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[In
     ]
 
 
-def _gospa_record(name: str, blocks: Sequence[TrafficSums], time: Array) -> Record:
+def _gospa_record(name: str, blocks: Sequence[Timeline], time: Array) -> Record:
     """Sums over runs of squared GOSPA and its parts at each instant."""
     sums, count = np.zeros((4, len(time))), np.zeros(len(time))
     for block in blocks:
@@ -155,16 +155,15 @@ def _other_tracks(work: Work, blocks: Sequence[Block], names: Iterable[str]) -> 
     for block in (block for block in blocks if block.piece.scene != work.recorded_scene):
         scene = work.scenes[block.piece.scene]
         for name in names:
-            item = block.outcomes[name]
-            if isinstance(item, TrafficScores) and item.recorded is not None:
+            item = block.recorded.get(name)
+            if isinstance(item, RecordedTracks):
                 record = _tracks_record(name, item, scene.truth.time[scene.instants()])
                 records.append({**record, "scene": float(block.piece.scene)})
     return records
 
 
-def _tracks_record(name: str, outcome: TrafficScores, time: Array) -> Record:
-    history = outcome.recorded
-    assert history is not None
+def _tracks_record(name: str, recorded: RecordedTracks, time: Array) -> Record:
+    history = recorded.history
     instant, column = np.nonzero(history.ids != NO_TRACK)
     return {
         "tracker": name,
@@ -176,25 +175,25 @@ def _tracks_record(name: str, outcome: TrafficScores, time: Array) -> Record:
     }
 
 
-def _taken_record(name: str, outcome: TrafficScores, scans: Sequence[Scan]) -> Record:
+def _taken_record(name: str, recorded: RecordedTracks, scans: Sequence[Scan]) -> Record:
     """The detection that each track took in each scan."""
-    rows = outcome.taken
+    rows = recorded.taken
     assert rows is not None
     numbers = dict(zip(("scan", "track", "detection"), rows.T.astype(float), strict=True))
     return {"tracker": name, "time_s": np.array([scan.time for scan in scans])[rows[:, 0]], **numbers}
 
 
-def _gate_records(work: Work, name: str, outcome: TrafficScores, scans: Sequence[Scan]) -> list[Record]:
+def _gate_records(work: Work, name: str, recorded: RecordedTracks, scans: Sequence[Scan]) -> list[Record]:
     """The outlines of the gates of a built-in tracker, each point a row."""
     config = work.trackers[name]
     if not isinstance(config, FilterConfig) or config.associate is None or config.associate.method == "oracle":
         return []
-    if not outcome.predicted:
+    if not recorded.predicted:
         return []
     ids, mean, covariance = (
-        np.concatenate(part, axis=-1) for part in zip(*(t[:3] for t in outcome.predicted.values()), strict=False)
+        np.concatenate(part, axis=-1) for part in zip(*(t[:3] for t in recorded.predicted.values()), strict=False)
     )
-    number = np.repeat(list(outcome.predicted), [len(tracks.ids) for tracks in outcome.predicted.values()])
+    number = np.repeat(list(recorded.predicted), [len(tracks.ids) for tracks in recorded.predicted.values()])
     pose, velocity = (
         np.stack(part, axis=-1)[:, number]
         for part in zip(*((s.sensor_pose, s.sensor_velocity) for s in scans), strict=False)
@@ -211,7 +210,7 @@ def _gate_records(work: Work, name: str, outcome: TrafficScores, scans: Sequence
     return [{"tracker": name, **points, "x_m": edges[0].ravel(), "y_m": edges[1].ravel()}]
 
 
-def _events_record(name: str, blocks: Sequence[TrafficSums], work: Work) -> Record:
+def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
     """All events of the recorded run, and those of the others: of more than ``MOST_EVENTS`` the dearest."""
     recorded = work.number(work.recorded_scene, work.recorded_run)
     rows = dearest([event for block in blocks for event in block.events], recorded)
@@ -243,7 +242,7 @@ def _events_record(name: str, blocks: Sequence[TrafficSums], work: Work) -> Reco
     }
 
 
-def _stretch_records(name: str, blocks: Sequence[TrafficSums], ids: Sequence[str], time: Array) -> list[Record]:
+def _stretch_records(name: str, blocks: Sequence[Timeline], ids: Sequence[str], time: Array) -> list[Record]:
     """What each object's time was spent on in the recorded run, stretch by stretch."""
     until = np.append(time[1:], 2 * time[-1] - time[-2] if len(time) > 1 else time[-1])
     strips = next(block.strips for block in blocks if block.strips is not None)
@@ -264,7 +263,7 @@ def _association_record(name: str, evaluation: Evaluation) -> Record:
     return {"tracker": name, **totals} if any(totals.values()) else {}
 
 
-def _existence_record(name: str, blocks: Sequence[TrafficSums]) -> Record:
+def _existence_record(name: str, blocks: Sequence[Timeline]) -> Record:
     """Empty where the tracker states no existence probabilities."""
     bins = summed_existence([block.existence for block in blocks])
     if bins is None:

@@ -23,7 +23,7 @@ from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
-from trackbench.metrics.registry import built_in_metrics, ranking_path
+from trackbench.metrics.registry import metrics_for, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
@@ -346,7 +346,7 @@ def work_of(
         velocity_sigma=entry_velocity(every) if velocity is None else velocity,
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
-        metrics=(*built_in_metrics(hidden, all(truth.known for truth in every)), *scenario.own_metrics),
+        metrics=(*metrics_for(scenario.properties), *scenario.own_metrics),
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if hidden else None,
         switch_costs=scenario.score.switch_costs_s,

@@ -52,7 +52,7 @@ def scenario_problems(scenario: ScenarioKeys) -> Iterator[Problem]:
     if baseline is not None and baseline not in scenario.trackers:
         message = f"the scenario has no tracker {baseline!r}; {nearest_choices(baseline, scenario.trackers)}"
         yield Problem(("score", "baseline"), message)
-    metrics = _metrics(scenario) if scenario.expect else {}
+    metrics = by_path(scenario.sensors, scenario.own_metrics, scenario.properties) if scenario.expect else {}
     for index, expectation in enumerate(scenario.expect):
         for problem in _expectation(scenario, expectation, metrics):
             yield Problem(("expect", index, *problem.at), problem.message)
@@ -246,10 +246,10 @@ def _expectation(scenario: ScenarioKeys, expectation: Expectation, metrics: Mapp
     metric = metrics.get(expectation.metric)
     if metric is None:
         identities = scenario.sensing.identities
-        hidden = identities == "known"
-        others = by_path(scenario.sensors, scenario.own_metrics, hidden, True)
-        if expectation.metric in others:
-            hint = f"it is one of {'hidden' if hidden else 'known'} identities, and sensing.identities is {identities}"
+        other = by_path(scenario.sensors, scenario.own_metrics).get(expectation.metric)
+        if other is not None and other.needs & IDENTITIES.keys():
+            (kind,) = other.needs & IDENTITIES.keys()
+            hint = f"it is one of {IDENTITIES[kind]} identities, and sensing.identities is {identities}"
         else:
             hint = nearest_choices(expectation.metric, metrics)
         yield Problem(("metric",), f"there is no metric {expectation.metric!r}; {hint}")
@@ -260,13 +260,6 @@ def _expectation(scenario: ScenarioKeys, expectation: Expectation, metrics: Mapp
         message = f"tracker {expectation.tracker} does not read {sensor}; it reads {', '.join(read)}"
         yield Problem(("metric",), message)
     yield from _limit(scenario, expectation, metric, metrics)
-
-
-def _metrics(scenario: ScenarioKeys) -> dict[str, Field]:
-    """Every path that an expectation may name."""
-    hidden, truth = scenario.sensing.identities == "hidden", scenario.truth
-    has_truth = not (isinstance(truth, RecordingTruth) and truth.without_truth)
-    return by_path(scenario.sensors, scenario.own_metrics, hidden, has_truth)
 
 
 def _limit(
@@ -305,6 +298,8 @@ REASONS = {
 }
 #: What of the scores is not used where tracks are scored.
 OF_SINGLE_OBJECTS = ("settle_s", "each", "divergence_m", "lost_after_s", "min_coverage", "reference")
+#: By what a metric needs, the identities that give it.
+IDENTITIES = {"labels": "known", "tracks": "hidden"}
 REMEDY = "write sensing: {identities: hidden}, or remove this"
 
 
@@ -320,7 +315,7 @@ def _identities(scenario: ScenarioKeys) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         if isinstance(tracker, FilterConfig) and tracker.associate is not None:
             yield Problem(("trackers", name, "associate"), f"the measurements say of which object they are; {REMEDY}")
-    if any(metric.scores == "tracks" for metric in scenario.score.metrics):
+    if any("tracks" in metric.needs for metric in scenario.score.metrics):
         yield Problem(("score", "metrics"), f"are of tracks; {REMEDY}")
     for key in ("cutoff_m", "switch_costs_s"):
         if key in scenario.score.model_fields_set:
@@ -342,7 +337,7 @@ def _of_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
             yield Problem(("trackers", name, "filter"), f"{alone}; add associate: {{method: gnn}}")
         elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.reference).startswith("trackbench."):
             yield Problem(("trackers", name, "use"), f"{tracker.use} {alone}; use a filter with associate")
-    if any(metric.scores != "tracks" for metric in scenario.score.metrics):
+    if any("labels" in metric.needs for metric in scenario.score.metrics):
         yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")
     for key in OF_SINGLE_OBJECTS:
         if key in scenario.score.model_fields_set:

@@ -232,13 +232,13 @@ def _presets() -> str:
 
 def _metrics() -> str:
     tables: dict[str, Iterable[Field]] = {
-        "Metrics": metric_paths([*METRICS.loaded().values()]),
+        "Metrics": metric_paths([*METRICS.loaded().values()], {"labels", "truth"}),
         **{
             heading: [field for metric in resolve(target)() for field in metric.entries()]
             for heading, target in offered("examples_of_metrics")
         },
-        "Metrics with hidden identities": metric_paths(hidden=True),
-        "Metrics with hidden identities, of a recording without a truth": metric_paths(hidden=True, truth=False),
+        "Metrics with hidden identities": metric_paths((), {"tracks", "truth"}),
+        "Metrics with hidden identities, of a recording without a truth": metric_paths((), {"tracks", "no truth"}),
     }
     note = "The metrics with a yes under `better_than` can be compared by it, run by run."
     return "\n\n".join([note, *(_table_of(title, [*metrics]) for title, metrics in tables.items())])

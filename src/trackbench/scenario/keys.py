@@ -23,6 +23,7 @@ from trackbench.sensing.scored_point import ScoredPoint
 from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, entry_kind
 from trackbench.truth import TRUTH_SOURCES, TruthSource
 from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.sources import RecordingTruth
 
 KEYS = ("use", "options")
 
@@ -292,10 +293,17 @@ class ScenarioKeys(Config):
         return self.hides_targets and self.truth.source == "highway-env"
 
     @property
+    def properties(self) -> frozenset[str]:
+        """What it has of what metrics may need."""
+        truth = self.truth
+        has_truth = not (isinstance(truth, RecordingTruth) and truth.without_truth)
+        identities = "tracks" if self.sensing.identities == "hidden" else "labels"
+        return frozenset({identities, "truth" if has_truth else "no truth"})
+
+    @property
     def own_metrics(self) -> list[Metric]:
         """Metrics beside the built-in ones: of the blocks of subjects, and those that it names."""
-        hidden = self.sensing.identities == "hidden"
-        of_blocks = [resolve(target)(getattr(self, block), hidden=hidden) for block, target in offered("metrics")]
+        of_blocks = [resolve(target)(getattr(self, block)) for block, target in offered("metrics")]
         return [*chain.from_iterable(of_blocks), *self.score.metrics]
 
     @property

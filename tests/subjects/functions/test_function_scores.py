@@ -31,7 +31,7 @@ def scores(
 
 
 def metric(name: str, sums: FunctionScores, function: type = ForwardCollisionWarning):
-    (found,) = [item for item in function_metrics({"f": function()}, hidden=False) if item.name == f"{name}.f"]
+    (found,) = [item for item in function_metrics({"f": function()}) if item.name == f"{name}.f"]
     return found.finish(sums)
 
 
@@ -108,9 +108,7 @@ def test_without_any_event_there_is_a_reason():
 def test_runs_tell_a_metric_by_their_own_values():
     truth = decided((2, 6), None, (2, 6), (2, 6))
     sums = scores(truth, decided((2.5, 6), None, (2.0, 6), (1.8, 6)))
-    (error,) = [
-        item for item in function_metrics({"f": ForwardCollisionWarning()}, hidden=False) if "warn_err" in item.name
-    ]
+    (error,) = [item for item in function_metrics({"f": ForwardCollisionWarning()}) if "warn_err" in item.name]
     interval = error.finish(sums)
     assert isinstance(interval, Interval)
     values, count = error.in_runs(error.name, sums, interval, 4).values()

@@ -82,12 +82,14 @@ class RootMeanSquare(EstimateMetric):
 
 
 class PositionRmse(RootMeanSquare):
-    name, unit, meaning = "position_rmse", "m", "root mean square error of the position"
+    name, unit = "position_rmse", "m"
+    meaning = "root mean square error of the position, of estimates or matched tracks"
     rows, column, ranks = ("px", "py"), "position_rmse_m", True
 
 
 class VelocityRmse(RootMeanSquare):
-    name, unit, meaning = "velocity_rmse", "m/s", "root mean square error of the velocity"
+    name, unit = "velocity_rmse", "m/s"
+    meaning = "root mean square error of the velocity, of estimates or matched tracks"
     rows, column = ("vx", "vy"), "velocity_rmse_mps"
 
 
@@ -118,7 +120,7 @@ class VyRmse(RootMeanSquare):
 
 class Nees(EstimateMetric):
     name, unit, value_name = "nees", "1", "mean"
-    meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
+    meaning = "mean normalised estimation error squared of estimates or matched tracks; 4 when consistent"
     fields = (
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
         Field(
@@ -279,19 +281,7 @@ class Coverage(EstimateMetric):
     meaning = "share of the steps at which the tracker should have an estimate at which it has one"
 
     def finish(self, sums: Scores) -> Outcome:
-        return _number(self, _share(sums.given, sums.due), "no object was ever seen")
-
-
-class StepTime(EstimateMetric):
-    name, unit, better = "step_time", "us", "smaller"
-    meaning = "time of one predict and update of one run"
-
-    def finish(self, sums: Scores) -> Outcome:
-        return _number(self, _share(sums.seconds * 1e6, sums.steps), "no step was taken")
-
-
-def _number(metric: Metric, value: float, reason: str) -> Outcome:
-    return float(value) if np.isfinite(value) else metric.no_value(reason)
+        return _share(sums.given, sums.due) if sums.due else self.no_value("no object was ever seen")
 
 
 def _chi_square(total: Array, count: Array, dof: int, steps_inside: float, scenes: bool, runs: int) -> MetricValue:

@@ -115,7 +115,8 @@ class StartDelay(StartMetric):
 
     def init(self, scope: Scope) -> tuple[Array, Array]:
         """The sums, and ``(instants, 1)`` how long each instant lasts, s."""
-        sums, starting, time = np.zeros((2, scope.runs)), scope.starting, scope.target.time
+        target = scope.labelled
+        sums, starting, time = np.zeros((2, scope.runs)), target.each(target.starting), target.time
         begins = starting & ~np.concatenate([np.zeros_like(starting[:1]), starting[:-1]])
         sums[1] = begins.sum(axis=0).reshape(-1, scope.runs).sum(axis=0)
         return sums, np.diff(time, append=time[-1:])[:, None]

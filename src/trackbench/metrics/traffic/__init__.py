@@ -5,7 +5,7 @@ means.
 """
 
 from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TruthHistory
-from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrackScope, TrafficScoreOptions, score_run
+from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrafficScoreOptions, score_run
 from trackbench.metrics.traffic.table import (
     ASSOCIATION_METRICS,
     DETECTION_METRICS,
@@ -26,7 +26,6 @@ __all__ = [
     "RunRatio",
     "RunScores",
     "TrackHistory",
-    "TrackScope",
     "TrackedRun",
     "TrafficScoreOptions",
     "TruthHistory",

@@ -112,16 +112,6 @@ class RunScores(NamedTuple):
         return object_of
 
 
-class TrackScope(NamedTuple):
-    """A block of runs, as a metric of tracks knows it before the first one."""
-
-    tracker: str
-    """Whose tracks they are."""
-    runs: int
-    """Or stretches of one run, each of which is given by itself."""
-    options: TrafficScoreOptions
-
-
 class TrackedRun(NamedTuple):
     """What a metric of tracks is given of a run, or of a stretch of its time. The arrays are those of the scorer: they
     are not to be changed."""
@@ -136,6 +126,10 @@ class TrackedRun(NamedTuple):
     """``(T, K)`` tracks where nothing counts: outside a region, out of range, or on a don't-care box."""
     bodies: EgoScene | None = None
     """The ego and the sizes of the objects."""
+    seconds: float = 0.0
+    """Time spent in the tracker; in a stretch a share of that of the run, as ``steps``."""
+    steps: float = 0.0
+    """Number of scans that it took in this time."""
 
 
 def score_run(
@@ -289,7 +283,10 @@ def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
         taken, outside = run.associations and run.associations.within(span), run.unscored
         outside = None if outside is None else outside[span]
         bodies = run.bodies and run.bodies.within(span)
-        parts.append(TrackedRun(run.truth.within(span), run.tracks.within(span), taken, scores, outside, bodies))
+        spent = run.seconds / len(ends), run.steps / len(ends)
+        parts.append(
+            TrackedRun(run.truth.within(span), run.tracks.within(span), taken, scores, outside, bodies, *spent)
+        )
     return parts
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from types import new_class
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from trackbench.base.types import Array
+from trackbench.metrics.built_in.basic import Nees, PositionRmse, VelocityRmse
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Accumulator, Direction, Metric, Outcome
 
@@ -43,7 +44,7 @@ TRACKS = TrackSums()
 class RunRatio(Metric):
     """A metric of tracks that is the ratio of two sums of each run: of a total and the number of its terms."""
 
-    scores = "tracks"
+    needs: ClassVar[Set[str]] = frozenset({"tracks", "truth"})
     shared: ClassVar[Accumulator | None] = TRACKS
     combine: ClassVar[Combine] = "ratio"
     """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
@@ -104,9 +105,15 @@ def root_of(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
     return run_ratio(name, unit, meaning, "smaller", combine="root", **options)
 
 
+def over_tracks(metric: type[Metric], **options: Any) -> RunRatio:
+    """A metric of estimates, summed over matched tracks."""
+    options["value_name"] = metric.value_name
+    return run_ratio(metric.name, metric.unit, metric.meaning, metric.better, **options)
+
+
 def of_detections(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
-    """A metric of which neither direction is better, that needs no truth; its interval is not calibrated."""
-    return run_ratio(name, unit, meaning, None, without_truth=True, fewest=2, **options)
+    """A metric of a recording without a truth of which neither direction is better; its interval is not calibrated."""
+    return run_ratio(name, unit, meaning, None, needs={"tracks", "no truth"}, fewest=2, **options)
 
 
 def by_name(*metrics: RunRatio) -> dict[str, RunRatio]:
@@ -159,11 +166,9 @@ TRACK_METRICS = by_name(
     share("siap_spuriousness", "share of the tracks on no object", "smaller"),
     run_ratio("siap_position", "m", "mean distance of tracks to the nearest object", "smaller", fewest=100),
     run_ratio("siap_velocity", "m/s", "mean difference of their velocities", "smaller", fewest=100),
-    root_of("position_rmse", "m", "root mean square error of the position of matched tracks", fewest=400),
-    root_of("velocity_rmse", "m/s", "root mean square error of the velocity of matched tracks", fewest=math.inf),
-    run_ratio(
-        "nees", "1", "normalised estimation error squared of matched tracks, 4 when consistent", None, fewest=math.inf
-    ),
+    over_tracks(PositionRmse, combine="root", fewest=400),
+    over_tracks(VelocityRmse, combine="root", fewest=math.inf),
+    over_tracks(Nees, fewest=math.inf),
     share("nees_inside", "share of them within the 95 % bound of chi-square, 0.95 when consistent", None, fewest=400),
     share("matched_share", "share of the due instants with a matched track", "larger"),
     share("association_right", "share of associations with the track's own object", "larger", **OF_ASSOCIATIONS),

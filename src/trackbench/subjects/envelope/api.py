@@ -109,7 +109,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
                 rows.append((number, place, decision.interval.value + decision.interval.influence))
     parts = parts_of(rows)
     config = task.loaded.config
-    fields = by_path(config.sensors, config.own_metrics, config.sensing.identities == "hidden")
+    fields = by_path(config.sensors, config.own_metrics, config.properties)
     claim = Claim(
         scenario=config.name,
         file=shown_name(task.loaded.path),

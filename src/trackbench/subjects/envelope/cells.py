@@ -29,7 +29,6 @@ from trackbench.metrics.registry import by_path
 from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
 from trackbench.runner.block import failures_and_outcomes
-from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.loop import run_blocks
 from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
@@ -208,8 +207,7 @@ def requirements_of(loaded: Scenario) -> list[Requirement]:
     if not config.expect:
         message = "an envelope needs a requirement, such as {tracker: ekf, metric: position_rmse, below: 0.5}"
         raise loaded.locate(InputError(message, key="expect"))
-    hidden = config.sensing.identities == "hidden"
-    fields = by_path(config.sensors, config.own_metrics, hidden)
+    fields = by_path(config.sensors, config.own_metrics, config.properties)
     return [_requirement(loaded, fields, number, item) for number, item in enumerate(config.expect)]
 
 
@@ -265,14 +263,9 @@ def make_runs(work: Work, names: Collection[str], pieces: Sequence[BlockRuns]) -
     work = replace(work, trackers={name: entry for name, entry in work.trackers.items() if name in names})
     blocks = [block for group in work.groups(pieces) for block in run_blocks(work, group)]
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
-    sums = {name: merge_sums([_sums_of(item) for item in items], work.metrics) for name, items in outcomes.items()}
+    sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
     digest = hashlib.sha256(b"".join(each for block in blocks for each in block.digests)).digest()
     return LookResult(sums, failures, digest)
-
-
-def _sums_of(outcome: Any) -> MetricSums:
-    sums: MetricSums = outcome.sums if isinstance(outcome, LabelledOutcome) else outcome.metrics
-    return sums
 
 
 def coverage_of(runs: Runs, claim: Claim) -> Interval | None:

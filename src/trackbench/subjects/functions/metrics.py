@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from types import new_class
 from typing import Any, ClassVar
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.metrics.count_intervals import Counted
-from trackbench.metrics.evaluate import Broken
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction, Field, Metric, Outcome, run_column
 from trackbench.subjects.functions.protocol import FUNCTIONS, Function
@@ -22,6 +21,7 @@ NO_EVENT = "the function is never active on the truth: no event"
 class FunctionMetric(Metric):
     """A metric of one function; its class is made for that function, by :func:`function_metrics`."""
 
+    needs: ClassVar[Set[str]] = frozenset({"truth"})
     better: ClassVar[Direction | None] = "smaller"
     at_least: ClassVar[float] = 0.0
     stem: ClassVar[str]
@@ -41,7 +41,7 @@ class FunctionMetric(Metric):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Its class has no name in this module.
-        return _of_function, (type(self).__bases__[0], self.label, self.function, self.scores)
+        return _of_function, (type(self).__bases__[0], self.label, self.function)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -140,13 +140,10 @@ class BrakeError(FunctionMetric):
 EVENT_METRICS: tuple[type[FunctionMetric], ...] = (WarnDelay, WarnError, MissedWarnings, FalseWarnings)
 
 
-def function_metrics(functions: Mapping[str, Function], *, hidden: bool) -> tuple[FunctionMetric, ...]:
-    """The metrics of the functions of a scenario, by its names, with known or hidden identities."""
-    scores = "tracks" if hidden else "estimates"
+def function_metrics(functions: Mapping[str, Function]) -> tuple[FunctionMetric, ...]:
+    """The metrics of the functions of a scenario, by its names."""
     return tuple(
-        _of_function(kind, label, function, scores)
-        for label, function in functions.items()
-        for kind in _kinds(function)
+        _of_function(kind, label, function) for label, function in functions.items() for kind in _kinds(function)
     )
 
 
@@ -155,7 +152,7 @@ def published_metrics() -> list[FunctionMetric]:
     every = [
         metric
         for function in FUNCTIONS.loaded().values()
-        for metric in function_metrics({"<function>": function.model_construct()}, hidden=False)
+        for metric in function_metrics({"<function>": function.model_construct()})
     ]
     return list({metric.name: metric for metric in every}.values())
 
@@ -165,18 +162,12 @@ def functions_among(metrics: Iterable[Metric]) -> dict[str, Function]:
     return {metric.label: metric.function for metric in metrics if isinstance(metric, FunctionMetric)}
 
 
-def functions_at_work(metrics: Iterable[Metric], sums: Mapping[str, Any]) -> dict[str, Function]:
-    """Those of ``functions_among`` that have not raised, by the sums of a tracker."""
-    every = functions_among(metrics)
-    return {name: each for name, each in every.items() if not isinstance(sums[FunctionSums(name, each).name], Broken)}
-
-
 def _kinds(function: Function) -> list[type[FunctionMetric]]:
     more = [LeadErrors] if function.chooses_lead else []
     return [*EVENT_METRICS, QuantityError, *more, *([BrakeError] if function.brakes else [])]
 
 
-def _of_function(kind: type[FunctionMetric], label: str, function: Function, scores: str) -> FunctionMetric:
+def _of_function(kind: type[FunctionMetric], label: str, function: Function) -> FunctionMetric:
     quantity = function.quantity
     members: dict[str, Any] = {"stem": f"{quantity.name}_error", "unit": quantity.unit} if kind is QuantityError else {}
     stem = members.get("stem") or kind.stem
@@ -185,7 +176,6 @@ def _of_function(kind: type[FunctionMetric], label: str, function: Function, sco
         "meaning": kind.meaning.format(quantity.meaning),
         "label": label,
         "function": function,
-        "scores": scores,
         "shared": FunctionSums(label, function),
         "__module__": __name__,
     }

@@ -8,13 +8,13 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.ego import EgoScene
+from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results.columns import Record
 from trackbench.results.folder import NO_OBJECT
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.work import Work
-from trackbench.subjects.functions.metrics import functions_among, functions_at_work
+from trackbench.subjects.functions.metrics import functions_among
 from trackbench.subjects.functions.protocol import NO_OBJECT as NO_COLUMN
 from trackbench.subjects.functions.protocol import Function
 from trackbench.subjects.functions.sums import (
@@ -30,7 +30,7 @@ MOST_EVENTS = 100
 
 
 def function_records(
-    work: Work, evaluated: Evaluated, recorded: Mapping[str, RecordedEstimates | TrafficScores]
+    work: Work, evaluated: Evaluated, recorded: Mapping[str, RecordedEstimates | RecordedTracks]
 ) -> Iterator[tuple[str, list[Record]]]:
     """Yield both tables with their records; none where there is no function.
 
@@ -39,30 +39,30 @@ def function_records(
         evaluated: its trackers.
         recorded: by tracker, what it left of the recorded run.
     """
-    if not functions_among(work.metrics):
+    functions = functions_among(work.metrics)
+    if not functions:
         return
     scene = work.scenes[work.recorded_scene]
     time = scene.truth.time[work.scored_steps(scene)]
-    at_work = {name: functions_at_work(work.metrics, item.sums) for name, item in evaluated.evaluations.items()}
     yield (
         "decisions",
         [
             _decisions_record(tracker, label, _decisions(function, work, item), time, scene.truth.ids)
             for tracker, item in recorded.items()
-            for label, function in at_work[tracker].items()
+            for label, function in functions.items()
         ],
     )
     yield (
         "function_events",
         [
-            _events_record(tracker, label, evaluated.evaluations[tracker].sums[f"function {label}"], work)
-            for tracker, functions in at_work.items()
+            _events_record(tracker, label, evaluation.sums[f"function {label}"], work)
+            for tracker, evaluation in evaluated.evaluations.items()
             for label in functions
         ],
     )
 
 
-def _decisions(function: Function, work: Work, recorded: RecordedEstimates | TrafficScores) -> Decisions:
+def _decisions(function: Function, work: Work, recorded: RecordedEstimates | RecordedTracks) -> Decisions:
     """Return what a function decides in the recorded run on a tracker's estimates or tracks."""
     if not isinstance(recorded, RecordedEstimates):
         assert recorded.tracked is not None

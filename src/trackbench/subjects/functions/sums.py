@@ -14,7 +14,7 @@ from trackbench.subjects.functions.path import on_path
 from trackbench.subjects.functions.protocol import NO_OBJECT, NOMINAL_SIZE, Decision, Function, Objects
 
 if TYPE_CHECKING:
-    from trackbench.metrics.traffic import TrackedRun, TrackScope
+    from trackbench.metrics.traffic import TrackedRun
 
 #: Shorter gaps in an activity do not end it, s; and what is so near to an event answers it.
 TOLERANCE = 0.5
@@ -184,9 +184,9 @@ class FunctionSums:
         self.name = f"function {label}"
         self.function = function
 
-    def init(self, scope: Scope | TrackScope) -> list[Any]:
+    def init(self, scope: Scope) -> list[Any]:
         """The bodies and times of a block with known identities; then what was decided."""
-        return [scope] if isinstance(scope, Scope) else []
+        return [scope] if scope.target is not None else []
 
     def update(self, sums: list[Any], chunk: Chunk | TrackedRun) -> list[Any]:
         if isinstance(chunk, Chunk):
@@ -200,7 +200,7 @@ class FunctionSums:
             return self.merge(sums)
         scope, *chunks = sums
         whole = _joined(chunks, scope.runs)
-        return score_decisions(whole, scope.target.time[: len(whole.overlap)], self.function)
+        return score_decisions(whole, scope.labelled.time[: len(whole.overlap)], self.function)
 
     def merge(self, blocks: Sequence[FunctionScores]) -> FunctionScores:
         sums, delay, missing, events, false = zip(*blocks, strict=True)
@@ -218,7 +218,7 @@ def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisi
     """With known identities: the column of a track is that of its object."""
     bodies = scope.bodies
     assert bodies is not None
-    alive = scope.target.alive[chunk.instants].T[..., None]
+    alive = scope.labelled.alive[chunk.instants].T[..., None]
     truth = np.moveaxis(chunk.truth, 1, 2)
     # (..., instants, objects * runs) to (..., objects, instants, runs).
     of_runs = (values.reshape(*values.shape[:-1], -1, chunk.runs) for values in (chunk.mean, chunk.covariance))

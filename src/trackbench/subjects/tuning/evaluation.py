@@ -20,8 +20,6 @@ from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import Metric
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure
-from trackbench.runner.hidden_run import TrafficScores
-from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.loop import run_block
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
@@ -283,11 +281,10 @@ def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
         if isinstance(scores, Failure):
             pieces.append(_Piece(scores.cause, None, engine))
             continue
-        assert isinstance(scores, TrafficScores)
         measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in TRACK_METRICS}
         measures["prediction_score"] = "log_likelihood"
-        values = {name: run_sums(scores.metrics[TRACKS.name], path) for path, name in measures.items()}
-        blocks = () if scene.metric is None else (scores.metrics,)
+        values = {name: run_sums(scores.sums[TRACKS.name], path) for path, name in measures.items()}
+        blocks = () if scene.metric is None else (scores.sums,)
         pieces.append(_Piece(Sums(values, scene.metric, blocks), None, engine))
     return pieces
 
@@ -304,7 +301,7 @@ def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
             if isinstance(outcome, Failure):
                 pieces[number] = made._replace(sums=outcome.cause)
                 continue
-            assert isinstance(outcome, LabelledOutcome)
+            assert not isinstance(outcome, Failure)
             pieces[number] = made._replace(sums=replace(made.sums, metric=scene.metric, blocks=(outcome.sums,)))
     return pieces
 

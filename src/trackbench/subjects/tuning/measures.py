@@ -124,8 +124,8 @@ class Sums:
 
 
 def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
-    """Return the metrics that a block computes for one; a block of estimates needs their coverage too."""
-    return (Coverage(), metric) if metric.scores == "estimates" else (metric,)
+    """What a block computes for a metric: that, and of estimates the sums that any block has."""
+    return (Coverage(), metric) if "tracks" not in metric.needs else (metric,)
 
 
 #: Each manoeuvre, each range band and the first second.

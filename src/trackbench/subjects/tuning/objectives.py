@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.metrics import Metric
 from trackbench.metrics.protocol import Direction
-from trackbench.metrics.registry import built_in_metrics
+from trackbench.metrics.registry import metrics_for
 from trackbench.metrics.verdicts import TOLERANCE
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.evaluation import Outcome
@@ -142,6 +142,6 @@ def metric_objectives(scenario: Scenario) -> dict[str, Objective]:
             hidden=hidden,
             metric=None if MEASURES.get(metric.name) is metric or metric.name in OF_ALL else metric,
         )
-        for metric in (*built_in_metrics(hidden), *scenario.config.score.metrics)
+        for metric in (*metrics_for(scenario.config.properties), *scenario.config.score.metrics)
         if metric.columns and metric.better is not None and metric.name not in OBJECTIVES
     }

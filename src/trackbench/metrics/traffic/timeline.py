@@ -10,10 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array
-from trackbench.metrics.traffic import RunScores
 from trackbench.metrics.traffic.events import TrafficEvent
+from trackbench.metrics.traffic.run import RunScores
 from trackbench.metrics.traffic.track_quality import ExistenceBins
 
+#: Name of these sums among those of metrics.
+TIMELINE = "timeline"
 #: Events that are kept of each tracker beside those of the recorded run.
 MOST_EVENTS = 10_000
 
@@ -21,7 +23,7 @@ Event = tuple[int, TrafficEvent]
 
 
 @dataclass
-class TrafficSums:
+class Timeline:
     """The scores of some runs of one tracker in one scene."""
 
     runs: int = 0
@@ -34,6 +36,8 @@ class TrafficSums:
     """The number of the recorded run, if it is one of these."""
     strips: npt.NDArray[np.int8] | None = None
     """``(T, N)`` of the recorded run."""
+    reused_ids: int = 0
+    """Number of ids that were used again after their track had ended."""
 
     def add(self, run: int, scores: RunScores, *, recorded: bool) -> None:
         """One more run, by its number."""

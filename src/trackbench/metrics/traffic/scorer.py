@@ -1,0 +1,302 @@
+"""Scores the tracks of one tracker, run by run, when it has taken all scans."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices, Tracks, Truth, of_runs, scan_of_run
+from trackbench.driving.drive import DriveStep
+from trackbench.metrics.built_in.step_time import StepTime
+from trackbench.metrics.ego import EgoScene
+from trackbench.metrics.evaluate import MetricSums, accumulators
+from trackbench.metrics.protocol import Metric, Scope
+from trackbench.metrics.traffic.assignment import NO_DETECTION, Associations, TrackHistory, TruthHistory
+from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrafficScoreOptions, in_stretches, score_run
+from trackbench.metrics.traffic.table import TRACKS
+from trackbench.metrics.traffic.timeline import TIMELINE, Timeline
+from trackbench.metrics.traffic.without_truth import (
+    UnlabelledScan,
+    judged_scan,
+    score_without_truth,
+    scores_without_truth,
+)
+from trackbench.sensing.detections import HiddenMeasurements
+from trackbench.sensing.due import Due, unscored
+from trackbench.sensing.scans import IdealSensor
+from trackbench.trackers.answers import NO_TRACK, tracks_of_run
+
+#: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
+UNTIMED = 0.1
+
+
+class SceneRuns(NamedTuple):
+    """Runs of one scene, perhaps beside those of others."""
+
+    truth: Truth
+    scored: Truth
+    """The motion of the point of each body that tracks are compared with."""
+    due: Due
+    sensors: Sequence[IdealSensor]
+    runs: range
+    """Numbered within the scene."""
+    first: int
+    """Number of the first run among those of all scenes that the tracker takes at once."""
+    number: int
+    """Number of the first run among those of the whole scenario."""
+    recorded: int | None
+    """Number, from the first run on, of the run whose tracks are kept; None where it is not one of these."""
+    shown: bool
+    """Whether the scene is the recorded one."""
+
+    @property
+    def unlabelled(self) -> bool:
+        """Whether nothing says of the detections of some sensor of which object they are."""
+        return any(sensor.detections is not None for sensor in self.sensors)
+
+    def truth_at(self, time: Array, run: int) -> TruthHistory:
+        """Return the truth at the instants ``(T,)`` s, in a run counted from the first."""
+        number = self.runs.start + run
+        state = self.scored.state_of_run(number)[:, self.due.steps]
+        return TruthHistory(time, state, of_runs(self.due.status, range(number, number + 1))[..., 0])
+
+
+@dataclass
+class RecordedTracks:
+    """One tracker's tracks of the recorded run."""
+
+    history: TrackHistory
+    taken: Indices | None = None
+    """``(rows, 3)`` scan, id of the track and number of the detection that it took; None in other scenes."""
+    predicted: dict[int, Tracks] = field(default_factory=dict)
+    """By number of the scan, the tracks before it, of a built-in tracker that took it."""
+    tracked: TrackedRun | None = None
+    """The run, as metrics get it; None where there are no others than the built-in ones."""
+
+
+class ScoredTracks(NamedTuple):
+    """What the tracks in the runs of one scene leave."""
+
+    sums: MetricSums
+    recorded: RecordedTracks | None
+
+
+#: Truth and tracks of a run, counted from the first one of a scene.
+Histories = Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]
+
+
+class TrackScorer:
+    """Takes in the tracks of one tracker; ``close`` gives the sums of each scene at the end.
+
+    Args:
+        tracker: its name.
+        time: ``(instants,)`` s.
+        measurements: of the runs of all scenes, one after the other.
+        scenes: those runs.
+        metrics: what is to be computed.
+        options: what is asked of a track.
+        ends: the instants before which the stretches of a log end; empty where it is not cut.
+        counted: the numbers of the stretches that count.
+    """
+
+    def __init__(
+        self,
+        tracker: str,
+        time: Array,
+        measurements: HiddenMeasurements,
+        scenes: Sequence[SceneRuns],
+        metrics: Sequence[Metric],
+        options: TrafficScoreOptions,
+        ends: Sequence[int] = (),
+        counted: Sequence[int] = (),
+    ) -> None:
+        self._tracker, self._time, self._measurements, self._scenes = tracker, time, measurements, scenes
+        self._metrics, self._options, self._ends, self._counted = metrics, options, ends, counted
+        self.tracks_at: list[Tracks] = []
+        """The tracks at each instant."""
+        self._taken: list[tuple[int, Tracks, int]] = []
+        asked = [
+            scene.first + run
+            for scene in scenes
+            for run in range(len(scene.runs))
+            if not scene.truth.known or (scene.shown and run == scene.recorded)
+        ]
+        self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in asked}
+        self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(measurements.scans))
+
+    def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
+        """Take in what a tracker made of a scan; to be called for every scan, in order.
+
+        Args:
+            step: of the tracker.
+            predicted: gives the tracks of a run before the scan, where a built-in tracker has them.
+        """
+        if self._untimed:
+            self._untimed -= 1
+        else:
+            self._seconds += step.seconds
+            self._timed += 1
+        if step.read and step.number is not None:
+            self._taken.append((step.instant, step.answer, step.number))
+            if predicted is not None:
+                for run, own in self._predicted.items():
+                    own[step.number] = predicted(run)
+        if step.last:
+            self.tracks_at.append(step.answer)
+
+    def close(self, histories: Histories | None = None) -> list[ScoredTracks]:
+        """Score what was taken in, of each scene; ``histories``: unless given, of the tracks that were taken in."""
+        taken = self._associations() if self._scenes[0].truth.known else None
+        histories = histories or self._histories()
+        return [self._scored(scene, histories, taken) for scene in self._scenes]
+
+    def _scored(self, scene: SceneRuns, histories: Histories, taken: Associations | None) -> ScoredTracks:
+        with_truth, count, recorded = scene.truth.known, len(scene.runs), None
+        summing = accumulators([item for item in self._metrics if with_truth or "truth" not in item.needs])
+        bodies = EgoScene.of(scene.truth, scene.due.steps)
+        scope = Scope(self._tracker, len(self._counted) if self._ends else count, bodies, self._options)
+        sums, timeline = {name: item.init(scope) for name, item in summing.items()}, Timeline()
+        seconds = self._seconds / sum(len(other.runs) for other in self._scenes)
+        for run in range(count):
+            truth, history = histories(scene, run)
+            own = None if taken is None else _associations_of(taken, scene.first + run, len(scene.truth.ids))
+            outside, elsewhere = None, scene.truth.unscored
+            if with_truth:
+                if elsewhere is not None:
+                    # A track is on an object up to half of the cutoff.
+                    x, y = history.mean[:2]
+                    outside = unscored(scene.truth, scene.due.steps, x, y, margin=self._options.cutoff / 2)
+                    outside |= elsewhere.others
+                scores = score_run(truth, history, self._options, own, outside, self._ends)
+                if elsewhere is not None and elsewhere.others:
+                    scores = scores.without_false_tracks()
+            else:
+                scores = self._scored_without_truth(scene, run)
+            tracked = TrackedRun(truth, history, own, scores, outside, bodies, seconds, self._timed)
+            pieces = in_stretches(tracked, self._ends) if self._ends else [tracked]
+            for stretch in [pieces[number] for number in self._counted] if self._ends else pieces:
+                sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}
+            shown = scene.shown and run == scene.recorded
+            timeline.add(scene.number + run, scores, recorded=shown)
+            timeline.reused_ids += reused_ids(history, self._time, self._options.cutoff)
+            if run == scene.recorded:
+                recorded = RecordedTracks(history)
+            if recorded is not None and shown:
+                recorded.taken = self._detections_taken(scene.first + run)
+                recorded.predicted = self._predicted[scene.first + run]
+                recorded.tracked = tracked if summing.keys() - {TRACKS.name, StepTime.name} else None
+        closed = {name: item.close(sums[name]) for name, item in summing.items()}
+        return ScoredTracks({**closed, TIMELINE: timeline}, recorded)
+
+    def _scored_without_truth(self, scene: SceneRuns, run: int) -> RunScores:
+        judged = self._judged_scans(scene, run)
+        taken = np.searchsorted([instant for instant, _, _ in self._taken], self._ends).tolist()
+        until = tuple(score_without_truth(judged[:number]) if number else {} for number in taken)
+        return scores_without_truth(score_without_truth(judged))._replace(until=until)
+
+    def _histories(self) -> Histories:
+        tracks = _stacked(self.tracks_at)
+        return lambda scene, run: (scene.truth_at(self._time, run), _of_run(tracks, scene.first + run))
+
+    def _associations(self) -> Associations | None:
+        """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say, or
+        where nothing says of which object a detection is."""
+        if not self._taken or self._scenes[0].unlabelled:
+            return None
+        if any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
+            return None
+        runs = sum(len(scene.runs) for scene in self._scenes)
+        objects = max(len(scene.truth.ids) for scene in self._scenes)
+        shape = (len(self._taken), max(len(tracks.ids) for _, tracks, _ in self._taken), runs)
+        ids, origin = np.full(shape, NO_TRACK), np.full(shape, NO_DETECTION)
+        merged, detected = np.full(shape, NO_TRACK), np.zeros((shape[0], objects, runs), dtype=bool)
+        for row, (_, tracks, number) in enumerate(self._taken):
+            origins, second = self._measurements.origins[number], self._measurements.merged[number]
+            for caused in (origins, second):
+                column, run = np.nonzero(caused >= 0)
+                detected[row, caused[column, run], run] = True
+            if tracks.used is None or not len(tracks.ids):
+                continue
+            ids[row, : len(tracks.ids)] = tracks.ids
+            track, run = np.nonzero(tracks.used >= 0)
+            took = tracks.used[track, run]
+            origin[row, track, run], merged[row, track, run] = origins[took, run], second[took, run]
+        return Associations(np.array([instant for instant, _, _ in self._taken]), ids, origin, detected, merged)
+
+    def _judged_scans(self, scene: SceneRuns, run: int) -> list[UnlabelledScan]:
+        """What the tracker said of each scan that it took, in a run of a recording without a truth."""
+        sensors = {sensor.name: sensor.config for sensor in scene.sensors}
+        judged = []
+        for _, tracks, number in self._taken:
+            scan = scan_of_run(self._measurements.scans[number], run)
+            own_track = self._measurements.origins[number][: len(scan.valid), run]
+            predicted = self._predicted[run].get(number)
+            judged.append(judged_scan(scan, own_track, sensors[scan.sensor], predicted, tracks_of_run(tracks, run)))
+        return judged
+
+    def _detections_taken(self, run: int) -> Indices:
+        rows = [
+            (number, tracks.ids[column, run], tracks.used[column, run])
+            for _, tracks, number in self._taken
+            if tracks.used is not None
+            for column in np.flatnonzero(tracks.used[:, run] >= 0)
+        ]
+        return np.array(rows, dtype=np.intp).reshape(-1, 3)
+
+
+def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
+    """Count the ids of a run that come back elsewhere after an instant without them; ``time`` is ``(T,)`` s.
+
+    A track that was not reported for a while comes back where its velocity takes it: within ``cutoff``, m, and four of
+    the standard deviations that it stated.
+    """
+    instant, column = np.nonzero(tracks.ids != NO_TRACK)
+    order = np.lexsort((instant, tracks.ids[instant, column]))
+    instant, column = instant[order], column[order]
+    ids, state = tracks.ids[instant, column], tracks.mean[:, instant, column]
+    variance = np.einsum("iik->ik", np.nan_to_num(tracks.covariance[:, :, instant, column]))
+    last = np.flatnonzero((np.diff(ids) == 0) & (np.diff(instant) > 1))
+    elapsed = time[instant[last + 1]] - time[instant[last]]
+    away = state[:2, last + 1] - state[:2, last] - elapsed * np.nan_to_num(state[2:, last])
+    spread = np.sqrt((variance[:2, last] + elapsed**2 * variance[2:, last]).max(axis=0, initial=0.0))
+    return int(np.sum(np.hypot(*away) > cutoff + 4.0 * spread))
+
+
+def _stacked(instants: Sequence[Tracks]) -> Tracks:
+    """The tracks at all instants: arrays ``(..., T, K, runs)``."""
+    most = max(len(tracks.ids) for tracks in instants)
+    runs = instants[0].ids.shape[1]
+    shape = (len(instants), most, runs)
+    ids = np.full(shape, NO_TRACK)
+    mean, covariance = np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan)
+    existence = np.full(shape, np.nan) if any(tracks.existence is not None for tracks in instants) else None
+    for row, tracks in enumerate(instants):
+        count = len(tracks.ids)
+        ids[row, :count], mean[:, row, :count], covariance[:, :, row, :count] = tracks[:3]
+        if existence is not None and tracks.existence is not None:
+            existence[row, :count] = tracks.existence
+    return Tracks(ids, mean, covariance, existence)
+
+
+def _of_run(tracks: Tracks, run: int) -> TrackHistory:
+    """The history of one run, in no more columns than it needs."""
+    ids = tracks.ids[..., run]
+    there = ids != NO_TRACK
+    most = int(there.sum(axis=1).max(initial=0))
+    if (there[:, 1:] <= there[:, :-1]).all():
+        own = Tracks(*(None if part is None else part[..., :most, run].copy() for part in tracks))  # type: ignore[arg-type]
+        return TrackHistory(own.ids, own.mean, own.covariance, own.existence)
+    order = np.argsort(~there, axis=1, kind="stable")[:, :most]
+    rows = np.arange(len(ids))[:, None]
+    existence = None if tracks.existence is None else tracks.existence[rows, order, run]
+    return TrackHistory(
+        ids[rows, order], tracks.mean[:, rows, order, run], tracks.covariance[:, :, rows, order, run], existence
+    )
+
+
+def _associations_of(taken: Associations, run: int, objects: int) -> Associations:
+    merged, detected = None if taken.merged is None else taken.merged[..., run], taken.detected[:, :objects, run]
+    return Associations(taken.instant, taken.ids[..., run], taken.origin[..., run], detected, merged)
