@@ -278,7 +278,7 @@ def plain_estimate(messages: Sequence[Mapping[str, Any]], *batch: int) -> Estima
         return None
     mirrored = square.swapaxes(0, 1)
     # Bytes are compared in less time than numbers.
-    if mirrored.tobytes() != square.data.cast("B"):
+    if mirrored.tobytes() != square.tobytes():
         gap = np.abs(square - mirrored).max()
         return Estimate(flat, square) if gap <= ASYMMETRY * square.max(axis=(0, 1)).min() else None
     return Estimate(flat, square)
