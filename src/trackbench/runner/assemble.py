@@ -69,7 +69,7 @@ def assemble(
     loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[Block], command: str
 ) -> Result:
     """The result of all blocks of a run."""
-    scenario, hidden = loaded.config, work.cutoff is not None
+    scenario, hidden = loaded.config, work.hidden
     scores = evaluated(work, blocks)
     margin = MarginSummary(**scenario.score.margin.model_dump())
     engines: dict[str, EngineUsed] = {}
@@ -266,7 +266,7 @@ def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None 
 def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
     truth, scenes = truths[work.recorded_scene].truth, list[SceneSummary]()
     if len(truths) > 1 or work.stretches:
-        names = scores.ranked if work.cutoff is None else scores.evaluations
+        names = scores.ranked if not work.hidden else scores.evaluations
         errors: dict[str, Array] = {}
         for name in names:
             total, count = (

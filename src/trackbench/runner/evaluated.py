@@ -44,7 +44,7 @@ class Evaluated:
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     """The metrics of every tracker."""
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
-    if work.cutoff is not None:
+    if work.hidden:
         return _evaluated_tracks(work, failures, outcomes)
     sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
     scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}

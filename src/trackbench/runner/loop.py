@@ -41,16 +41,18 @@ def run_blocks(
     """
     keep_freed_memory()
     runs = sum(len(piece.runs) for piece in group)
-    with users_kernels_compared(work.engine_here, group[0].scene == group[0].runs.start == 0):
-        sensed = (KnownBlocks if work.cutoff is None else HiddenBlocks)(work, group, on_recorded_run)
-        for place, name in enumerate(work.trackers):
-            for tracker_run in sensed.tracker_runs(name):
+    is_first = group[0].scene == group[0].runs.start == 0
+    with users_kernels_compared(work.engine_here, is_first):
+        blocks = (HiddenBlocks if work.hidden else KnownBlocks)(work, group, on_recorded_run)
+        for number, name in enumerate(work.trackers):
+            for tracker_run in blocks.tracker_runs(name):
+                # What the tracker raises ends the context, and is kept as its failure.
                 with tracker_run:
                     for arguments in tracker_run:
                         tracker_run.state, answer = tracker_run.tracker.step(tracker_run.state, *arguments)
                         tracker_run.take(answer)
-                        progress((place + tracker_run.done) / len(work.trackers) * runs, runs)
-    return sensed.blocks
+                        progress((number + tracker_run.done) / len(work.trackers) * runs, runs)
+    return blocks.blocks
 
 
 @cache

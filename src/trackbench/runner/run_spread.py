@@ -42,7 +42,7 @@ def spread_in(work: Work, number: int) -> RunSpread | None:
 
     Where identities are hidden it is that of the mean position of the tracks.
     """
-    scene, hidden = work.scenes[number], work.cutoff is not None
+    scene, hidden = work.scenes[number], work.hidden
     if not scene.truth.known:
         return None
     steps = work.scored_steps(scene)

@@ -113,7 +113,7 @@ class SecondDrives:
         return None if second is None else AskedAgain(stepper, second)
 
     def _in_other_company(self, config: FilterConfig | PluginConfig, batched: bool) -> SecondDrive:
-        work, runs, several = self._work, len(self._piece.runs), self._work.cutoff is not None
+        work, runs, several = self._work, len(self._piece.runs), self._work.hidden
         # Members are numbered by object, then run; with hidden identities each is a run.
         objects = 1 if several else len(work.scenes[self._piece.scene].truth.ids)
         members = objects * runs
@@ -132,13 +132,13 @@ class SecondDrives:
         return OtherCompany(start, order, members, self._others(other_runs), batched)
 
     def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Stepper:
-        work, several = self._work, self._work.cutoff is not None
+        work, several = self._work, self._work.hidden
         with_engine = partial(replace, engine=work.engine_here)
         return start_stepper(config, work.folder, batch, with_engine, work.isolation, several, work.sensors)
 
     def _alone(self, config: FilterConfig | PluginConfig) -> SecondDrive | None:
         work, scene, runs = self._work, self._work.scenes[self._piece.scene], self._piece.runs
-        several = work.cutoff is not None
+        several = work.hidden
         steps = work.scored_steps(scene)
         truth = np.where(scene.truth.alive[steps, :, None], of_runs(scene.truth.state[:2, steps], runs), np.nan)
         truth = np.broadcast_to(truth, (*truth.shape[:3], len(runs)))
@@ -155,7 +155,7 @@ class SecondDrives:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""
         work, first = self._work, self._piece.runs.start
         sensors = nearer(work.scenes[self._piece.scene])
-        sensed = sense_known if work.cutoff is None else sense_hidden
+        sensed = sense_known if not work.hidden else sense_hidden
         noise = f"{work.noise_of(self._piece.scene)}, {PURPOSE}"
         return sensed(sensors, work.seed, noise, range(first, first + count)).scans
 

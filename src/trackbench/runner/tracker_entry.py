@@ -50,7 +50,7 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
         "failed": failure,
     }
     if failure is not None:
-        metrics = work.metrics if work.cutoff is None else metrics_of_truth(work)
+        metrics = work.metrics if not work.hidden else metrics_of_truth(work)
         values = no_metrics("the tracker failed", metrics)
         return TrackerResult(
             **entry, metrics=values, health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE))
@@ -60,7 +60,7 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
     if work.headline in evaluation.intervals:
         share = scene_share(ratio(*headline_sums(work, evaluation)), work.scene_of_run)
     entry |= {"metrics": evaluation.values, "scene_share": share}
-    if work.cutoff is not None:
+    if work.hidden:
         if name in work.filed:
             pairs = [block.offset for block in scores.tracks[name] if block.offset is not None]
             offset = offset_of(np.concatenate(pairs, axis=1))
@@ -83,7 +83,7 @@ def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: 
 
 def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
     """``(runs,)`` sums of what trackers are ranked by, squared, and the number of terms in each."""
-    if work.cutoff is not None:
+    if work.hidden:
         total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
         return total, count
     sums = evaluation.scores.per_run

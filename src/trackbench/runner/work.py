@@ -149,6 +149,11 @@ class Work:
         return entry
 
     @property
+    def hidden(self) -> bool:
+        """Whether scans do not say of which object a detection is, so that trackers follow several objects."""
+        return self.cutoff is not None
+
+    @property
     def sensors(self) -> Mapping[str, Sensor]:
         """Of the scenario, by name."""
         return {sensor.name: sensor.config for sensor in self.scenes[0].sensors}
@@ -216,7 +221,7 @@ class Work:
         late = any(sensor.config.latency[0] < sensor.config.latency[1] for sensor in scene.sensors)
         recorded = any(sensor.recorded or sensor.detections is not None for sensor in scene.sensors)
         built_in = any(isinstance(entry, FilterConfig) for entry in self.trackers.values())
-        if self.cutoff is None or not built_in or self.stretches or not scene.truth.known or late or recorded:
+        if not self.hidden or not built_in or self.stretches or not scene.truth.known or late or recorded:
             return piece
         return tuple(sensor.time.tobytes() for sensor in scene.sensors)
 
@@ -236,7 +241,7 @@ class Work:
     @property
     def headline(self) -> str:
         """The metric that trackers are ranked by."""
-        return ranking_path(BUILT_IN if self.cutoff is None else TRACK_METRICS.values())
+        return ranking_path(BUILT_IN if not self.hidden else TRACK_METRICS.values())
 
     @property
     def has_truth(self) -> bool:
@@ -272,7 +277,7 @@ class Work:
 
     def scored_steps(self, scene: Scene) -> Indices:
         """Return the indices of the truth's steps at which the estimates of trackers are scored."""
-        return scene.instants() if self.cutoff is None else scene.due.steps
+        return scene.instants() if not self.hidden else scene.due.steps
 
     def recorded_in(self, piece: BlockRuns) -> int | None:
         """The number of the recorded run in a block, if it is there."""
