@@ -89,8 +89,6 @@ class RunScores(NamedTuple):
     """In the order of time."""
     strips: npt.NDArray[np.int8]
     """``(T, N)`` what each object's time was spent on: see :func:`strips`."""
-    tgospa_exact: bool
-    """See :class:`TgospaParts`."""
     until: tuple[RunSums, ...] = ()
     """The values of its beginnings, up to some instants."""
     on: Sequence[NearPairs] = ()
@@ -162,7 +160,6 @@ def score_run(
         existence=None if tracks.existence is None else existence_bins(counted, tracks.existence),
         events=events(truth, tracks, counted, of_gospa, whole.track_of, whole.changes, switch),
         strips=strips(whole.track_of, counted.due, whole.changes),
-        tgospa_exact=whole.tgospa_exact,
         on=(counted.matched, counted.excused),
         until=tuple(whole.values if end == steps else until(end).values for end in ends),
     )
@@ -174,7 +171,6 @@ class _Beginning(NamedTuple):
     values: RunSums
     gospa: GospaParts
     latencies: Array
-    tgospa_exact: bool
     track_of: Indices
     changes: Switches
 
@@ -237,7 +233,7 @@ def _beginning(
         **({} if associations is None else association_counts(counted, associations)),
     }
     values = {path: sums for path, sums in values.items() if any(sums)}
-    return _Beginning(values, parts, waited, trajectory.exact, track_of, changes)
+    return _Beginning(values, parts, waited, track_of, changes)
 
 
 def count_by_clear(near: Nearby) -> Counted:

@@ -69,7 +69,7 @@ def scores_without_truth(values: RunSums) -> RunScores:
     """The scores of a run of which nothing else is known."""
     none = np.zeros(0)
     parts = GospaParts(none, none, none)
-    return RunScores(values, parts, none, None, (), np.zeros((0, 0), dtype=np.int8), True)
+    return RunScores(values, parts, none, None, (), np.zeros((0, 0), dtype=np.int8))
 
 
 def _use(scans: list[UnlabelledScan], track_minutes: float) -> RunSums:
