@@ -197,7 +197,7 @@ def test_an_id_that_is_used_again_is_a_fault_of_health(
     code = (
         "import numpy as np\nclass T:\n    def step(self, state, scan):\n        n = (state or 0) + 1\n"
         "        there = np.arange(n % 4 < 2)\n"
-        "        mean = np.zeros((4, len(there)))\n        mean[0] = n * self.step_m + 0.01 * scan.measurement.sum()\n"
+        "        mean = np.zeros((4, len(there)))\n        mean[0] = n * self.step_m + 0.001 * scan.measurement.sum()\n"
         "        return n, (there, mean, np.tile(np.eye(4)[:, :, None], len(there)))\n"
         "    step_m = 10.0\nclass Back(T):\n    step_m = 1.0\n"
     )
