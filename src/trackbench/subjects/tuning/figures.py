@@ -14,8 +14,7 @@ from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import shortened_to_width
-from trackbench.document.drawing import DASHED, INK, MUTED, logarithmic
+from trackbench.document.drawing import DASHED, INK, MUTED, logarithmic, shortened_to_width
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.tuning.measures import NEES_DOF
 from trackbench.subjects.tuning.objectives import has_nees, mean_nees
