@@ -13,7 +13,6 @@ import pytest
 from rich.console import Console
 from tests.support.example_result import (
     RMSE,
-    breakdown,
     failed_tracker,
     make_differences,
     make_result,
@@ -24,11 +23,10 @@ from tests.support.results import with_differences
 
 from trackbench.document.html import to_html
 from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS
-from trackbench.report.calibration import calibration_clauses
 from trackbench.report.console import print_summary
 from trackbench.report.pairs import Pairs
 from trackbench.report.result import result_document
-from trackbench.results import Breakdown, Result
+from trackbench.results import Result
 
 
 class Page(HTMLParser):
@@ -102,7 +100,7 @@ def test_the_page_loads_nothing(text: str, page: Page) -> None:
 def test_figures_have_captions_and_alternatives(page: Page) -> None:
     inside = [tag for tag, _, parents in page.elements if "figure" in parents]
     figures, drawings = page.all("figure"), [svg for svg in page.all("svg") if svg["class"] == "plot"]
-    assert len(figures) == len(drawings) == inside.count("figcaption") == 14
+    assert len(figures) == len(drawings) == inside.count("figcaption") == 6
     assert all(drawing["role"] == "img" and len(str(drawing["aria-label"])) > 20 for drawing in drawings)
     identities = [attributes["id"] for _, attributes, _ in page.elements if "id" in attributes]
     assert len(identities) == len(set(identities))
@@ -130,8 +128,8 @@ def test_ranked_values_are_those_of_the_result(page: Page) -> None:
     assert list(rows) == list(RMSE)
     assert {name: float(row[2]) for name, row in rows.items()} == RMSE
     assert rows["ekf_tight"][6] == "96.00"
-    assert rows["ekf_tight"][9:11] == ["3", "7"]
     assert {row[8] for row in rows.values()} == {"99.0"}
+    assert rows["ekf_tight"][9:11] == ["3", "7"]
     assert [row[3] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
     assert "0.374 to 0.390" in page.text
 
@@ -149,12 +147,11 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv has the smallest position RMSE: 0.382 m" in page.text
     assert "whether it is better than ekf_ctrv is undecided." in page.text
-    assert "0.412 m position RMSE, 1.18 times the reference; pessimistic: the errors are smaller" in page.text
-    said = "(NEES 4.1 where 4 is right; by condition: turning 39.7, straight 2.9)"
-    assert f"depending on the condition {said}" in page.text
-    assert "NEES n/a: the tracker gives no covariance" in page.text
-    assert "white where the interval of their autocorrelation is within 0.05 of zero" in page.text
-    assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
+    covariances = {row[0]: row[1:] for row in page.rows if len(row) == 3 and ": " in row[1]}
+    assert covariances["ekf_cv"][0].startswith("pessimistic: the errors are smaller than its covariance states")
+    assert covariances["ekf_ctrv"][0].endswith("depending on the condition")
+    assert covariances["ekf_ctrv"][1] == "turning 39.7, straight 2.9"
+    assert "the tracker gives no covariance" in page.text
     assert "1 of 2 expectations failed" in page.text
     assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
     assert "v3 jumps by 1.4 m at 15.00 s" in page.text
@@ -165,55 +162,30 @@ def test_what_velocity_jumps_of_the_truth_make_of_the_errors(page: Page) -> None
     assert "ekf_cv 36 %" in page.text
 
 
-def test_what_is_said_of_calibration_is_what_was_shown() -> None:
-    def said(interval: tuple[float, float] | None = (0.99, 1.01), **changes: float) -> list[str]:
-        found = breakdown(0.4)
-        for place, mean in changes.items():
-            name, _, part = place.partition("__")
-            ci95 = None if interval is None else [interval[0] * mean, interval[1] * mean]
-            found["manoeuvre"][name][f"nees_{part}"] |= {"mean": mean, "ci95": ci95}
-        return calibration_clauses(Breakdown.model_validate(found))
-
-    # The sensor gap is too rare to be worth a word, whatever the errors in it.
-    assert said() == ["optimistic about velocity in turns (errors 1.6 times as large as stated)"]
-    # A NEES of 3.0 with 2 degrees of freedom is 50 % above what is right, its root 1.22 times as large.
-    assert said(turning__velocity=3.0) == []
-    assert said(turning__velocity=3.1) == ["optimistic about velocity in turns (errors 1.2 times as large as stated)"]
-    assert said(turning__velocity=8, straight__velocity=18, straight__position=0.5) == [
-        "optimistic about velocity on straights and in turns (errors up to 3.0 times as large as stated)",
-        "pessimistic about position on straights (errors 0.5 times as large as stated)",
-    ]
-    assert said(turning__velocity=8, turning__position=18) == [
-        "optimistic about position and velocity in turns (errors up to 3.0 times as large as stated)"
-    ]
-    assert said((0.5, 2.0), turning__velocity=5.0) == []
-    assert said(None, turning__velocity=5.0) == []
+def test_faults_have_a_column_only_where_there_are_any() -> None:
+    headings = {heading for row in Page(render(make_result())).rows for heading in row}
+    assert {"coverage, %", "diverged", "repaired"} <= headings
+    summary = make_summary()
+    for entry in summary["trackers"][:-1]:
+        entry["metrics"]["coverage"]["value"] = 1.0
+        entry["health"] |= {"diverged_runs": 0, "repaired_covariances": 0}
+    headings = {text for row in Page(render(Result.from_json(summary, make_tables()))).rows for text in row}
+    assert not {"coverage, %", "diverged", "repaired"} & headings
 
 
-def test_calibration_throughout() -> None:
-    found = breakdown(0.4)
-    del found["manoeuvre"]["sensor gap"]
-    for entry in found["manoeuvre"].values():
-        entry["nees_velocity"] |= {"mean": 8.0, "ci95": [7.9, 8.1]}
-    size = "(errors up to 2.0 times as large as stated)"
-    assert calibration_clauses(Breakdown.model_validate(found)) == [f"optimistic about velocity throughout {size}"]
-    del found["manoeuvre"]["turning"]
-    alone = "optimistic about velocity (errors 2.0 times as large as stated)"
-    assert calibration_clauses(Breakdown.model_validate(found)) == [alone]
-
-
-def test_calibration_by_manoeuvre_is_in_the_tables(page: Page) -> None:
-    """Behind that of all estimates."""
-    rows = [row for row in page.rows if row and row[0] == "ekf_cv" and len(row) == 5]
-    assert ["ekf_cv", "1.0", "1.0", "1.6", "1.0"] in rows
-    assert ["ekf_cv", "1.0", "1.0", "1.0", "5.0"] in rows
-    without = [row for row in page.rows if row and row[0] == "alpha_beta" and len(row) == 5]
-    assert ["alpha_beta", "n/a1", "n/a1", "n/a1", "n/a1"] in without
-
-
-def test_nees_by_condition_is_in_a_table_where_it_was_judged(page: Page) -> None:
-    rows = [row for row in page.rows if len(row) == 5 and row[0] == "ekf_ctrv"]
-    assert ["ekf_ctrv", "4.1", "2.9", "39.7", "4.0"] in rows
+def test_errors_by_manoeuvre_and_range_are_in_tables() -> None:
+    result = make_result()
+    tables = {table.name: table for table in result_document(result).tables}
+    breakdown = result["ekf_cv"].breakdown
+    assert breakdown is not None
+    for way, scores in (("manoeuvre", breakdown.manoeuvre), ("range", breakdown.range)):
+        table = tables[f"position-rmse-by-{way}"]
+        assert [column.heading for column in table.columns] == ["tracker", *scores]
+        (row,) = (row for row in table.rows if row[0].text == "ekf_cv")
+        for cell, item in zip(row[1:], scores.values(), strict=True):
+            assert item.position_rmse is not None
+            assert float(cell.text) == pytest.approx(item.position_rmse.value, abs=6e-4)
+            assert len(cell.details) == (item.position_rmse.ci95 is not None)
 
 
 def test_a_metric_of_a_plug_in_has_its_column() -> None:
@@ -255,7 +227,6 @@ def test_the_page_has_one_legend(text: str) -> None:
         entry for figure in figures for entry in re.findall(r'<li[^>]*><span class="mark.*?</span>(.*?)</li>', figure)
     ]
     assert "observer" in own
-    assert "10th to 90th percentile" in own
     assert not {*RMSE, reference} & set(own)
 
 

@@ -67,9 +67,7 @@ def test_markdown_holds_the_whole_report(result: Result) -> None:
         "Truth and sensors",
         "How to reproduce it",
     ]
-    assert "optimistic about velocity in turns (errors 1.6 times as large as stated)" in text
     assert "1 of 2 expectations failed." in text
-    assert "```yaml\n" + result.summary.scenario.text.rstrip() + "\n```" in text
     assert result.summary.command in text
     assert "None" not in text
 

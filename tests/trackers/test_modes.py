@@ -1,6 +1,5 @@
 """The mode probabilities of trackers with several motion models, from the estimate to the pages."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from tests.trackers.test_imm_tracker import CV, SCENARIO
 
 import trackbench as tb
-from trackbench.report.result import result_document
 from trackbench.results.columns import split
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Opening
@@ -84,12 +82,6 @@ def test_the_mean_is_that_of_single_runs(tmp_path, result):
     np.testing.assert_allclose(np.mean(singles, axis=0), mean, rtol=1e-12)
 
 
-def test_the_report_shows_them(result):
-    figures = {figure.name: figure for figure in result_document(result).figures}
-    assert re.search(r"imm, 3 runs: cv 0\.\d+, ctrv .* imm, run 0: cv", figures["modes"].alternative)
-    assert [entry.label for entry in figures["modes"].legend] == ["cv", "ctrv"]
-
-
 def test_a_recording_keeps_and_tells_them(tmp_path, result):
     write(result, tmp_path / "run.rrd")
     kept = read(tmp_path / "run.rrd").result.tables.recorded_modes.to_pandas()
@@ -112,7 +104,6 @@ def test_a_run_without_modes_has_no_such_tables(tmp_path):
     code = MINE.format(batched=True, probabilities=HALVES).replace("mode_probabilities=", "state=")
     found = of(tmp_path, code)
     assert "modes" not in found.tables
-    assert "modes" not in {figure.name for figure in result_document(found).figures}
 
 
 @pytest.mark.parametrize("probabilities", ["[np.full(batch, 0.5), np.full(batch, 0.6)]", "[np.ones(7)]"])

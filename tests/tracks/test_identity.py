@@ -70,12 +70,8 @@ def test_identities_that_change_every_second_rank_below_those_of_the_same_tracks
         assert names.index(name) > names.index("naive") > names.index("gnn")
 
 
-def test_the_report_has_the_order_at_half_and_at_twice_the_cost(renamed: Result) -> None:
+def test_the_report_says_what_a_switch_costs(renamed: Result) -> None:
     document = result_document(renamed)
-    (table,) = (table for table in document.tables if table.name == "switch-costs")
-    assert [column.heading for column in table.columns] == [
-        "tracker", "T-GOSPA, 0.25 s a switch, m", "T-GOSPA, 1 s a switch, m",
-    ]  # fmt: skip
     assert "A switch costs as much as missing the object for 0.5 s." in document_text(document)
     for tracker in renamed.scored:
         values = [tracker.metrics[path].value or 0.0 for path in ("tgospa_half", "tgospa", "tgospa_twice")]

@@ -10,6 +10,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any, Literal
 from xml.etree import ElementTree
 
@@ -19,13 +20,16 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import get_named_colors_mapping
 from matplotlib.figure import Figure as Canvas
+from matplotlib.font_manager import FontProperties
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.text import Annotation
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import QuickFigure, fit_margins, shortened_to_width
 
 #: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
 INK, GRID, MUTED = "trackbench:ink", "trackbench:grid", "trackbench:muted"
@@ -43,6 +47,8 @@ MARKERS = {"dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "triangle": ("^
 HATCHES = {"hatched": "////", "lined": "---"}
 #: Of a line of a legend, points.
 _LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
+#: Around the panels of a figure, inches.
+_PAD = 1.0 / 72
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -136,7 +142,7 @@ def png_file(figure: Figure) -> bytes:
 
 def matplotlib_figure(figure: Figure) -> Canvas:
     """The figure with its legend, on white, for a program that goes on with it."""
-    with _drawn(figure, _ON_WHITE, legend=True, canvas_type=Canvas) as canvas:
+    with _drawn(figure, _ON_WHITE, legend=True) as canvas:
         canvas.set_facecolor("white")
     return canvas
 
@@ -188,25 +194,29 @@ def _axes(canvas: Canvas) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def _drawn(
-    figure: Figure, colours: Mapping[str, str], *, legend: bool, canvas_type: type[Canvas] = QuickFigure
-) -> Iterator[Canvas]:
-    """The drawn figure, while its colours and the settings of matplotlib hold."""
+def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
+    """The painted figure, while its colours and the settings of matplotlib hold."""
     width = figure.width or WIDTH
     columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
     with _colours(colours), matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
-        canvas = canvas_type(figsize=(width / 72, height / 72), dpi=72)
+        canvas = Canvas(
+            figsize=(width / 72, height / 72), dpi=72, layout=ConstrainedLayoutEngine(h_pad=_PAD, w_pad=_PAD)
+        )
         figure.paint(canvas)
-        fit_margins(canvas, below=height - figure.height)
+        # Lines and texts inside a panel need no margin; names beside a point, which are annotations, do.
+        for artist in (artist for axes in canvas.axes for artist in (*axes.lines, *axes.texts)):
+            artist.set_in_layout(isinstance(artist, Annotation))
+        is_placed_by_hand = not any(axes.get_subplotspec() for axes in canvas.axes)
+        if is_placed_by_hand:
+            canvas.set_layout_engine("none")
         if columns:
             handles = [_handle(entry, width) for entry in figure.legend]
             canvas.legend(
                 handles=handles,
-                loc="lower left",
-                bbox_to_anchor=(0, 0),
+                loc="lower left" if is_placed_by_hand else "outside lower left",
                 borderaxespad=0.3,
                 ncols=columns,
                 handlelength=1.6,
@@ -336,3 +346,24 @@ def logarithmic(axes: Axes, which: Literal["x", "y"]) -> None:
     axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
+    axis.set_tick_params(labelsize=10)
+
+
+def text_width(text: str, size: float = 11.0) -> float:
+    """Return the width of a text's longest line, points."""
+    return max((_line_width(line, size) for line in text.split("\n")), default=0.0)
+
+
+def shortened_to_width(text: str, width: float, size: float = 11.0) -> str:
+    """Return the text, without its middle if it is wider than ``width`` points: names of a sweep differ at the end."""
+    short = text
+    for kept in range(len(text) - 1, 1, -1):
+        if text_width(short, size) <= width:
+            break
+        short = f"{text[: kept // 2]}…{text[-(kept - kept // 2) :]}"
+    return short
+
+
+@lru_cache(maxsize=4096)
+def _line_width(line: str, size: float) -> float:
+    return float(text_to_path.get_text_width_height_descent(line, FontProperties(size=size), ismath=False)[0])

@@ -25,22 +25,13 @@ from trackbench.document import (
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict, only_where
 from trackbench.report import tables
-from trackbench.report.association import against_oracle
 from trackbench.report.figures.map import map_of_run, map_of_tracks
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.numbers import decimals, reach_text, rounded
-from trackbench.report.sentences import (
-    divergence,
-    expectations_met,
-    listed_of,
-    other_switch_costs,
-    tracker_verdict,
-    value_and_limit,
-    verdict_on_tracks,
-)
+from trackbench.report.sentences import divergence, expectations_met, listed_of, value_and_limit
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.report.verdict import headline_sentence, next_step
-from trackbench.results import MetricValue, Result, TrackerResult
+from trackbench.results import MetricValue, Result
 
 
 def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
@@ -78,8 +69,6 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
         yield Row(beside)
     if trackers > len(summary.trackers):
         yield Paragraph(listed_of(summary, trackers))
-    elif result.scored and summary.truth.known:
-        yield Section("Each tracker in a sentence", tuple(_standings(result)), folded=True)
     if missing:
         failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
         numbers = tables.unranked_table(result)
@@ -92,32 +81,6 @@ _NO_TRUTH = (
     "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
     "ranked."
 )
-
-
-def _standings(result: Result) -> Iterator[Block]:
-    """The ranked trackers with a sentence and a description each, then the references."""
-    labelled = result.summary.identities == "known"
-    if not labelled:
-        yield Paragraph(other_switch_costs(result))
-        yield from map(Paragraph, against_oracle(result))
-
-    def item(tracker: TrackerResult) -> Item:
-        if labelled:
-            sentence = tracker_verdict(tracker, result.summary.runs, result.summary.held_against.label)
-            description = tracker.describe
-        else:
-            sentence = verdict_on_tracks(tracker)
-            confirmed = f"confirmed by {tracker.confirmation}" if tracker.confirmation else ""
-            description = ", ".join(filter(None, (tracker.association, confirmed, tracker.describe)))
-        label = f"{tracker.name} ({', '.join(tracker.marks)})" if tracker.marks else tracker.name
-        return Item(f"{sentence}.", label, description, tracker.name)
-
-    ranked = [tracker.name for tracker in result.contenders]
-    items = {tracker.name: item(tracker) for tracker in result.scored}
-    if items:
-        yield Items(tuple(items[name] for name in ranked), numbered=True)
-        if len(ranked) < len(items):
-            yield Items(tuple(item for name, item in items.items() if name not in ranked))
 
 
 def at_a_glance(result: Result, every: int) -> Table:

@@ -56,13 +56,13 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
     if not moments:
         return
     sentences = (
-        f"The largest position error of each tracker in run {result.summary.recorded_run}, of those that count.",
+        f"The largest position errors in run {result.summary.recorded_run}.",
         diverged_elsewhere(result),
-        "In the folder of this run, trackbench inspect . --worst 3 lists more, and these commands open the recording "
-        "at the rings of the map:",
+        "In the folder of this run, these commands list more, and open the recording at the rings of the map:",
     )
     text = " ".join(filter(None, sentences))
-    commands = "\n".join(f"trackbench view . --worst --tracker {name}" for name in ringed if name in moments)
+    views = (f"trackbench view . --worst --tracker {name}" for name in ringed if name in moments)
+    commands = "\n".join(["trackbench inspect . --worst 3", *views])
     every = list(moments.values())
     columns = [
         (TRACKER, [Cell(name, tracker=name) for name in moments]),

@@ -8,9 +8,7 @@ from datetime import UTC
 from trackbench.base.errors import counted
 from trackbench.driving.law import FEWEST
 from trackbench.metrics.differences import MOST_CHARGED
-from trackbench.metrics.verdicts import mean_text, meaning, what_is_off
-from trackbench.report.calibration import calibration_clauses
-from trackbench.report.numbers import decimals, interval_text, joined_names, percent, rounded
+from trackbench.report.numbers import decimals, joined_names, percent, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import value_text
@@ -25,19 +23,10 @@ from trackbench.results import (
 )
 from trackbench.results.metric_value import by_value
 
-#: The parts of T-GOSPA, in words.
-PARTS = {
-    "gospa_localisation": "localisation",
-    "gospa_missed": "missed objects",
-    "gospa_false": "false tracks",
-    "gospa_switch": "switches",
-}
 #: T-GOSPA at other costs of a switch, by the factor.
 SWITCH_COSTS = {"tgospa_half": 0.5, "tgospa_twice": 2.0}
 #: A reference takes no false alarm.
 FALSE_OF_REFERENCE = "its false tracks: predicted further while their object is hidden or gone"
-#: A part with more than this share of the square is what the error mostly is.
-MOST = 0.5
 
 
 def facts(result: Result, trackers: int) -> tuple[str, ...]:
@@ -85,83 +74,10 @@ def duration(result: Result) -> str:
     return f"{rounded(length, 1)} s{part}"
 
 
-def tracker_verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
-    """One sentence on a tracker's accuracy, consistency and health, without its name.
-
-    For example "0.412 m position RMSE, 1.38 times the reference; mixed: the errors are larger or smaller than its
-    covariance states, depending on the condition (NEES 4.2, turning 39.7, straight 2.9 where 4 is right); optimistic
-    about velocity in turns (errors 3.1 times as large as stated)". ``reference`` is what the reference is called.
-    """
-    rmse, nees, health = tracker.position_rmse.value, tracker.metrics.get("nees"), tracker.health
-    ratio = _value(tracker, "position_over_reference")
-    times = "" if ratio is None else f", {rounded(ratio, 2)} times the {reference}"
-    parts = [f"{rounded(rmse, decimals([rmse]))} m position RMSE{times}"]
-    if nees is None or nees.mean is None or nees.verdict is None:
-        parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
-    else:
-        values = [f"NEES {mean_text(nees.mean)} where {nees.dof} is right"]
-        for word in (nees.verdict, *filter(None, [nees.also])):
-            if off := what_is_off(nees, word=word):
-                values.append(off if word == "heavy-tailed" else f"by condition: {off}")
-        parts.append(f"{nees.words}: {meaning(nees, tracker.breakdown)} ({'; '.join(values)})")
-        if tracker.breakdown is not None:
-            parts += calibration_clauses(tracker.breakdown)
-    if words := divergence(tracker, runs):
-        parts.append(words)
-    if health.repaired_covariances:
-        parts.append(f"covariance repaired {counted(health.repaired_covariances, 'time')}")
-    if health.missing_estimates:
-        parts.append(counted(health.missing_estimates, "missing estimate"))
-    if health.non_finite_estimates:
-        parts.append(counted(health.non_finite_estimates, "non-finite estimate"))
-    return "; ".join(parts)
-
-
 def divergence(tracker: TrackerResult, runs: int) -> str:
     """ "diverged in 1 of 10 runs"; empty where none did."""
     number = tracker.health.diverged_runs
     return f"diverged in {number} of {counted(runs, 'run')}" if number else ""
-
-
-def verdict_on_tracks(tracker: TrackerResult) -> str:
-    """One sentence on the errors of a tracker of several objects, without its name.
-
-    For example "T-GOSPA 3.72 m, mostly localisation (62 % of its square; missed objects 29 %, false tracks 7 %,
-    switches 2 %); tracks 94.8 % of what is due; 1.5 switches a minute of an object; NEES of matched tracks 4.9 (4 when
-    consistent, 95 % interval 4.2 to 5.7), 93.1 % within the 95 % bound".
-    """
-    tgospa = _value(tracker, "tgospa") or 0.0
-    parts = [f"T-GOSPA {rounded(tgospa, decimals([tgospa]))} m{_parts_of_tgospa(tracker)}"]
-    if (share := _value(tracker, "matched_share")) is not None:
-        parts.append(f"tracks {percent(share, 1)} of what is due")
-    if (rate := _value(tracker, "id_switches")) is not None:
-        parts.append(f"{_rate(rate)} switches a minute of an object")
-    if rate := _value(tracker, "false_tracks"):
-        parts.append(f"{_rate(rate)} tracks a minute that never are on an object")
-    if (nees := _value(tracker, "nees")) is not None:
-        ci95, inside = tracker.metrics["nees"].ci95, _value(tracker, "nees_inside")
-        bounds = f", 95 % interval {interval_text(ci95, 1)}" if ci95 else ""
-        mean = f"NEES of matched tracks {rounded(nees, 1)} (4 when consistent{bounds})"
-        parts.append(f"{mean}, {percent(inside, 1)} within the 95 % bound")
-    if tracker.health.reused_ids:
-        parts.append(f"identities used again {counted(tracker.health.reused_ids, 'time')}")
-    return "; ".join(parts)
-
-
-def _parts_of_tgospa(tracker: TrackerResult) -> str:
-    squares = {words: (_value(tracker, path) or 0.0) ** 2 for path, words in PARTS.items()}
-    total = sum(squares.values())
-    if not total:
-        return ""
-    first, *others = sorted(squares, key=lambda words: -squares[words])
-    share = {words: percent(square / total) for words, square in squares.items()}
-    rest = ", ".join(f"{words} {share[words]}" for words in others)
-    most = "mostly" if squares[first] > MOST * total else "the largest part"
-    return f", {most} {first} ({share[first]} of its square; {rest})"
-
-
-def _rate(value: float) -> str:
-    return rounded(value, 1) if value >= 0.05 or not value else f"{value:.1g}"
 
 
 def _value(tracker: TrackerResult, path: str) -> float | None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import TypeVar
 
 from trackbench.base.subjects import collected
 from trackbench.document import Cell, Column, Table, Tone
+from trackbench.metrics import BUILT_IN
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_verdict, only_where
@@ -199,74 +199,50 @@ def _errors(result: Result, trackers: Sequence[TrackerResult]) -> list[TableColu
     counted = "a missing estimate counts as the last measurement or estimate, held; given: of those given alone"
     judged = "mean, verdict under all conditions, 95 % interval"
     present = "share of the due estimates that were given"
-    diverged = [_fault_count(tracker.health.diverged_runs) for tracker in trackers]
-    repaired = [_fault_count(tracker.health.repaired_covariances) for tracker in trackers]
-    return [
+    columns = [
         (Column("position RMSE, m", counted, details=INTERVAL), metric_cells(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", counted, details=INTERVAL), metric_cells(trackers, "velocity_rmse")),
-        (Column("course RMSE, deg", counted, details=INTERVAL), metric_cells(trackers, "course_rmse")),
-        (Column("NEES, 4 expected", judged, details=VERDICT), metric_cells(trackers, "nees")),
         (
             Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
             metric_cells(trackers, "position_over_reference"),
         ),
-        (Column("coverage, %", present), metric_cells(trackers, "coverage", scale=100)),
-        (Column("diverged", f"of {result.summary.runs} runs"), diverged),
-        (Column("repaired", "covariances made positive definite again"), repaired),
+        (Column("NEES, 4 expected", judged, details=VERDICT), metric_cells(trackers, "nees")),
         (
             Column("µs per step", "one predict and update of one run"),
             metric_cells(trackers, "step_time", significant=2),
         ),
     ]
-
-
-def by_switch_costs(result: Result, costs: Mapping[str, str]) -> Table:
-    """T-GOSPA where a switch costs half and twice as much. ``costs``: heading by path."""
-    columns = [
-        (Column(f"T-GOSPA, {heading} a switch, m", details=INTERVAL), metric_cells(result.scored, path))
-        for path, heading in costs.items()
-    ]
-    return tracker_table("switch-costs", result.scored, columns)
+    if any((metric_of(tracker, "coverage").value or 0.0) < 1.0 for tracker in trackers):
+        columns.append((Column("coverage, %", present), metric_cells(trackers, "coverage", scale=100)))
+    for heading, explanation, counts in (
+        ("diverged", f"of {result.summary.runs} runs", [t.health.diverged_runs for t in trackers]),
+        ("repaired", "covariances made positive definite again", [t.health.repaired_covariances for t in trackers]),
+    ):
+        if any(counts):
+            columns.append((Column(heading, explanation), list(map(_fault_count, counts))))
+    return columns
 
 
 def _fault_count(number: int | None) -> Cell:
     return Cell(str(number or 0), tone="bad" if number else "")
 
 
-#: Metrics with a column of their own in some table, and the groups of which all have one.
-_SHOWN = (
-    "position_rmse", "velocity_rmse", "course_rmse", "nees", "position_over_reference", "velocity_over_reference",
-    "position_reference", "velocity_reference", "coverage", "step_time",
-)  # fmt: skip
-_SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
-
-
-def axes_and_reference(result: Result) -> Table:
-    """RMSE along each axis, and of the reference."""
-    trackers, label = result.scored, result.summary.held_against.label
-    paths = {
-        "rmse.px": "x, m",
-        "rmse.py": "y, m",
-        "rmse.vx": "vx, m/s",
-        "rmse.vy": "vy, m/s",
-        "position_reference": f"{label}, position, m",
-        "velocity_reference": f"{label}, velocity, m/s",
-        "velocity_over_reference": f"velocity RMSE over {label}",
-    }
-    columns = [(Column(heading, details=INTERVAL), metric_cells(trackers, path)) for path, heading in paths.items()]
-    return tracker_table("axes-and-reference", trackers, columns)
+#: Metrics with a column of their own in some table.
+_SHOWN = ("position_rmse", "velocity_rmse", "nees", "position_over_reference", "coverage", "step_time")
 
 
 def other_metrics(result: Result) -> Table | None:
-    """The metrics that no other table has, a column each; None if there are none."""
+    """Return the metrics that a plug-in adds or an expectation names and no other table has; None if there are none."""
     shown = {
         *(_SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")),
         *collected("shown_metrics", result),
     }
+    expected = {item.metric for item in result.summary.expectations}
+    built_in = {metric.name for metric in BUILT_IN}
     paths: dict[str, Column] = {}
     meanings = {field.name: field.meaning for field in metric_paths()}
     for path, metric in (item for tracker in result.scored for item in tracker.metrics.items()):
-        if path not in shown and not path.startswith(_SHOWN_GROUPS):
+        if path not in shown and (path in expected or not {path, path.partition(".")[0]} & built_in):
             paths.setdefault(
                 path, Column(path + unit_after_heading(metric.unit), meanings.get(path, ""), details=VERDICT)
             )
@@ -292,12 +268,12 @@ def innovation_tables(result: Result) -> list[Table]:
         dofs = " or ".join(map(str, sorted({metric.dof or 0 for metric in nis}, reverse=True)))
         inside = [missing_cell(m) if m.inside95 is None else Cell(percent_number(m.inside95, 1)) for m in nis]
         columns = [
-            (
-                Column(f"NIS, {dofs} expected", "mean, verdict and 95 % interval", details=VERDICT),
-                metric_cells(trackers, path),
-            ),
+            (Column(f"NIS, {dofs} expected", "mean and verdict", details="verdict"), _judged(trackers, path)),
             (below, inside),
-            (Column("lag-1 autocorrelation", white, details=VERDICT), metric_cells(trackers, f"whiteness.{sensor}")),
+            (
+                Column("lag-1 autocorrelation", white, details="verdict"),
+                _judged(trackers, f"whiteness.{sensor}"),
+            ),
         ]
         if any(metric.coverage is not None and metric.coverage < LEAST_COVERAGE for metric in nis):
             columns.insert(1, (Column("taken in, %", taken_in), [Cell(percent_number(m.coverage)) for m in nis]))
@@ -305,50 +281,25 @@ def innovation_tables(result: Result) -> list[Table]:
     return tables
 
 
+def _judged(trackers: Sequence[TrackerResult], path: str) -> list[Cell]:
+    """Return one metric down a column with its verdicts alone."""
+    cells = metric_cells(trackers, path)
+    words = [metric_of(tracker, path).words for tracker in trackers]
+    return [replace(cell, details=(word,) if word else ()) for cell, word in zip(cells, words, strict=True)]
+
+
 def key_differences(result: Result) -> Table:
-    """Each tracker against the best or the baseline; where every pair is compared, also against the one ranked just
-    above it, but for references."""
+    """Each tracker minus the best or the baseline."""
     against = result.summary.score.against or result.contenders[0].name
     others = [tracker for tracker in (*result.contenders, *result.references) if tracker.name != against]
     pairs = Pairs(result)
     compared = [pairs.get(tracker.name, against) for tracker in others]
-    above = {b.name: a.name for a, b in pairwise(result.contenders)}
-    to_next = [pairs.get(tracker.name, above.get(tracker.name, "")) for tracker in others]
-    places = _places([*compared, *to_next])
+    places = _places(compared)
     columns = [
         (TRACKER, name_cells(others)),
         (Column(f"minus {against}, m", details=VERDICT), [_difference(pair, places) for pair in compared]),
     ]
-    if result.summary.score.against is None:
-        cells = [_difference(pair, places) if pair else Cell("") for pair in to_next]
-        columns.append((Column("minus the next better, m", details=VERDICT), cells))
     return Table.of_columns("differences", columns)
-
-
-def difference_cells(result: Result, names: Sequence[str], other: str) -> list[Cell]:
-    """Of some trackers minus another, by the metric that ranks."""
-    pairs = Pairs(result)
-    compared = [pairs.get(name, other) for name in names]
-    places = _places(compared)
-    return [_difference(pair, places) for pair in compared]
-
-
-def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
-    """Every pair of some trackers: row minus column; the colour says whether the row is better or worse."""
-    order = [tracker.name for tracker in trackers]
-    pairs = Pairs(result)
-    places = _places(pairs.get(a, b) for a in order for b in order)
-    tones: dict[str, Tone] = {"better": "good", "worse": "bad"}
-
-    def cell(a: str, b: str) -> Cell:
-        pair = pairs.get(a, b)
-        if a == b or pair is None:
-            return Cell("") if a == b else _difference(None, places)
-        return Cell(signed(pair.value, places), (pair.verdict,), tones.get(pair.verdict, ""))
-
-    rows = tuple((Cell(a, tracker=a), *(cell(a, b) for b in order)) for a in order)
-    columns = (Column("row minus column, m", left=True), *(Column(name, details="verdict") for name in order))
-    return Table("all-differences", columns, rows)
 
 
 def _places(pairs: Iterable[Pair | None]) -> int:
@@ -362,6 +313,16 @@ def _difference(pair: Pair | None, places: int) -> Cell:
     if pair is None:
         return Cell(NOT_AVAILABLE, reason="the pair was not compared")
     return estimate_cell(signed(pair.value, places), pair.ci95, places, pair.verdict)
+
+
+def described_trackers(result: Result) -> Table:
+    """Return the models and settings of each tracker."""
+    described = [
+        ", ".join(filter(None, (t.association, f"confirmed by {t.confirmation}" * bool(t.confirmation), t.describe)))
+        for t in result.scored
+    ]
+    columns = [(Column("models and settings", left=True), list(map(Cell, described)))]
+    return tracker_table("trackers", result.scored, columns)
 
 
 def expectation_table(result: Result) -> Table:

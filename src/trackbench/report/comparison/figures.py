@@ -13,8 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from trackbench.compare import Comparison, PairDifference
 from trackbench.compare.comparison import RankedTracker
 from trackbench.document import Figure, end_of_axis
-from trackbench.document.axes import shortened_to_width, text_width
-from trackbench.document.drawing import INK, MUTED, WIDTH
+from trackbench.document.drawing import INK, MUTED, WIDTH, shortened_to_width, text_width
 from trackbench.document.palette import Styles
 from trackbench.report.numbers import rounded
 from trackbench.report.pairs import groups_of

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import shortened_to_width
-from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title
+from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title, shortened_to_width
 from trackbench.document.palette import ERROR_COLOURS, error_labels, error_limits
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment

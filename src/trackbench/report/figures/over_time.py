@@ -1,26 +1,24 @@
-"""Figures over time: NEES, NIS and modes, and the lines of all trackers from a result's tables."""
+"""Figures over time: errors, GOSPA, NEES and NIS, a line for each tracker from a result's tables."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import MaxNLocator
 
 from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle, end_of_axis
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, fit_value_axis, panel_title, time_axis
-from trackbench.document.palette import mode_colours, tracker_figure
+from trackbench.document.palette import tracker_figure
 from trackbench.metrics.consistency import point95
-from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.numbers import joined_names
-from trackbench.results import Result
+from trackbench.results.scenario_summary import ReferenceSummary
 
 
 def rows_where(table: pa.Table, **keys: str) -> pa.Table:
@@ -91,21 +89,6 @@ def draw_lines(axes: Axes, drawn: Sequence[Line], end: float) -> None:
     for style, time, value in reversed(drawn):
         axes.plot(time, value, **style.look)
     time_axis(axes, end)
-
-
-def panel_grid(canvas: Canvas, titles: Sequence[str], ylabel: str, draw: Callable[[Axes, int], None]) -> Axes:
-    """Panels two in a row on the same axes, each drawn by its number and then named; the first of them."""
-    columns = 2 if len(titles) > 1 else 1
-    rows = -(-len(titles) // columns)
-    panels: list[Axes] = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-    for number, (axes, title) in enumerate(zip(panels, titles, strict=False)):
-        draw(axes, number)
-        panel_title(axes, title, WIDTH / columns)
-        axes.set_xlabel(TIME_LABEL if number >= columns * (rows - 1) else "")
-        axes.set_ylabel(ylabel if number % columns == 0 else "")
-    for axes in panels[len(titles) :]:
-        axes.set_visible(False)
-    return panels[0]
 
 
 def end_of(table: pa.Table) -> float:
@@ -220,110 +203,116 @@ def _with_band(
     )
 
 
-def autocorrelation(table: pa.Table, sensor: str, styles: Sequence[TrackerStyle], number: int) -> Figure | None:
-    """Autocorrelation of the whitened innovations of a sensor by lag, with the bounds of white ones."""
-    rows = rows_where(table, sensor=sensor)
-    lines: list[tuple[TrackerStyle, Array, Array, Array]] = []
-    for style in styles:
-        own = rows_where(rows, tracker=style.name)
-        lag = column(own, "lag")
-        use = (lag > 0) & np.isfinite(column(own, "correlation"))
-        if use.any():
-            lines.append((style, lag[use], column(own, "correlation")[use], column(own, "high")[use]))
-    if not lines:
+Quantity = Literal["position", "velocity"]
+QUANTITIES: tuple[Quantity, ...] = ("position", "velocity")
+_UNITS: dict[Quantity, str] = {"position": "m", "velocity": "m/s"}
+
+
+def error_over_time(
+    steps: pa.Table, styles: Sequence[TrackerStyle], quantity: Quantity, reference: ReferenceSummary
+) -> Figure | None:
+    """RMSE of a quantity over time with that of the reference; None if there is nothing to draw."""
+    unit = _UNITS[quantity]
+    suffix = unit.replace("/", "p")
+    drawn = smooth_lines(steps, styles, f"{quantity}_rmse_{suffix}")
+    references = _distinct(smooth_lines(steps, styles, f"{quantity}_reference_{suffix}"))
+    if not drawn:
+        return None
+    cut, words = beyond_axis(rms_by_name(drawn), unit)
+
+    def colour(group: Sequence[Line]) -> str:
+        return INK if len(references) == 1 else group[0].style.colour
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel=f"{quantity} RMSE, {unit}")
+        draw_lines(axes, drawn, end_of(steps))
+        for group in references:
+            axes.plot(group[0].time, group[0].value, color=colour(group), linestyle=DASHED, linewidth=1.3)
+        near = [line.value for line in (*drawn, *(group[0] for group in references)) if line.style.name not in cut]
+        fit_value_axis(axes, near)
+        panel_title(axes, words, WIDTH)
+
+    caption = f"RMSE of the {quantity} over all runs and objects, {_window(drawn)}.{_sentence(words)}"
+    if references:
+        caption += f" Dashed: the {reference.label}. {reference.meaning}"
+    shown = styles_of(drawn)
+    keys = [LegendEntry(_label(reference, group, len(references)), colour(group), "dash") for group in references]
+    return tracker_figure(
+        f"{quantity}-error",
+        f"{quantity.capitalize()} error over time",
+        caption,
+        f"RMSE of {quantity} over time, {counted(len(drawn), 'tracker')}. {last_values(drawn, unit)}",
+        paint,
+        _HEIGHT,
+        shown,
+        *keys,
+    )
+
+
+def _sentence(words: str) -> str:
+    """What goes beyond an axis, after another sentence."""
+    return f" {words}." if words else ""
+
+
+def _window(drawn: Sequence[Line]) -> str:
+    return f"averaged over {np.diff(drawn[0].time[:2]).sum():.2g} s"
+
+
+def _distinct(drawn: Sequence[Line]) -> list[list[Line]]:
+    """Lines grouped by what they show: trackers of the same sensors have the same reference."""
+    groups: list[list[Line]] = []
+    for line in drawn:
+        for group in groups:
+            other = group[0]
+            if other.value.shape == line.value.shape and np.allclose(other.value, line.value, equal_nan=True):
+                group.append(line)
+                break
+        else:
+            groups.append([line])
+    return groups
+
+
+def _label(reference: ReferenceSummary, group: Sequence[Line], groups: int) -> str:
+    return (
+        reference.label if groups == 1 else f"{reference.label} of {joined_names([line.style.name for line in group])}"
+    )
+
+
+_PARTS = {
+    "gospa_m": "GOSPA",
+    "gospa_localisation_m": "localisation",
+    "gospa_missed_m": "missed",
+    "gospa_false_m": "false",
+}
+_PANEL = 120.0
+
+
+def gospa_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
+    """GOSPA and its parts over time, a panel each; None if there is nothing to draw."""
+    parts = {name: smooth_lines(steps, styles, name) for name in _PARTS}
+    shown = styles_of(parts["gospa_m"])
+    if not shown:
         return None
 
     def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel="lag, measurements", ylabel="autocorrelation")
-        _, lag, _, reach = lines[0]
-        axes.fill_between(lag, -reach, reach, color=MUTED, alpha=0.35)
-        for style, lag, value, _ in reversed(lines):
-            axes.plot(lag, value, **style.look | {"marker": "o", "markevery": None}, markersize=3)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set_xlim(0.5, max(float(lag.max()) for _, lag, _, _ in lines) + 0.5)
+        panels = canvas.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (name, drawn) in zip(panels, parts.items(), strict=True):
+            draw_lines(axes, drawn, end_of(steps))
+            cut, words = beyond_axis(rms_by_name(drawn), "m")
+            near = (line.value for line in drawn if line.style.name not in cut)
+            axes.set_ylim(0, 1.06 * max(map(np.nanmax, near), default=0.0) or 1.0)
+            panel_title(axes, words, WIDTH)
+            axes.set_ylabel(f"{_PARTS[name]}, m")
+        panels[-1].set_xlabel(TIME_LABEL)
 
-    title = f"Autocorrelation of the innovations of {sensor}"
-    largest = ", ".join(f"{style.name} {value[np.argmax(abs(value))]:.2f}" for style, _, value, _ in lines)
-    shown = [style for style, *_ in lines]
     return tracker_figure(
-        f"autocorrelation-{number}",
-        title,
-        f"Correlation between innovations of {sensor} that are so many measurements apart. If the filter's models "
-        "fit, the innovations are white: 95 % of the points are in the grey band. Points above it: the filter follows "
-        f"too slowly; below it: it overreacts. Within {WHITENESS_TOLERANCE} of zero it is without consequence.",
-        f"{title} at lags of 1 to {int(lines[0][1].max())} measurements. Largest: {largest}.",
+        "gospa",
+        "GOSPA over time",
+        "Root mean square over all runs. The squares of the parts add up to that of GOSPA: localisation is the "
+        "distance of tracks from their objects, missed what objects without a track cost, false what tracks without an "
+        "object cost. The axes differ.",
+        f"GOSPA and its parts over time, {counted(len(shown), 'tracker')}. {last_values(parts['gospa_m'], 'm')}",
         paint,
-        220,
+        40 + _PANEL * len(parts),
         shown,
-        LegendEntry("95 % bounds of white innovations", MUTED, "band"),
     )
-
-
-_MODE_PANEL = 125.0
-#: Of the recorded run, for each tracker.
-_MOST_OBJECTS = 3
-
-
-class _ModePanel(NamedTuple):
-    title: str
-    time: Array
-    probability: dict[str, Array]
-    """By mode."""
-
-
-def modes_over_time(result: Result) -> Figure | None:
-    """A panel for each tracker that has modes: the mean over runs and objects, and the recorded run."""
-    summary = result.summary
-    modes, recorded = (result.tables.if_there(name) for name in ("modes", "recorded_modes"))
-    objects = names_in_column(recorded, "object")
-    panels = []
-    for tracker in (each.name for each in result.drawn if each.name in names_in_column(modes, "tracker")):
-        if summary.runs > 1:
-            panels.append(_mode_panel(rows_where(modes, tracker=tracker), f"{tracker}, {counted(summary.runs, 'run')}"))
-        for name in objects[:_MOST_OBJECTS]:
-            title = f"{tracker}, run {summary.recorded_run}" + (f", {name}" if len(objects) > 1 else "")
-            panels.append(_mode_panel(rows_where(recorded, tracker=tracker, object=name), title))
-    return _modes_figure(panels) if panels else None
-
-
-def _mode_panel(rows: pa.Table, title: str) -> _ModePanel:
-    of_mode = {name: rows_where(rows, mode=name) for name in names_in_column(rows, "mode")}
-    time = column(next(iter(of_mode.values())), "time_s")
-    return _ModePanel(title, time, {name: column(each, "probability") for name, each in of_mode.items()})
-
-
-def _modes_figure(panels: Sequence[_ModePanel]) -> Figure:
-    colours = mode_colours(mode for panel in panels for mode in panel.probability)
-    rows = -(-len(panels) // 2)
-
-    def draw(axes: Axes, number: int) -> None:
-        panel = panels[number]
-        finite = np.isfinite(next(iter(panel.probability.values())))
-        below = np.zeros(len(panel.time))
-        for mode, probability in panel.probability.items():
-            above = below + probability
-            axes.fill_between(panel.time, below, above, where=finite, color=colours[mode], linewidth=0, alpha=0.85)
-            below = above
-
-    def paint(canvas: Canvas) -> None:
-        axes = panel_grid(canvas, [panel.title for panel in panels], "probability", draw)
-        time_axis(axes, max(float(panel.time.max()) for panel in panels))
-        axes.set_ylim(0, 1)
-
-    return Figure(
-        "modes",
-        "Modes over time",
-        "Which motion model a tracker with several holds for right: the probability of each, one above the other, "
-        "together 1. Over several runs it is the mean over them and their objects.",
-        f"Probability of each motion model over time, {counted(len(panels), 'panel')}. "
-        + " ".join(map(_mean_shares, panels)),
-        paint,
-        _MODE_PANEL * rows + 60,
-        legend=tuple(LegendEntry(mode, colour, "box") for mode, colour in colours.items()),
-    )
-
-
-def _mean_shares(panel: _ModePanel) -> str:
-    """The mean over time, for those who cannot see it."""
-    shares = [f"{mode} {np.nanmean(rows):.2f}" for mode, rows in panel.probability.items() if np.isfinite(rows).any()]
-    return f"{panel.title}: {', '.join(shares) or 'no estimate'} in the mean."

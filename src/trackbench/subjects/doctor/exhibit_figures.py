@@ -14,8 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import text_width
-from trackbench.document.drawing import DASHED, INK, MARKERS, MUTED, WIDTH
+from trackbench.document.drawing import DASHED, INK, MARKERS, MUTED, WIDTH, text_width
 from trackbench.metrics.consistency import point95
 from trackbench.subjects.doctor.drive_figures import REFERENCE, TRACKER, captioned_figure, over_time_figure
 from trackbench.subjects.doctor.exhibits import (

@@ -10,8 +10,16 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import shortened_to_width
-from trackbench.document.drawing import DASHED, INK, MARKERS, WIDTH, fit_value_axis, logarithmic, panel_title
+from trackbench.document.drawing import (
+    DASHED,
+    INK,
+    MARKERS,
+    WIDTH,
+    fit_value_axis,
+    logarithmic,
+    panel_title,
+    shortened_to_width,
+)
 from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit

@@ -15,8 +15,16 @@ from matplotlib.path import Path
 from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import shortened_to_width
-from trackbench.document.drawing import HATCHES, INK, MARKERS, MUTED, WIDTH, logarithmic, panel_title
+from trackbench.document.drawing import (
+    HATCHES,
+    INK,
+    MARKERS,
+    MUTED,
+    WIDTH,
+    logarithmic,
+    panel_title,
+    shortened_to_width,
+)
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, State
 from trackbench.subjects.envelope.margins import Border, Slice, border_of, distance_from, slices

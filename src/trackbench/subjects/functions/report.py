@@ -11,8 +11,7 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.types import Array
 from trackbench.document import Cell, Column, Figure, LegendEntry, Paragraph, Row, Section, Table, TrackerStyle
-from trackbench.document.axes import shortened_to_width
-from trackbench.document.drawing import DASHED, GRID, INK, MUTED, TIME_LABEL, time_axis
+from trackbench.document.drawing import DASHED, GRID, INK, MUTED, TIME_LABEL, shortened_to_width, time_axis
 from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
 from trackbench.report.figures.over_time import column, rows_where
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short

@@ -7,8 +7,7 @@ import math
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import shortened_to_width
-from trackbench.document.drawing import DASHED, INK, logarithmic
+from trackbench.document.drawing import DASHED, INK, logarithmic, shortened_to_width
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.subjects.tuning.tune import Tuning
