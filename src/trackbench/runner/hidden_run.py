@@ -203,7 +203,7 @@ class HiddenRun(TrackerRun[Tracks]):
         share = count / self._batch.runs
         outcome = TrafficScores(TrafficSums(), np.zeros(count), share * self._seconds, self._timed * count)
         summing = accumulators([item for item in self._work.metrics if with_truth or item.without_truth])
-        options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
+        options = TrafficScoreOptions(self._work.cutoff or 5.0)
         ends, counted = self._stretches()
         scope = TrackScope(self.name, len(counted) if ends else count, options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
