@@ -14,6 +14,7 @@ from trackbench.metrics.traffic import TrackHistory, TruthHistory, score_run
 from trackbench.models.motion.cv import ConstantVelocity
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
+from trackbench.trackers.multi.management import HIDDEN_S
 
 from .claim import Claim
 
@@ -36,8 +37,6 @@ class World(NamedTuple):
     detection: float
     visible: float | None
     """Mean time until an object hides, s."""
-    hidden: float = 1.0
-    """Mean time that it stays hidden, s."""
 
 
 WORLDS = {
@@ -108,7 +107,7 @@ def _bins(world: World, method: str, keys: dict[str, Any]) -> Array:
     seen = objects.exists & (np.hypot(*objects.state[:2]) < RANGE)
     associate = {
         "method": method, "undetected": world.objects, "birth_rate_hz": world.objects / LIFETIME,
-        "lifetime_s": LIFETIME, "visible_s": world.visible, "hidden_s": world.hidden, **keys,
+        "lifetime_s": LIFETIME, "visible_s": world.visible, **keys,
     }  # fmt: skip
     tracker = build_multi(
         FilterConfig.model_validate(
@@ -155,8 +154,8 @@ def _objects(random: np.random.Generator, world: World) -> Objects:
         after = motion.transition(x, DT) + np.tensordot(gain, random.normal(size=(2, *start.shape)), 1)
         x = np.where(exists[k], after, x)
         if world.visible is not None:
-            rate = 1 / world.visible + 1 / world.hidden
-            at_last = world.visible / (world.visible + world.hidden)
+            rate = 1 / world.visible + 1 / HIDDEN_S
+            at_last = world.visible / (world.visible + HIDDEN_S)
             shown = random.random(shown.shape) < at_last + (shown - at_last) * np.exp(-rate * DT)
             shown |= ~exists[k]
     return Objects(np.stack(states, axis=1), exists, np.stack(shows))

@@ -32,12 +32,8 @@ DETECTED = 0.7
 RADAR = Errors(
     time_offset_s=WRONG["time_offset"],
     mount={"x_m": WRONG["mount_x"], "y_m": WRONG["mount_y"], "yaw_deg": 1.2},
-    truly={
-        "range_bias_m": WRONG["bias_range"],
-        "range_rate_bias_mps": WRONG["bias_range_rate"],
-        "range_sigma_m": SIGMA["range"],
-        "detection_probability": DETECTED,
-    },
+    truly={"range_sigma_m": SIGMA["range"], "detection_probability": DETECTED},
+    biases={"range": WRONG["bias_range"], "range_rate": WRONG["bias_range_rate"]},
 )
 
 

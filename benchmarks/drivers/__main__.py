@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from trackbench.base.types import no_progress
 from trackbench.document.drawing import svg_file
 from trackbench.scenario import load_scenario
 from trackbench.truth import simulated as cache
-from trackbench.truth.config import HUMAN
+from trackbench.truth.drivers import HUMAN, STEERING_RATE_DEGPS
 from trackbench.truth.sources import HighwayTruth
 
 from . import cost, page, recorded, reversal, statistics
@@ -83,7 +84,7 @@ def fitted() -> None:
         "steady, highway": highway("steady"),
     }
     table: dict[str, Any] = {
-        "drivers": HUMAN.model_dump(mode="json"),
+        "drivers": asdict(HUMAN) | {"steering_rate_degps": STEERING_RATE_DEGPS},
         "sizes": found,
         "trials": [list(each) for each in zip(*(tried[slower] for slower in sorted(tried)), strict=True)],
         "full_size": [list(full[speed]) for speed in sorted(full)],

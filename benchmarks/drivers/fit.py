@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.truth.config import HUMAN, Drivers
+from trackbench.truth.drivers import HUMAN, Drivers
 
 from . import statistics
 from .recorded import Window
@@ -71,9 +72,10 @@ def simulated(slower: float, speeds: Sequence[float], seeds: int, drivers: Drive
     """
     low, high = (
         congested(
-            drivers.model_copy(
-                update={effect.size: getattr(drivers, effect.size) * times for effect in EFFECTS}
-                | {effect.time: getattr(drivers, effect.time) * slower for effect in EFFECTS}
+            replace(
+                drivers,
+                **{effect.size: getattr(drivers, effect.size) * times for effect in EFFECTS},
+                **{effect.time: getattr(drivers, effect.time) * slower for effect in EFFECTS},
             ),
             speeds,
             range(1, seeds + 1),
@@ -86,7 +88,7 @@ def simulated(slower: float, speeds: Sequence[float], seeds: int, drivers: Drive
 def with_full_size_at(speed_mps: float) -> Drivers:
     """Drivers as ``human``, whose acceleration has its full size from another speed on; below, it grows as theirs."""
     size = HUMAN.acceleration_rms_mps2 * speed_mps / HUMAN.acceleration_full_mps
-    return HUMAN.model_copy(update={"acceleration_rms_mps2": size, "acceleration_full_mps": speed_mps})
+    return replace(HUMAN, acceleration_rms_mps2=size, acceleration_full_mps=speed_mps)
 
 
 def full_size_trial(drivers: Drivers, recorded: Sequence[Window], lanes: tuple[Lanes, Lanes]) -> Trial:

@@ -9,8 +9,7 @@ import numpy as np
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
 
-from trackbench.truth.config import Drivers
-from trackbench.truth.drivers import Traffic
+from trackbench.truth.drivers import Drivers, Traffic
 from trackbench.truth.sources import HighwayTruth
 
 from .recorded import DT, SAMPLES, Window

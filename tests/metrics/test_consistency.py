@@ -9,6 +9,7 @@ from tests.support.scenes import block_of, random_walk, values, work
 from trackbench.metrics import health
 from trackbench.metrics.sums import merge
 from trackbench.models.sensors import Lidar, Radar
+from trackbench.models.sensors.effects.errors import Bias
 from trackbench.trackers.config import FilterConfig
 
 RUNS, STEPS, SIGMA = 400, 100, 2.0
@@ -122,7 +123,7 @@ def test_a_filter_told_the_wrong_process_noise_is_found_out():
 
 
 def test_a_bias_that_no_model_knows_is_optimistic_and_coloured():
-    biased = LIDAR.model_copy(update={"x_bias_m": 0.5})
+    biased = LIDAR.model_copy(update={"effects": [Bias(sigmas={"x_m": 0.5, "y_m": 0.5})]})
     found = summaries(scores_of({"lidar": biased}, {"kf": config("kf")}, dt=0.1))["kf"]
     assert found["nees"].verdict == "optimistic"
     assert found["position_over_reference"].ci95[0] > 1.5

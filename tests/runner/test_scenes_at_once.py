@@ -21,7 +21,7 @@ from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.multi import MultiObjectTracker
+from trackbench.trackers.multi import MultiObjectTracker, association
 
 EKF = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.0}
 SENSORS = {
@@ -36,7 +36,6 @@ TRACKERS: dict[str, dict[str, Any]] = {
     "jpda": {**EKF, "associate": {"method": "jpda"}},
     "jipda": {**EKF, "associate": {"method": "jipda"}},
     "pmb": {**EKF, "associate": {"method": "pmb"}},
-    "large_clusters": {**EKF, "associate": {"method": "pmb", "max_cluster": 1}},
     "oracle": {**EKF, "associate": {"method": "oracle"}},
     "of_positions": {**EKF, "filter": "kf", "associate": {"method": "naive"}},
     "sigma_points": {**EKF, "filter": "ukf", "associate": {"method": "pmb"}},
@@ -94,8 +93,9 @@ def assert_same(outcome: object, alone: object) -> None:
         np.testing.assert_array_equal(tracks.mean, other.predicted[number].mean)
 
 
-@pytest.mark.parametrize("engine", ["numpy", "fused"])
-def test_each_scene_is_as_it_is_by_itself(engine: Any) -> None:
+@pytest.mark.parametrize(("engine", "largest_exact"), [("numpy", 6), ("fused", 6), ("fused", 1)])
+def test_each_scene_is_as_it_is_by_itself(engine: Any, largest_exact: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(association, "MAX_CLUSTER", largest_exact)
     whole = work(engine, steps=16)
     pieces = whole.pieces()
     assert whole.groups(pieces) == [pieces]

@@ -38,16 +38,6 @@ def shares(of: Truth, sensor: Sensor, runs: int = 20) -> Array:
     return measurements.detections["sensor"].sum(axis=0) / (runs * len(of.time))
 
 
-def test_by_range_as_in_the_table() -> None:
-    distances = [5.0, 20.0, 35.0, 50.0, 90.0, 200.0]
-    table = {"by_range": [[10, 1], [50, 0.6], [100, 0.1]]}
-    drawn = shares(
-        resting([(r, 0) for r in distances], 400), Radar(detection=table, detection_probability=0.9, **RADAR)
-    )
-    expected = 0.9 * np.array([1, 0.9, 0.75, 0.6, 0.2, 0.1])
-    np.testing.assert_array_less(np.abs(drawn - expected), 4 * np.sqrt(expected * (1 - expected) / 8000))
-
-
 def test_half_at_the_half_value_range_and_as_the_radar_equation_says() -> None:
     sensor = Radar(detection={"half_range_m": 100}, **RADAR)
     drawn = shares(resting([(r, 0.0) for r in (1, 50, 100, 150)], 400), sensor)

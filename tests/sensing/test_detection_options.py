@@ -40,10 +40,8 @@ BAD = [
      " range_rate_mps"),
     ("roof", "resolution: {range_rate_mps: 1}", "6: sensors.roof.resolution.range_rate_mps: a lidar measures no range"
      " rate; remove it"),
-    ("front", "detection: {half_range_m: 90, by_range: [[0, 1]]}", "5: sensors.front.detection.by_range: not used with"
-     " half_range_m; remove one of them"),
-    ("front", "detection: {by_range: [[0, 1.5]]}", "5: sensors.front.detection.by_range.0: the factor must be from 0 to"
-     " 1, not 1.5"),
+    ("front", "detection: {by_aspect: [[0, 1.5]]}", "5: sensors.front.detection.by_aspect.0: the factor must be from 0"
+     " to 1, not 1.5"),
     ("front", "detection: {by_aspect: [[90, 1], [0, 0.5]]}", "5: sensors.front.detection.by_aspect.1: must come after"
      " 90; sort the rows"),
 ]  # fmt: skip

@@ -72,7 +72,9 @@ class Errors:
     mount: Mapping[str, float] = field(default_factory=dict)
     """The true mount minus the stated one."""
     truly: Mapping[str, float] = field(default_factory=dict)
-    """Keys of the sensor as it truly is: noise, biases, detection probability."""
+    """Keys of the sensor as it truly is: noise, detection probability."""
+    biases: Mapping[str, float] = field(default_factory=dict)
+    """Constant errors by component, in SI units and radians."""
     degrees: bool = False
     """The azimuth is in degrees where the scenario says radians."""
 
@@ -184,7 +186,10 @@ def _measured(
     for scan in sense_known(ideal_sensors(truth, {name: config}), seed, "log", range(1)).scans:
         for i, who in enumerate(truth.ids):
             if scan.valid[i]:
-                values = scan.measurement[:, i].tolist()
+                values = [
+                    value + errors.biases.get(component, 0.0)
+                    for component, value in zip(kind.components, scan.measurement[:, i].tolist(), strict=True)
+                ]
                 if errors.degrees:
                     values[1] = float(np.rad2deg(values[1]))
                 rows.append([scan.time - errors.time_offset_s, who, *values])

@@ -102,11 +102,9 @@ def test_it_is_described_in_words(tmp_path):
     )
 
 
-def test_its_first_probabilities_are_stated_or_those_that_the_chain_comes_to():
+def test_its_first_probabilities_are_those_that_the_chain_comes_to():
     keys = {"filter": "ekf", "motion": {"imm": [CV, CTRV], "stay_s": [6, 2]}}
     assert tracker(**keys).filter.initial_probabilities == (0.75, 0.25)
-    keys["motion"]["initial_probabilities"] = [0.4, 0.6]
-    assert tracker(**keys).filter.initial_probabilities == pytest.approx((0.4, 0.6))
 
 
 @pytest.mark.parametrize(
@@ -129,11 +127,6 @@ def test_its_first_probabilities_are_stated_or_those_that_the_chain_comes_to():
         ({"imm": [CV, CTRV]}, "motion.stay_s", "missing; for each model the mean time"),
         ({"imm": [CV, CTRV], "stay": [1, 2]}, "motion.stay", "unknown key; use stay_s"),
         ({"imm": [CV, CTRV], "stay_s": [1, -2]}, "motion.stay_s.1", "must be"),
-        (
-            {"imm": [CV, CTRV], "stay_s": [1, 2], "initial_probabilities": [0.5, 0.6]},
-            "motion.initial_probabilities",
-            "the sum must be 1, not 1.1",
-        ),
     ],
 )
 def test_mistakes_are_told_at_their_place(tmp_path, change, at, message):

@@ -160,21 +160,16 @@ def test_an_object_is_absent_in_a_gap(tmp_path: Path) -> None:
     np.testing.assert_array_equal(status == ABSENT, (TIMES > 4) & (TIMES < 6))
 
 
-@pytest.mark.parametrize(
-    ("reference", "behind"), [({"point": "rear_bumper"}, 2), ({"point": "rear_axle", "rear_overhang_m": 0.8}, 1.2)]
-)
-def test_positions_and_velocities_are_moved_to_the_centre(
-    tmp_path: Path, reference: dict[str, Any], behind: float
-) -> None:
+def test_positions_and_velocities_are_moved_to_the_centre(tmp_path: Path) -> None:
     # A circle of radius 20 m at 0.5 rad/s.
     angle = 0.5 * TIMES
     centre = np.stack([20 * np.cos(angle), 20 * np.sin(angle)])
     velocity, heading = 10 * np.stack([-np.sin(angle), np.cos(angle)]), angle + np.pi / 2
-    ahead = behind * np.stack([np.cos(heading), np.sin(heading)])
+    ahead = 2 * np.stack([np.cos(heading), np.sin(heading)])
     turning = 0.5 * np.stack([-ahead[1], ahead[0]])
     columns = [*(centre - ahead), *(velocity - turning), heading]
     rows = [[t, "a", "car", 1, *values, 4, 2] for t, *values in zip(TIMES.tolist(), *columns, strict=True)]
-    truth = truth_in(write(tmp_path, rows, detections("a"), reference))
+    truth = truth_in(write(tmp_path, rows, detections("a"), {"point": "rear_bumper"}))
     np.testing.assert_allclose([truth.px[:, 0, 0], truth.py[:, 0, 0]], centre, atol=1e-9)
     np.testing.assert_allclose([truth.vx[:, 0, 0], truth.vy[:, 0, 0]], velocity, atol=1e-9)
     np.testing.assert_array_equal([truth.length, truth.width], [[4], [2]])
@@ -297,11 +292,9 @@ def test_a_pattern_names_logs_in_the_order_of_their_names(tmp_path: Path) -> Non
     [
         (
             {"reference": {"point": None}},
-            "truth.reference.point: missing: which point of the box x and y are: centre | rear_axle | rear_bumper",
+            "truth.reference.point: missing: which point of the box x and y are: centre | rear_bumper",
         ),
         ({"reference": {"point": "front"}}, "truth.reference.point: "),
-        ({"reference": {"point": "rear_axle"}}, "truth.reference.rear_overhang_m: missing"),
-        ({"reference": {"rear_overhang_m": 1}}, "truth.reference.rear_overhang_m: only used with point: rear_axle"),
         (
             {"reference": {"point": "rear_bumper"}, "columns": {"heading": None}},
             "truth.columns.heading: missing: along it the rear_bumper is moved to the centre",

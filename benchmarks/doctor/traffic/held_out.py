@@ -148,7 +148,6 @@ SOUND: dict[str, Make] = {
     "pmb, ckf": built_in("pmb", "ckf", "cv", 4.0),
     "jipda, ukf cv, gate 0.995": built_in("jipda", "ukf", "cv", 2.0, gate=0.995),
     "gnn, iekf, 3 of 4": built_in("gnn", "iekf", "cv", 5.0, confirm=[3, 4], delete_misses=8),
-    "jpda, belief propagation": built_in("jpda", max_cluster=0),
     "ipda, short": looped(Ipda, patience=0.3, lifetime=5.0, gate=0.998),
 }
 
@@ -209,9 +208,6 @@ def _held_out() -> Iterator[TrafficSubject]:
         for method in ("gnn", "jpda"):
             yield TrafficSubject(fault, f"builtin {method}", kind.__name__, looped(kind, method=method))
     yield TrafficSubject("confirms_too_late", "builtin gnn", "22 of 25", built_in("gnn", confirm=[22, 25]))
-    yield TrafficSubject(
-        "confirms_too_late", "builtin gnn", "score 300", built_in("gnn", confirm="score", confirm_score=300)
-    )
     yield TrafficSubject("never_deletes", "builtin jpda", "3.5 s", built_in("jpda", delete_after_s=3.5))
     yield TrafficSubject("order_dependent", "builtin naive", "ukf", built_in("naive", "ukf"))
 

@@ -106,11 +106,10 @@ def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
 
 def _synthetic(scenario: ScenarioKeys, truth: RecordingTruth, name: str) -> Iterator[Problem]:
     sensor = scenario.sensors[name]
-    biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
     of_preset = presets()[sensor.preset].values if sensor.preset is not None else {}
     # With hidden identities it says which objects of a truth are due.
     of_due = {"occlusion"} if scenario.sensing.identities == "hidden" and not truth.without_truth else set()
-    for key in (*SYNTHETIC, *biases):
+    for key in SYNTHETIC:
         if key not in of_due and key in sensor.model_fields_set and key not in of_preset:
             yield Problem(
                 ("sensors", name, key), f"the measurements of {name} are recorded and taken as they are; remove"

@@ -297,11 +297,9 @@ def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, ru
 
 
 def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:
-    """Measurements ``(m, ...)`` with the sensor's noise, which ``draws`` of a standard normal become, and its bias."""
+    """Measurements ``(m, ...)`` with the sensor's noise, which ``draws`` of a standard normal become."""
     own = (slice(None), *(None,) * (ideal.ndim - 1))
     draws *= np.array(config.sigmas())[own]
-    if any(config.biases()):
-        draws += np.array(config.biases())[own]
     draws += ideal
     for angle in (draws[i] for i in config.angular):
         # Of most sensors no angle needs to be wrapped.

@@ -172,8 +172,6 @@ def detection_probability(truth: Truth, steps: Indices, config: Sensor, pose: Ar
     probability: Array = np.broadcast_to(config.detection_probability, distance.shape)
     if factors.half_range_m is not None:
         probability = probability * detected_share(distance, factors.half_range_m)
-    if factors.by_range is not None:
-        probability = probability * np.interp(distance, *np.transpose(factors.by_range))
     if factors.by_aspect is not None:
         to_sensor = seen[1] + pose[2][:, None, None] + np.pi
         aspect = np.abs(np.rad2deg(wrap_angle(to_sensor - truth.heading[steps])))

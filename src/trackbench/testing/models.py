@@ -102,8 +102,6 @@ def _sensor_problems(sensor: Sensor) -> Iterator[str]:
         yield lacking
         return
     size = len(sensor.components)
-    if len(sensor.biases()) != size:
-        yield f"biases() gives {len(sensor.biases())} numbers for {size} components"
     batch = sensor.measure(TARGETS, POSE, VELOCITY)
     if batch.shape != (size, TARGETS.shape[1]):
         yield f"measure gives the shape {batch.shape}, not {(size, TARGETS.shape[1])}"

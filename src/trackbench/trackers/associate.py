@@ -35,24 +35,18 @@ SHARING: tuple[AssociationMethod, ...] = ("jpda", "jipda", "pmb")
 #: The methods that have a key, where not all have it.
 METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "gate": ("gnn", "jpda", "jipda", "pmb", "naive"),
-    "confirm_score": ("gnn", "jpda"),
-    "score_drop": ("gnn", "jpda"),
     "delete_misses": COUNTING,
     "report_existence": EXISTENCE,
     "delete_existence": EXISTENCE,
     "lifetime_s": EXISTENCE,
     "visible_s": EXISTENCE,
-    "hidden_s": EXISTENCE,
     "birth_rate_hz": EXISTENCE,
     "undetected": EXISTENCE,
     "birth_density": EXISTENCE,
-    "max_cluster": SHARING,
     "end_duplicates": SHARING,
 }
 #: The methods that confirm tracks by a rule; each can by counting.
 CONFIRMED_BY: dict[str, tuple[AssociationMethod, ...]] = {"score": ("gnn", "jpda"), "existence": EXISTENCE}
-#: The rule that a key belongs to.
-RULE_OF = {"confirm_score": "score", "score_drop": "score"}
 #: Most scans within which a track may be confirmed.
 LONGEST_WINDOW = 100
 
@@ -103,13 +97,10 @@ class AssociateConfig(Config):
     ] = Field(
         None,
         description="[M, N], all methods: a track is confirmed with M detections in its first N scans, the one that "
-        "started it included, and deleted as soon as it can no longer have them. score, gnn and jpda: by the logarithm "
-        "of the likelihood ratio of object and false alarms. existence, jipda and pmb: by its probability. Unless "
-        "given, [3, 5] for gnn, jpda and naive, existence for jipda and pmb, and at once, [1, 1], for oracle.",
-    )
-    confirm_score: float = Field(12, gt=0, description="With confirm: score. A track is confirmed at this score.")
-    score_drop: Positive = Field(
-        10, description="With confirm: score. A track is deleted when its score is this far below its largest."
+        "started it included, and deleted as soon as it can no longer have them. score, gnn and jpda: where the "
+        "logarithm of the likelihood ratio of object and false alarms reaches 12; it is deleted 10 below its largest. "
+        "existence, jipda and pmb: by its probability. Unless given, [3, 5] for gnn, jpda and naive, existence for "
+        "jipda and pmb, and at once, [1, 1], for oracle.",
     )
     delete_misses: Annotated[int, Field(ge=1, le=10_000)] | None = Field(
         None,
@@ -141,7 +132,6 @@ class AssociateConfig(Config):
         description="jipda and pmb. Mean time until an object that stays is hidden, s; null: none ever is, and each "
         "scan without a detection speaks against its existence.",
     )
-    hidden_s: Positive = Field(1, description="jipda and pmb. Mean time that a hidden object stays so, s.")
     birth_rate_hz: Positive = Field(
         0.2, description="jipda and pmb. Expected number of objects per second that come into the view of each sensor."
     )
@@ -155,15 +145,6 @@ class AssociateConfig(Config):
         "uniform",
         description="jipda and pmb. Where those objects are expected: uniform over the view of each sensor, or a "
         "Gaussian, whose numbers are then those of the whole plane; it should lie in the view.",
-    )
-    max_cluster: int = Field(
-        6,
-        ge=0,
-        le=12,
-        description="jpda, jipda, pmb. Tracks and detections that compete form a cluster. With at most this many "
-        "tracks, or detections if these are fewer, its association probabilities are exact; beyond, and with 0 in "
-        "each cluster, by loopy belief propagation. pmb leaves out pairs of a weight up to 1e-4, which changes no "
-        "probability by more than the sum of these weights.",
     )
     end_duplicates: bool = Field(
         False,
@@ -204,11 +185,9 @@ class AssociateConfig(Config):
     def problems(self) -> Iterator[Problem]:
         rule, stated = self.confirms_by, self.model_fields_set
         for key in (name for name in type(self).model_fields if name in stated):
-            methods, of_rule = METHODS.get(key, (self.method,)), RULE_OF.get(key, rule)
+            methods = METHODS.get(key, (self.method,))
             if self.method not in methods:
                 yield Problem((key,), f"not used with method: {self.method}; remove it, or use {' or '.join(methods)}")
-            elif rule != of_rule:
-                yield Problem((key,), f"only used with confirm: {of_rule}; remove it, or write confirm: {of_rule}")
         if isinstance(rule, str):
             if self.method not in CONFIRMED_BY[rule]:
                 message = (

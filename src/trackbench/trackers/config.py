@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma, chosen_by
+from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Problem, Sigma, chosen_by
 from trackbench.base.config.key_units import option_in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
@@ -19,8 +19,6 @@ from trackbench.trackers.foreign import Command
 from trackbench.trackers.initial import InitialConfig
 
 Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]
-#: How far the sum of probabilities that a file states may be from one.
-ROUNDING = 1e-6
 
 
 class ImmConfig(Config):
@@ -35,17 +33,11 @@ class ImmConfig(Config):
         description="For each model the mean time for which the motion stays with it, s. It then goes over to any of "
         "the others alike, at any time, whatever the rate of the scans."
     )
-    initial_probabilities: list[Probability] | None = Field(
-        None,
-        description="Probability of each model at a track's start. Unless given, in proportion to stay_s, as it is "
-        "when nothing is known.",
-    )
 
     @property
     def first_probabilities(self) -> tuple[float, ...]:
-        """Probability of each model at a track's start, with the sum one."""
-        weights = self.initial_probabilities or self.stay_s
-        return tuple(value / sum(weights) for value in weights)
+        """Probability of each model at a track's start: in proportion to ``stay_s``, as when nothing is known."""
+        return tuple(value / sum(self.stay_s) for value in self.stay_s)
 
     @property
     def names(self) -> list[str]:
@@ -57,13 +49,9 @@ class ImmConfig(Config):
         ]
 
     def problems(self) -> Iterator[Problem]:
-        for key in ("stay_s", "initial_probabilities"):
-            values = getattr(self, key)
-            if values is not None and len(values) != len(self.imm):
-                yield Problem((key,), f"one number for each of the {len(self.imm)} models is needed, not {len(values)}")
-        if self.initial_probabilities is not None and abs(sum(self.initial_probabilities) - 1.0) > ROUNDING:
-            total = sum(self.initial_probabilities)
-            yield Problem(("initial_probabilities",), f"the sum must be 1, not {total:g}")
+        if len(self.stay_s) != len(self.imm):
+            needed = f"one number for each of the {len(self.imm)} models is needed, not {len(self.stay_s)}"
+            yield Problem(("stay_s",), needed)
 
 
 def _form(value: Any) -> str:

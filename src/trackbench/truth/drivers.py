@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 
 from trackbench.base.streams import stream
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config import Drivers, HighwayOptions
+from trackbench.truth.config import HighwayOptions
 from trackbench.truth.environment import Kinds, SteeredVehicle, steered
 
 #: With which a driver brakes for a bend ahead, m/s^2.
@@ -27,6 +28,44 @@ CALM_ACCELERATION_MPS2, CALM_BRAKING_MPS2 = 1.4, 2.0
 CALM_OVER_MPS = 3.0
 #: Between the headings of which a lane's curvature is taken, m.
 SPACING_M = 2.0
+#: Rate of the front wheels where ``truth.steering_rate_degps`` is not given, degrees per second.
+STEERING_RATE_DEGPS = 30.0
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """How drivers vary, who each have a random stream of their own: ``human`` unless another value is given.
+
+    Acceleration and wander are fitted to recorded traffic; the other values have their sources in docs/drivers.md.
+    """
+
+    acceleration_rms_mps2: float = 0.52
+    """RMS of the acceleration that a driver adds to that of the model: a Gauss-Markov process."""
+    acceleration_full_mps: float = 10.0
+    """Speed from which on the acceleration has this size; below, the size is in proportion to the speed."""
+    acceleration_time_s: float = 0.8
+    """Correlation time of the acceleration, to 1/e."""
+    wander_m: float = 0.18
+    """RMS distance of the car from where its lane leads it."""
+    wander_time_s: float = 0.4
+    """Correlation time of the place in the lane that the driver steers for: a Gauss-Markov process."""
+    reaction_s: float = 0.7
+    """Delay of the braking for the vehicle ahead: its gap and both speeds are seen so late."""
+    speed_spread: float = 0.08
+    """Standard deviation over drivers of the desired speed, relative to its mean."""
+    headway_s: tuple[float, float] = (1.0, 2.7)
+    """Least and most time gap that a driver keeps, uniform."""
+    calm_from_mps: float = 14.0
+    """Speed from which on a driver accelerates and brakes as the enhanced intelligent driver model has it."""
+    cornering_mps2: float = 3.0
+    """Largest acceleration across at which a driver takes a bend, for which it brakes in time."""
+    grip_mps2: float = 7.8
+    """Largest acceleration of the tyres, along and across together."""
+    jerk_mps3: float = 15.0
+    """Largest rate of change of the wanted acceleration, before noise is added and grip limits it."""
+
+
+HUMAN = Drivers()
 
 
 class GaussMarkov:
@@ -91,10 +130,7 @@ class Driver:
         # Within two standard deviations: nobody wants to drive at half the speed of the others.
         deviation = float(np.clip(own("speed").standard_normal(), -2.0, 2.0))
         self.speed_factor = 1.0 + options.speed_spread * deviation
-        self.headway = None
-        if options.headway_s is not None:
-            least, most = options.headway_s
-            self.headway = own("headway").uniform(least, most)
+        self.headway = own("headway").uniform(*options.headway_s)
         self._seen = deque([0.0] * (round(options.reaction_s / dt) + 1), maxlen=round(options.reaction_s / dt) + 1)
 
     def reacts_to(self, seen: float) -> float:
@@ -137,7 +173,7 @@ class HumanVehicle(SteeredVehicle):
         # With a desired speed of zero the model would creep.
         alone = min(alone, self.KP_A * max(0.0, self.target_speed - self.speed))
         braking = min(0.0, self.action["acceleration"] - alone)
-        if options.calm_from_mps is not None and self.speed > options.calm_from_mps:
+        if self.speed > options.calm_from_mps:
             calm = min(1.0, (self.speed - options.calm_from_mps) / CALM_OVER_MPS)
             alone *= 1.0 - calm * (1.0 - CALM_ACCELERATION_MPS2 / self.COMFORT_ACC_MAX)
             braking += calm * (self.calm_braking(braking) - braking)
@@ -145,9 +181,8 @@ class HumanVehicle(SteeredVehicle):
         if self.BENDS:
             alone = min(alone, self.KP_A * (self.speed_for_bends() - self.speed))
         wanted = alone + seen
-        if options.jerk_mps3 is not None:
-            most = options.jerk_mps3 * dt
-            wanted = max(self.intended - most, min(self.intended + most, wanted))
+        most = options.jerk_mps3 * dt
+        wanted = max(self.intended - most, min(self.intended + most, wanted))
         self.intended = wanted
         # Who stands still does so.
         wanted += driver.acceleration.advance() * min(1.0, abs(self.speed) / options.acceleration_full_mps)
@@ -233,10 +268,9 @@ class Traffic:
 
     def __init__(self, env: Any, options: Drivers, config: HighwayOptions) -> None:
         self._env, self._options, self._seed, self._dt = env, options, config.seed, 1.0 / config.rate_hz
-        bends = {} if options.cornering_mps2 is None else bend_speeds(env.road.network, options.cornering_mps2)
-        rate = math.radians(options.steering_rate_degps)
-        grip = math.inf if options.grip_mps2 is None else options.grip_mps2
-        self._kinds = Kinds(HumanVehicle, STEERING_RATE=rate, GRIP=grip, BENDS=bends)
+        bends = bend_speeds(env.road.network, options.cornering_mps2)
+        rate = math.radians(config.steering_rate_degps or STEERING_RATE_DEGPS)
+        self._kinds = Kinds(HumanVehicle, STEERING_RATE=rate, GRIP=options.grip_mps2, BENDS=bends)
         self._steered = steered(rate)
 
     def __call__(self, vehicle: Any, number: int) -> None:
@@ -244,8 +278,7 @@ class Traffic:
             self._steered(vehicle, number)
             return
         vehicle.driver = Driver(self._options, self._dt, self._seed, number)
-        if vehicle.driver.headway is not None:
-            vehicle.TIME_WANTED = vehicle.driver.headway
+        vehicle.TIME_WANTED = vehicle.driver.headway
         self._kinds.change(vehicle)
         if self._env.steps == 0 and vehicle.BENDS:
             # Of those that are there at the start some are in a bend, faster than tyres allow.

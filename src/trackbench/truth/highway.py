@@ -45,7 +45,7 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from highway_env.vehicle.controller import ControlledVehicle
     from highway_env.vehicle.kinematics import Vehicle
 
-    from trackbench.truth.drivers import Traffic
+    from trackbench.truth.drivers import HUMAN, Traffic
     from trackbench.truth.environment import Control, Recorder, complete, rates_at_instants, steered
 
 #: Observing costs half of a step, and nothing here looks at what the environment observes.
@@ -143,7 +143,7 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
     unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
-    if config.drivers_vary is None:
+    if config.drivers == "steady":
         unused.add("drivers")
     truth = replace(
         truth,
@@ -161,11 +161,9 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
 
 def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
     """What is done to each vehicle when it appears; None where it stays as the environment makes it."""
-    rate, drivers = config.steering_rate_degps, config.drivers_vary
-    if drivers is not None:
-        return Traffic(
-            env, drivers if rate is None else drivers.model_copy(update={"steering_rate_degps": rate}), config
-        )
+    if config.drivers == "human":
+        return Traffic(env, HUMAN, config)
+    rate = config.steering_rate_degps
     return None if rate is None else steered(math.radians(rate))
 
 
@@ -190,7 +188,7 @@ def prepare_env(config: HighwayOptions) -> AbstractEnv:
         ) from error
     if config.ego == "idm":
         _let_idm_drive(env, config.env)
-    if config.drivers_vary is not None and not any(isinstance(vehicle, IDMVehicle) for vehicle in env.road.vehicles):
+    if config.drivers == "human" and not any(isinstance(vehicle, IDMVehicle) for vehicle in env.road.vehicles):
         raise InputError(f"{config.env} has no driver who follows a lane; write steady", key="truth.drivers")
     return env
 

@@ -66,10 +66,8 @@ def _read(config: HighwayOptions) -> LoadedTruth | None:
 
 
 def _key(config: HighwayOptions) -> str:
-    drivers = config.drivers_vary
     meaning = {
-        "config": config.model_dump(mode="json", exclude=set() if drivers else {"drivers"}),
-        **({"drivers": drivers.model_dump(mode="json")} if drivers else {}),
+        "config": config.model_dump(mode="json", exclude={"drivers"} if config.drivers == "steady" else set()),
         "versions": {package: version(package) for package in PACKAGES},
         "source": fingerprint(motion_files()),
     }

@@ -28,7 +28,8 @@ from trackbench.truth.recorded.robust import clipped_sigma
 RADAR = Errors(
     time_offset_s=-0.06,
     mount={"x_m": 0.4, "y_m": -0.3, "yaw_deg": 1.2},
-    truly={"range_bias_m": 0.5, "range_rate_bias_mps": 0.15, "range_sigma_m": 0.45, "detection_probability": 0.7},
+    truly={"range_sigma_m": 0.45, "detection_probability": 0.7},
+    biases={"range": 0.5, "range_rate": 0.15},
 )
 WRONG = {
     "time_offset": -0.06,

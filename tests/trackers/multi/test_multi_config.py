@@ -48,8 +48,6 @@ def messages(associate: dict[str, Any], **keys: Any) -> list[tuple[str, str]]:
         ),
         ({"method": "pmb", "birth_density": 3}, "birth_density", "write uniform, or the mean and standard deviation"),
         ({"method": "gnn", "delete_existence": 0.1}, "delete_existence", "not used with method: gnn; remove it, or"),
-        ({"method": "gnn", "max_cluster": 3}, "max_cluster", "not used with method: gnn; remove it, or use jpda or"),
-        ({"method": "gnn", "score_drop": 3.0}, "score_drop", "only used with confirm: score; remove it, or write"),
         ({"method": "naive", "confirm": "score"}, "confirm", "score is not used with method: naive; use [M, N], or"),
         ({"method": "gnn", "confirm": [5, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [5, 3]"),
         ({"method": "gnn", "confirm": [0, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [0, 3]"),

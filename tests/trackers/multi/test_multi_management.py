@@ -149,7 +149,7 @@ def test_a_track_outside_the_field_of_view_is_not_missed() -> None:
 
 def test_the_score_confirms_and_deletes() -> None:
     seen = traffic(vehicles(1), 12, detection=1.0, clutter=2.0, sensors=("lidar",), seed=2)
-    of, state = tracker(confirm="score", confirm_score=12.0, score_drop=8.0), None
+    of, state = tracker(confirm="score"), None
     confirmed, scores = [], []
     for scan in seen.scans:
         stated = scan._replace(detection_probability=0.9)
@@ -171,7 +171,7 @@ def test_the_score_confirms_and_deletes() -> None:
         counts.append(len(tracks.ids))
     # Each miss takes ln 10.
     assert largest > 12.0
-    assert counts == [1, 1, 1, 0, 0, 0]
+    assert counts == [1, 1, 1, 1, 0, 0]
 
 
 @pytest.mark.parametrize("method", ["jipda", "pmb"])
@@ -198,8 +198,8 @@ def test_existence_rises_with_detections_and_falls_with_misses(method: str) -> N
 def test_a_hidden_object_may_exist(method: str) -> None:
     """Existence and visibility follow the three states of a Markov chain: visible, hidden, gone."""
     seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)
-    dt, detection, gate, lifetime, visible_s, hidden_s = 0.05, 0.9, 0.9999, 60.0, 5.0, 2.0
-    of, state = tracker(method, visible_s=visible_s, hidden_s=hidden_s, lifetime_s=lifetime), None
+    dt, detection, gate, lifetime, visible_s, hidden_s = 0.05, 0.9, 0.9999, 60.0, 5.0, 1.0
+    of, state = tracker(method, visible_s=visible_s, lifetime_s=lifetime), None
     for scan in seen.scans:
         state, tracks = of.step(state, scan_of_run(scan._replace(detection_probability=detection), 0))
     real = int(np.argmax(state.table.evidence[0]))

@@ -44,24 +44,18 @@ class DetectionFactors(Config):
         description="Range at which a radar detects a fluctuating target (Swerling 1, false alarm probability 1e-6) "
         "with probability 0.5, m; the curve follows from the radar equation.",
     )
-    by_range: list[Row] | None = Field(
-        None, min_length=1, description="Rows [range m, factor], linear in between; the ends hold beyond."
-    )
     by_aspect: list[Row] | None = Field(
         None,
         min_length=1,
-        description="Rows [aspect degrees, factor], linear in between: 0 where the vehicle's front faces the sensor, "
-        "90 its side, 180 its rear.",
+        description="Rows [aspect degrees, factor], linear in between; the ends hold beyond. 0 is where the vehicle's "
+        "front faces the sensor, 90 its side, 180 its rear.",
     )
 
     def problems(self) -> Iterator[Problem]:
-        if self.half_range_m is not None and self.by_range is not None:
-            yield Problem(("by_range",), "not used with half_range_m; remove one of them")
-        for key, rows in (("by_range", self.by_range), ("by_aspect", self.by_aspect)):
-            yield from _unsorted_rows((key,), rows or [])
-            for index, row in enumerate(rows or []):
-                if row[1] > 1:
-                    yield Problem((key, index), f"the factor must be from 0 to 1, not {row[1]:g}")
+        yield from _unsorted_rows(("by_aspect",), self.by_aspect or [])
+        for index, row in enumerate(self.by_aspect or []):
+            if row[1] > 1:
+                yield Problem(("by_aspect", index), f"the factor must be from 0 to 1, not {row[1]:g}")
 
 
 def _unsorted_rows(key: KeyPath, rows: list[Row]) -> Iterator[Problem]:

@@ -18,15 +18,10 @@ class Lidar(Sensor):
     position_sigma_m: float = Field(
         ge=1e-6, le=1e4, description="Standard deviation of the position along each axis of the sensor's frame, m."
     )
-    x_bias_m: float = Field(0, description="Constant error along the boresight, m.")
-    y_bias_m: float = Field(0, description="Constant error to the left of the boresight, m.")
 
     components: ClassVar[tuple[str, ...]] = ("x", "y")
     units: ClassVar[tuple[str, ...]] = ("m", "m")
     sigma_options: ClassVar[tuple[str, ...]] = ("position_sigma_m", "position_sigma_m")
-
-    def biases(self) -> tuple[float, ...]:
-        return (self.x_bias_m, self.y_bias_m)
 
     def uniform(self, shares: Array) -> Array:
         """Uniform in x and y over the sector in view."""

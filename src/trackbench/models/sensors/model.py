@@ -108,10 +108,6 @@ class SensorModel(Config, ABC):
         """``(m,)`` standard deviation of each component of a measurement, in SI units and radians."""
         return tuple(in_si(name, getattr(self, name)) for name in self.sigma_options)
 
-    def biases(self) -> tuple[float, ...]:
-        """``(m,)`` constant error of each component of a measurement, in SI units and radians."""
-        return (0.0,) * len(self.components)
-
     def reaches(self, distance: Array, azimuth: Array) -> Mask:
         """Return ``(...)`` whether points at distances, m, and azimuths, rad, are in the field of view."""
         inside = np.abs(azimuth) <= np.deg2rad(self.fov_deg) / 2

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, create_model, model_validator
 
 from trackbench.base import linalg
-from trackbench.base.config import Angle, KeyPath, Problem
+from trackbench.base.config import KeyPath, Problem
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.base.units import cos_sin, exp_minus_one
 from trackbench.models.sensors.base import SENSOR_MODELS, Sensor
@@ -28,8 +28,6 @@ class Polar(Sensor):
 
     range_sigma_m: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range, m.")
     azimuth_sigma_deg: float = Field(ge=1e-7, le=90, description="Standard deviation of the azimuth, degrees.")
-    range_bias_m: float = Field(0, description="Constant error of the range, m.")
-    azimuth_bias_deg: Angle = Field(0, description="Constant error of the azimuth, degrees.")
 
     angular: ClassVar[tuple[int, ...]] = (1,)
     units: ClassVar[tuple[str, ...]] = ("m", "rad", "m/s")
@@ -63,10 +61,9 @@ class Radar(Polar):
         ["range", "azimuth", "range_rate"],
         min_length=1,
         description="What it measures: some of range, azimuth and range_rate, such as [range, azimuth]. The standard "
-        "deviation and the bias of what it does not measure are left out.",
+        "deviation of what it does not measure is left out.",
     )
     range_rate_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range rate, m/s.")
-    range_rate_bias_mps: float = Field(0, description="Constant error of the range rate, m/s.")
 
     # Each choice of fewer has a subclass, in PARTIAL_RADARS.
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")
@@ -100,10 +97,6 @@ class Radar(Polar):
         named = f"measures is [{', '.join(self.components)}], which is without it"
         yield from (Problem(at, f"{named}; remove this, or add its component to measures") for at in stated)
         yield from super().problems()
-
-    def biases(self) -> tuple[float, ...]:
-        azimuth = np.deg2rad(self.azimuth_bias_deg or 0.0)
-        return self._measured(self.range_bias_m, azimuth, self.range_rate_bias_mps)
 
     def uniform(self, shares: Array) -> Array:
         """Uniform in each component."""
@@ -178,8 +171,7 @@ def _partial_radar(components: tuple[str, ...]) -> type[Radar]:
     """Return the radar that measures these components, which pickle finds in this module by its name."""
     name = "".join(part.title().replace("_", "") for part in components) + "Radar"
     rows = [Radar.components.index(part) for part in components]
-    unmeasured = [key for i, key in enumerate(Radar.sigma_options) if i not in rows]
-    unused = (*unmeasured, *(key.replace("_sigma_", "_bias_") for key in unmeasured))
+    unused = tuple(key for i, key in enumerate(Radar.sigma_options) if i not in rows)
     fields: dict[str, Any] = dict.fromkeys(unused, (float | None, None))
     model = create_model(name, __base__=Radar, __module__=__name__, **fields)
     model.components, model.unused, model.angular = components, unused, tuple(rows.index(i) for i in {1} & {*rows})

@@ -22,14 +22,10 @@ class SpeedRadar(Polar):
     """
 
     speed_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the speed, m/s.")
-    speed_bias_mps: float = Field(0, description="Constant error of the speed, m/s.")
 
     pure = True
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "speed")
     sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "azimuth_sigma_deg", "speed_sigma_mps")
-
-    def biases(self) -> tuple[float, ...]:
-        return (self.range_bias_m, np.deg2rad(self.azimuth_bias_deg), self.speed_bias_mps)
 
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:

@@ -101,11 +101,10 @@ def examination_rate(sensor: Sensor) -> float:
 
 
 def simplified(sensor: Sensor) -> Sensor:
-    """The sensor without limits of view, missed detections, delays, biases and effects."""
-    biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
+    """The sensor without limits of view, missed detections, delays and effects."""
     unlimited: dict[str, Any] = {"fov_deg": 360.0, "max_range_m": None, "detection_probability": 1.0, "dropouts": []}
     rate = {"rate_hz": examination_rate(sensor), "phase_s": 0.0, "latency_s": 0, "effects": []}
-    return sensor.model_copy(update={**biases, **unlimited, **rate})
+    return sensor.model_copy(update={**unlimited, **rate})
 
 
 #: Angles by which a mounting or a scene is turned, rad: more than any azimuth is uncertain at the probes, and not so

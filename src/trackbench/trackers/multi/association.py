@@ -19,6 +19,10 @@ from trackbench.trackers.multi.intensity import Intensity
 from trackbench.trackers.multi.mixture import marginals
 from trackbench.trackers.multi.table import NONE, PredictedTracks, TrackFilter, TrackTable, by_run
 
+#: Most tracks of a cluster, or detections if these are fewer, whose association probabilities are exact; loopy belief
+#: propagation finds those of larger clusters.
+MAX_CLUSTER = 6
+
 
 class AssociationInput(NamedTuple):
     """The tracks and the detections of a scan, before they are associated."""
@@ -82,7 +86,6 @@ def weighed(
     pairs: GatedPairs,
     existence: Array | None,
     density: float | Array,
-    max_cluster: int,
     compute: Compute = by_numpy,
     negligible: float = 0.0,
 ) -> Association:
@@ -99,7 +102,6 @@ def weighed(
         existence: ``(2, L)`` predicted probability that the object exists, and that it is not hidden if so; None: both
             are certain.
         density: of detections that stem from none of the tracks; ``(N,)`` where each is.
-        max_cluster: size of cluster up to which the association probabilities are exact.
         compute: how equations are computed.
         negligible: pairs of no more weight (the probability of the pair over that of neither being associated) are
             left out. The weight bounds a pair's association probability, and the sum of those that are left out in a
@@ -117,7 +119,7 @@ def weighed(
     if negligible:
         index = indices(weight > negligible)
         track, detection, weight, hit = (values.take(index) for values in (track, detection, weight, hit))
-    share = marginals(track, detection, weight, (count, detections), max_cluster, compute)
+    share = marginals(track, detection, weight, (count, detections), MAX_CLUSTER, compute)
     shared = np.bincount(track, share, count)
     none = np.maximum(1.0 - shared, 0.0)
     kept = none * missed_existing / unseen
@@ -260,11 +262,11 @@ def associated(
         return _nearest(at, pairs)
     density = at.intensity.false_alarms
     if config.method == "jpda":
-        return _established(at, pairs, table.id != NONE, density, config.max_cluster, compute)
+        return _established(at, pairs, table.id != NONE, density, compute)
     if config.method == "jipda":
-        return weighed(at, pairs, table.evidence[:2], density, config.max_cluster, compute)
+        return weighed(at, pairs, table.evidence[:2], density, compute)
     both = density + at.intensity.new_objects
-    return weighed(at, pairs, table.evidence[:2], both, config.max_cluster, compute, NEGLIGIBLE)
+    return weighed(at, pairs, table.evidence[:2], both, compute, NEGLIGIBLE)
 
 
 def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:
@@ -275,7 +277,7 @@ def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:
 
 
 def _established(
-    at: AssociationInput, pairs: GatedPairs, confirmed: Mask, density: float, max_cluster: int, compute: Compute
+    at: AssociationInput, pairs: GatedPairs, confirmed: Mask, density: float, compute: Compute
 ) -> Association:
     """JPDA takes each object to exist, which is known of confirmed tracks; the others take the nearest of the rest.
 
@@ -283,7 +285,7 @@ def _established(
     again and again.
     """
     shared = confirmed[pairs.track]
-    first = weighed(at, pairs.select(shared), None, density, max_cluster, compute)
+    first = weighed(at, pairs.select(shared), None, density, compute)
     rest = pairs.select(~shared & (first.unclaimed[pairs.detection] > CLAIMED))
     second = _nearest(at, rest)
     return Association(

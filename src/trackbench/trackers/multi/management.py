@@ -184,14 +184,20 @@ class CountedExistence:
 TrackLogic = CountLogic | ScoreLogic | ExistenceLogic | CountedExistence
 
 
+#: Score at which ``confirm: score`` confirms a track, and how far below its largest it deletes it.
+CONFIRMING_SCORE, SCORE_DROP = 12.0, 10.0
+#: Mean time for which a hidden object stays so, s.
+HIDDEN_S = 1.0
+
+
 def track_logic(config: AssociateConfig) -> TrackLogic:
     """The rule that the options describe."""
     rule = config.confirms_by
     if rule == "score":
-        return ScoreLogic(config.confirm_score, config.score_drop)
+        return ScoreLogic(CONFIRMING_SCORE, SCORE_DROP)
     hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
     limits = config.report_limits[0], config.delete_existence
-    existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
+    existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / HIDDEN_S)
     if rule == "existence":
         return existence
     needed, scans = rule

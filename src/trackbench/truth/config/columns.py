@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, Tag
 
-from trackbench.base.config import LIST, MAPPING, Config, NonNegative, Positive, Problem, chosen_by
+from trackbench.base.config import LIST, MAPPING, Config, Positive, Problem, chosen_by
 from trackbench.base.errors import nearest_choices
 from trackbench.truth.config.logs import Paths
 from trackbench.truth.jumps import Position
@@ -241,7 +241,7 @@ def _as_text(value: Any) -> Any:
 
 
 CellValue = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float)]
-POINTS = ("centre", "rear_axle", "rear_bumper")
+POINTS = ("centre", "rear_bumper")
 
 
 class ReferenceOptions(Config):
@@ -251,13 +251,10 @@ class ReferenceOptions(Config):
     neither changes a score. The same holds on a don't-care box.
     """
 
-    point: Literal["centre", "rear_axle", "rear_bumper"] | None = Field(
+    point: Literal["centre", "rear_bumper"] | None = Field(
         None,
         description="Which point of the box the columns px and py are, at half of its width. Required with "
         "columns.length; positions are moved to the centre, along columns.heading.",
-    )
-    rear_overhang_m: NonNegative | None = Field(
-        None, description="Distance from the rear bumper to the rear axle, m; required with point: rear_axle."
     )
     region: Region | None = Field(
         None,
@@ -290,10 +287,3 @@ class ReferenceOptions(Config):
     def of_tracks(self) -> list[str]:
         """The keys that are given of those that say what counts."""
         return [key for key in ("region", "range_m", "classes", "ignore", "others") if getattr(self, key)]
-
-    def problems(self) -> Iterator[Problem]:
-        if self.point == "rear_axle" and self.rear_overhang_m is None:
-            message = "missing: the distance from the rear bumper to the rear axle, which the position is"
-            yield Problem(("rear_overhang_m",), message)
-        if self.point != "rear_axle" and self.rear_overhang_m is not None:
-            yield Problem(("rear_overhang_m",), "only used with point: rear_axle; remove")

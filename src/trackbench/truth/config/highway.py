@@ -1,4 +1,4 @@
-"""The options of traffic simulated by highway-env, and of drivers who vary."""
+"""The options of traffic simulated by highway-env."""
 
 from __future__ import annotations
 
@@ -23,90 +23,6 @@ from trackbench.truth.base import MAX_SCENES, SteppedTruth
 from trackbench.truth.config.recording import FixedObserver
 
 LARGEST_SEED = 2**32 - 1
-
-
-class Drivers(Config):
-    """Drivers who vary; each effect is off unless it is stated.
-
-    Each driver has a random stream of its own, from the seed of the traffic and the number of its vehicle.
-    """
-
-    acceleration_rms_mps2: float = Field(
-        0, ge=0, le=3, description="Acceleration that a driver adds to that of the model: a Gauss-Markov process, rms."
-    )
-    acceleration_full_mps: Positive = Field(
-        2, description="Speed from which on it has this size. Below, the size is in proportion to the speed."
-    )
-    acceleration_time_s: float = Field(1, ge=0.05, le=60, description="Its correlation time, to 1/e.")
-    wander_m: float = Field(0, ge=0, le=1, description="Distance of the car from where its lane leads it, rms.")
-    wander_time_s: float = Field(
-        5,
-        ge=0.05,
-        le=60,
-        description="Correlation time of the place in the lane that the driver steers for: a "
-        "Gauss-Markov process, which the car follows.",
-    )
-    reaction_s: float = Field(
-        0,
-        ge=0,
-        le=2,
-        description="Delay of the braking for the vehicle ahead: all of the model's interaction, of the gap and both "
-        "speeds, is of so long ago.",
-    )
-    speed_spread: float = Field(
-        0, ge=0, le=0.3, description="Standard deviation over drivers of the desired speed, relative to its mean."
-    )
-    headway_s: list[Annotated[float, Field(gt=0, le=5)]] | None = Field(
-        None,
-        min_length=2,
-        max_length=2,
-        description="Least and most time gap that a driver keeps, uniform; highway-env's 1.5 s unless given.",
-    )
-    calm_from_mps: Positive | None = Field(
-        None,
-        description="Speed from which on a driver accelerates and brakes as the enhanced intelligent driver model has "
-        "it, by no more than is comfortable or needed; fully so 3 m/s above.",
-    )
-    cornering_mps2: Positive | None = Field(
-        None, description="Largest acceleration across at which a driver takes a bend, for which it brakes in time."
-    )
-    grip_mps2: Positive | None = Field(
-        None, description="Largest acceleration of the tyres, along and across together."
-    )
-    jerk_mps3: Positive | None = Field(
-        None,
-        description="Largest rate of change of the acceleration that the driver wants, before acceleration_rms_mps2 is "
-        "added and grip and standing limit it.",
-    )
-    steering_rate_degps: Positive = Field(
-        30, description="Rate of the front wheels, degrees per second, where truth.steering_rate_degps is not given."
-    )
-
-    def problems(self) -> Iterator[Problem]:
-        if self.headway_s is not None and self.headway_s[0] > self.headway_s[1]:
-            yield Problem(("headway_s",), f"the least, {self.headway_s[0]:g}, is above the most, {self.headway_s[1]:g}")
-
-
-#: Acceleration and wander are fitted to recorded traffic; the other values have their sources in docs/drivers.md.
-HUMAN = Drivers(
-    acceleration_rms_mps2=0.52,
-    acceleration_full_mps=10,
-    acceleration_time_s=0.8,
-    wander_m=0.18,
-    wander_time_s=0.4,
-    reaction_s=0.7,
-    speed_spread=0.08,
-    headway_s=[1.0, 2.7],
-    calm_from_mps=14,
-    cornering_mps2=3.0,
-    grip_mps2=7.8,
-    jerk_mps3=15,
-)
-
-DriversChoice = Annotated[
-    Annotated[Literal["steady", "human"], Tag(WORD)] | Annotated[Drivers, Tag(MAPPING)],
-    chosen_by(shape, "write steady, human, or a mapping such as {acceleration_rms_mps2: 0.25}"),
-]
 
 
 class NearestTargets(Config):
@@ -207,10 +123,10 @@ class HighwayOptions(SteppedTruth):
         description="Largest rate at which the front wheels of all vehicles turn, degrees per second. Unless given "
         "they turn in no time, as highway-env's do, and velocities jump.",
     )
-    drivers: DriversChoice = Field(
+    drivers: Literal["steady", "human"] = Field(
         "steady",
-        description="How the drivers vary: not at all (steady, as highway-env's do), as fitted to recorded traffic "
-        "(human), or as stated.",
+        description="How the drivers vary: not at all (steady, as highway-env's do), or as fitted to recorded traffic "
+        "(human).",
     )
     sizes: VehicleSizes | None = Field(
         None, description="Shares of the vehicles with the size of vans and trucks, drawn from the seed."
@@ -223,11 +139,6 @@ class HighwayOptions(SteppedTruth):
     @property
     def scene_name(self) -> str:
         return f"seed {self.seed}"
-
-    @property
-    def drivers_vary(self) -> Drivers | None:
-        """How; None where they are steady."""
-        return None if self.drivers == "steady" else HUMAN if self.drivers == "human" else self.drivers
 
     def scenes(self) -> Sequence[Self]:
         if self.seeds is None:

@@ -52,7 +52,7 @@ def _to_centre(reference: ReferenceOptions, length: Array | float) -> Array:
     """How far the centre is ahead of the reference's point, m."""
     if reference.point in (None, "centre"):
         return np.zeros(np.shape(length))
-    return np.asarray(length) / 2 - (reference.rear_overhang_m or 0.0)
+    return np.asarray(length) / 2
 
 
 def dont_care_boxes(table: Rows, columns: TruthColumns, seconds: Array, config: RecordingOptions) -> Array:
