@@ -45,7 +45,7 @@ trackers:
   ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, sensors: [front, roof]}
   ukf: {filter: ukf, motion: {model: ctrv, acceleration_sigma_mps2: 3, yaw_acceleration_sigma_radps2: 1}}
 monte_carlo: {runs: 2, seed: 7}
-score: {settle_s: 0.1, divergence_m: 30, reference: {acceleration_sigma_mps2: 2}}
+score: {settle_s: 0.1, divergence_m: 30, margin: {percent: 2}, reference: {acceleration_sigma_mps2: 2}}
 expect:
   - {tracker: ekf, metric: position_rmse, below: 5}
   - {tracker: ekf, metric: position_rmse, better_than: raw}

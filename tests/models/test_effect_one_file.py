@@ -70,6 +70,10 @@ def test_it_runs_and_the_report_names_it(tmp_path: Path, spikes: str, cli: Calla
             "11: sensors.radar.effects.0.along_cm: unknown key; use along_m (metres): 0.03",
         ),
         ("{type: bias, sigmas: {azimut_deg: 1}}", "11: sensors.radar.effects.0.sigmas.azimut_deg: is no component"),
+        (
+            "{type: interference, per_minute: 1, duration_s: 1, alarms_per_scan: 3}",
+            "11: sensors.radar.effects.0.alarms_per_scan: needs a field of view that ends",
+        ),
         ("{along_m: 1}", "11: sensors.radar.effects.0.type: missing"),
     ],
 )

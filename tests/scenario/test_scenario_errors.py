@@ -71,7 +71,7 @@ BAD = [
         "settle_s: 2, velocity_sigma_mps: 3",
         [
             "25: score.velocity_sigma_mps: unknown key; choose from: settle_s, each, point, divergence_m, "
-            "lost_after_s, cutoff_m, min_coverage, baseline, reference, metrics",
+            "lost_after_s, cutoff_m, switch_costs_s, min_coverage, margin, baseline, reference, metrics",
         ],
     ),
     ("seed: 7", "seed: 7, workers: 2", ["24: monte_carlo.workers: unknown key; choose from: runs, seed"]),
@@ -112,8 +112,16 @@ BAD = [
                 "wall.1: is where the corner before it is; remove one of them",
             ),
             (
-                "type: signal_to_noise, half_range_m: 100, stated_at_m: 60, side_db: 1.0e+9",
-                "side_db: 1e+09 is not possible: it must be at most 40",
+                "type: interference, per_minute: 1.0e+9, duration_s: 1, sigma_factor: 2",
+                "per_minute: 1e+09 is not possible: it must be at most 6000",
+            ),
+            (
+                "type: interference, per_minute: 1, duration_s: 1.0e+9, sigma_factor: 2",
+                "duration_s: 1e+09 is not possible: it must be at most 60",
+            ),
+            (
+                "type: interference, per_minute: 1, duration_s: 1",
+                "type: interference does nothing without one of these: detection_factor, sigma_factor, alarms_per_scan",
             ),
             (
                 "type: reflection, time_s: 2",
@@ -185,7 +193,7 @@ BAD = [
         "score: 2",
         [
             "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, each, point, divergence_m, "
-            "lost_after_s, cutoff_m, min_coverage, baseline, reference, metrics)"
+            "lost_after_s, cutoff_m, switch_costs_s, min_coverage, margin, baseline, reference, metrics)"
         ],
     ),
     ("observer: ego", "observer: 5", ["8: truth.observer: write ego or {x: 0, y: 0, yaw_deg: 0}"]),

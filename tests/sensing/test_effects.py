@@ -359,6 +359,17 @@ def test_a_bias_is_drawn_once_a_run():
     assert low < np.mean(azimuth[0] ** 2) / 0.25 < high
 
 
+def test_a_ripple_has_its_amplitude_and_period():
+    effects = [{"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10.0}]
+    sensor = ideal(Radar(effects=effects, **EXACT), position=(50.0, -50.0), velocity=(0.0, 5.0), steps=200)
+    true = np.rad2deg(np.arctan2(-50 + 0.5 * np.arange(200), 50.0))
+    error = np.rad2deg(runs(sensor, 1)[1, :, 0]) - true
+    basis = np.stack([np.sin(2 * np.pi * true / 10), np.cos(2 * np.pi * true / 10)], axis=1)
+    weights, *_ = np.linalg.lstsq(basis, error, rcond=None)
+    np.testing.assert_allclose(basis @ weights, error, atol=1e-5)
+    assert np.hypot(*weights) == pytest.approx(0.4, abs=1e-5)
+
+
 def test_quantised_measurements_are_whole_steps():
     effects = [{"type": "quantised", "steps": {"range_m": 0.25, "azimuth_deg": 0.5}}]
     values = runs(ideal(Radar(effects=effects, **RADAR)), 2)
@@ -369,6 +380,27 @@ def test_quantised_measurements_are_whole_steps():
     config = {**EXACT, "azimuth_sigma_deg": 1.0, "effects": [{"type": "quantised", "steps": {"azimuth_deg": 7.0}}]}
     azimuth = runs(ideal(Radar(**config), position=(-50.0, 0.0)), 1)[1]
     assert {*np.rint(np.rad2deg(azimuth)).ravel().tolist()} == {-178, -175, 175, 178}
+
+
+def test_bursts_of_interference_take_their_share_of_the_time():
+    effects = [{"type": "interference", "per_minute": 10.0, "duration_s": 2.0, "detection_factor": 0.0}]
+    sensor = ideal(Radar(effects=effects, **RADAR), steps=600)
+    detected = detections(sensor, 400).T
+    # Of a Poisson process the number of bursts at an instant is Poisson with mean rate times duration.
+    assert detected.mean() == pytest.approx(np.exp(-10 * 2 / 60), abs=0.02)
+    assert detected[:, 0].mean() == pytest.approx(np.exp(-10 * 2 / 60), abs=0.1)
+
+
+def test_bursts_add_false_alarms_only_while_detections_are_few():
+    effects = [
+        {"type": "interference", "per_minute": 6.0, "duration_s": 1.0, "detection_factor": 0.0, "alarms_per_scan": 5.0}
+    ]
+    sensor = ideal(Radar(effects=effects, max_range_m=150.0, **RADAR), steps=600)
+    detected = detections(sensor, 4)[:, 3]
+    alarms = alarms_of(sensor, 3)
+    counts = np.bincount(alarms.instant, minlength=600)
+    assert counts[detected].sum() == 0
+    assert counts[~detected].mean() == pytest.approx(5, abs=5 * np.sqrt(5 / (~detected).sum()))
 
 
 def ghosts(wall, probability=0.4, **keys):
@@ -460,6 +492,8 @@ EVERY = [
     {"type": "signal_to_noise", "half_range_m": 60.0, "stated_at_m": 50.0, "side_db": 5.0},
     {"type": "correlated_errors", "share": 0.7, "time_s": 0.5},
     {"type": "bias", "sigmas": {"azimuth_deg": 0.2}},
+    {"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10.0},
+    {"type": "interference", "per_minute": 20.0, "duration_s": 1.0, "detection_factor": 0.3, "alarms_per_scan": 3.0},
     {"type": "ghosts", "wall": [[-50.0, 6.0], [50.0, 6.0]], "probability": 0.4},
     {"type": "quantised", "steps": {"range_m": 0.2}},
 ]

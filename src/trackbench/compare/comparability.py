@@ -238,7 +238,7 @@ def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
 def _stated(scenario: ScenarioConfig) -> dict[str, Any]:
     """What must be the same: the truth, the sensors, and which errors count."""
     options = scenario.model_dump(mode="json", include={"truth", "sensors", "sensing"})
-    score = {key: getattr(scenario.score, key) for key in ("settle_s", "point", "cutoff_m")}
+    score = {key: getattr(scenario.score, key) for key in ("settle_s", "point", "cutoff_m", "switch_costs_s")}
     return {**options, "score": score}
 
 

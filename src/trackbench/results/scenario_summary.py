@@ -316,10 +316,10 @@ class MetricSummary(ResultModel):
 class MarginSummary(ResultModel):
     """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
 
-    percent: float = 1.0
-    position_m: float = 0.005
-    velocity_mps: float = 0.02
-    course_deg: float = 0.05
+    percent: float
+    position_m: float
+    velocity_mps: float
+    course_deg: float
 
     def absolute(self, unit: str) -> float:
         """The absolute part of metrics of a unit; 0 where there is none."""

@@ -18,7 +18,6 @@ from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import MOST_PAIRED, Family, tracker_differences
 from trackbench.metrics.evaluate import log_broken
-from trackbench.metrics.traffic.run import SWITCH_COSTS_S
 from trackbench.models.sensors import Sensor
 from trackbench.results import Result, Summary, Tables, difference_table
 from trackbench.results.scenario_summary import (
@@ -72,7 +71,7 @@ def assemble(
     """The result of all blocks of a run."""
     scenario, hidden = loaded.config, work.hidden
     scores = evaluated(work, blocks)
-    margin = MarginSummary()
+    margin = MarginSummary(**scenario.score.margin.model_dump())
     engines: dict[str, EngineUsed] = {}
     for name in work.trackers:
         used = joined_engines([block.engines[name] for block in blocks if name in block.engines])
@@ -146,7 +145,7 @@ def assemble(
             lost_after_s=work.lost_after,
             min_coverage=min_coverage,
             cutoff_m=work.cutoff,
-            switch_costs_s=SWITCH_COSTS_S if hidden else None,
+            switch_costs_s=work.switch_costs if hidden else None,
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
             margin=margin,

@@ -127,6 +127,8 @@ class Work:
     isolation: Isolation = ISOLATED
     cutoff: float | None = None
     """Where identities are hidden, the distance from which a track is not on an object, m."""
+    switch_costs: float = 0.5
+    """Where identities are hidden, how long an object may be missed for the cost of a switch, s."""
     engine: Engine = "numpy"
     """What computes, wherever it can be had."""
     driven_twice: BlockRuns | None = None
@@ -352,6 +354,7 @@ def work_of(
         metrics=(*metrics_for(scenario.properties), *scenario.own_metrics),
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if hidden else None,
+        switch_costs=scenario.score.switch_costs_s,
         stretches=(scenario.truth.stretches or 0) if isinstance(scenario.truth, ReferenceTruth) else 0,
         counted_stretches=scenario.truth.counted_stretches,
         few_scenes_decide=scenario.few_scenes_decide,

@@ -317,8 +317,9 @@ def _identities(scenario: ScenarioKeys) -> Iterator[Problem]:
             yield Problem(("trackers", name, "associate"), f"the measurements say of which object they are; {REMEDY}")
     if any("tracks" in metric.needs for metric in scenario.score.metrics):
         yield Problem(("score", "metrics"), f"are of tracks; {REMEDY}")
-    if "cutoff_m" in scenario.score.model_fields_set:
-        yield Problem(("score", "cutoff_m"), f"is of tracks; {REMEDY}")
+    for key in ("cutoff_m", "switch_costs_s"):
+        if key in scenario.score.model_fields_set:
+            yield Problem(("score", key), f"is of tracks; {REMEDY}")
     truth = scenario.truth
     if isinstance(truth, HighwayOptions) and truth.others_within_m is not None:
         yield Problem(("truth", "others_within_m"), f"with known identities only targets are measured; {REMEDY}")

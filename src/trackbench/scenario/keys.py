@@ -102,6 +102,15 @@ class ReferenceConfig(Config):
     )
 
 
+class Margin(Config):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: NonNegative = Field(1, description="Share of the better value, %.")
+    position_m: NonNegative = Field(0.005, description="Of errors in m.")
+    velocity_mps: NonNegative = Field(0.02, description="Of errors in m/s.")
+    course_deg: NonNegative = Field(0.05, description="Of errors in degrees.")
+
+
 class Score(Config):
     """Which errors count, and what they are held against."""
 
@@ -129,6 +138,11 @@ class Score(Config):
     cutoff_m: Positive = Field(
         5, description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object."
     )
+    switch_costs_s: Positive = Field(
+        0.5,
+        description="With hidden identities: a switch of tracks costs as much in T-GOSPA as missing the object for "
+        "so long, s.",
+    )
     min_coverage: float = Field(
         0.95,
         ge=0,
@@ -136,6 +150,7 @@ class Score(Config):
         description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
         "what is expected of it fails.",
     )
+    margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
     baseline: str | None = Field(
         None,
         description="Name of the tracker that all others are compared with, and with no other: fewer comparisons show "

@@ -97,7 +97,7 @@ def test_only_a_car_behind_that_approaches_would_have_to_brake():
 
 
 def test_a_cut_in_is_expected_the_horizon_before_it_is_in_the_path():
-    function = CutIn(ttc_s=0.0)
+    function = CutIn(horizon_s=1.0, headway_s=1.0, ttc_s=0.0)
     for sign in (1.0, -1.0):
         assert active(function, [15.0, sign * (WIDTHS + 0.99), 20.0, -sign])
         assert not active(function, [15.0, sign * (WIDTHS + 1.01), 20.0, -sign])
@@ -108,8 +108,8 @@ def test_a_cut_in_is_expected_the_horizon_before_it_is_in_the_path():
     assert not active(function, [15.0, 0.0, 20.0, 0.0])
     assert active(function, [LENGTHS + 19.9, WIDTHS + 0.5, 20.0, -1.0])
     assert not active(function, [LENGTHS + 20.1, WIDTHS + 0.5, 20.0, -1.0])
-    assert active(CutIn(ttc_s=3.0), [LENGTHS + 29.9, WIDTHS + 0.5, 10.0, -1.0])
-    assert not active(CutIn(ttc_s=3.0), [LENGTHS + 30.1, WIDTHS + 0.5, 10.0, -1.0])
+    assert active(CutIn(headway_s=1.0, ttc_s=3.0), [LENGTHS + 29.9, WIDTHS + 0.5, 10.0, -1.0])
+    assert not active(CutIn(headway_s=1.0, ttc_s=3.0), [LENGTHS + 30.1, WIDTHS + 0.5, 10.0, -1.0])
 
 
 #: A state near the border of each; what is left of the first order in the margins that are not linear.

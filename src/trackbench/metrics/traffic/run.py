@@ -58,16 +58,12 @@ ROUNDING = 1e-12
 SWITCH_FACTORS = (0.5, 1.0, 2.0)
 
 
-#: A switch of tracks costs as much in T-GOSPA as missing the object for so long, s.
-SWITCH_COSTS_S = 0.5
-
-
 class TrafficScoreOptions(NamedTuple):
     """What is asked of a track."""
 
     cutoff: float = 5.0
     """m: distance of GOSPA, and of no similarity; up to half of it a track is on an object."""
-    switch_costs: float = SWITCH_COSTS_S
+    switch_costs: float = 0.5
     """s: a switch costs as much in T-GOSPA as missing the object for so long."""
     window: float = 5.0
     """s of OSPA(2)."""

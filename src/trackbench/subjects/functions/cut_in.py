@@ -5,15 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.config import NonNegative
+from trackbench.base.config import NonNegative, Positive
 from trackbench.metrics.ego import Ego
 from trackbench.subjects.functions.path import on_path, probability_positive, time_until
 from trackbench.subjects.functions.protocol import Decision, Function, Objects, Quantity, decision
-
-#: Up to which the motion of an object is predicted, s.
-HORIZON_S = 1.0
-#: Nearer ahead than this, by the speed of the ego, is too near, s.
-HEADWAY_S = 1.0
 
 
 class CutIn(Function):
@@ -30,15 +25,17 @@ class CutIn(Function):
 
     quantity = Quantity("entry", "s", "time until it is in the path")
 
+    horizon_s: Positive = Field(1.0, description="Up to which its motion is predicted, s.")
+    headway_s: NonNegative = Field(1.0, description="Nearer ahead than this, by the speed of the ego, is too near, s.")
     ttc_s: NonNegative = Field(3.0, description="A shorter time to collision is too near, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
         place = on_path(ego, objects)
-        by_headway, by_time = HEADWAY_S * ego.speed, self.ttc_s * (ego.speed - place.speed)
+        by_headway, by_time = self.headway_s * ego.speed, self.ttc_s * (ego.speed - place.speed)
         by_speed = np.where(by_time > by_headway, -self.ttc_s, 0.0)
         margin = np.maximum(by_headway, by_time) - place.gap
         too_near = probability_positive(margin, place.variance((-1.0, 0.0, by_speed, 0.0)))
         beside = objects.there & (place.along > 0) & (place.probability_within() <= 0.5)
         entry = time_until(np.abs(place.across) - place.widths, -np.sign(place.across) * place.lateral_speed)
-        coming = place.probability_within(after=HORIZON_S)
+        coming = place.probability_within(after=self.horizon_s)
         return decision(beside & (coming > 0.5), beside * coming * too_near, self.probability, entry, entry)

@@ -226,7 +226,7 @@ def _by(
             continue
         config = evaluator.benches[number].scenario.config
         own, other = (side._replace(few_decide=config.few_scenes_decide) for side in (own, other))
-        margin = MarginSummary()
+        margin = MarginSummary(**config.score.margin.model_dump())
         # A likelihood has no margin that means nothing: any difference that is shown is one.
         allowed = margin_between(own, other, unit, better, margin) if measure != "log_likelihood" else 0.0
         rows.append((evaluator.benches[number].name, own, other, paired(own, other, allowed)))

@@ -1,0 +1,66 @@
+"""Other radars that transmit in the same band."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.config import Problem
+from trackbench.base.streams import RunStreams
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.models.sensors.effects.base import Effect, Sensed
+from trackbench.models.sensors.model import SensorModel
+
+#: A burst that begins so many mean durations before the first instant has ended by then, but for 5e-5 of them.
+LONGEST_BURST = 10.0
+
+
+class Interference(Effect):
+    """Bursts at random times, as a Poisson process with exponential durations.
+
+    In a burst detections are fewer and noisier, and with hidden identities there are more false alarms.
+    """
+
+    one_of: ClassVar[tuple[str, ...]] = ("detection_factor", "sigma_factor", "alarms_per_scan")
+
+    per_minute: float = Field(gt=0, le=6000, description="Mean number of bursts per minute.")
+    duration_s: float = Field(gt=0, le=60, description="Mean duration of a burst, s.")
+    detection_factor: float = Field(1, ge=0, le=1, description="Factor of the detection probability in a burst.")
+    sigma_factor: float = Field(1, ge=1, le=1000, description="Factor of the standard deviations in a burst.")
+    alarms_per_scan: float = Field(
+        0, ge=0, le=1000, description="Mean number of further false alarms per scan in a burst, uniform in view."
+    )
+
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
+        burst = np.stack([self._burst(sensed.time, of_run) for of_run in random.each], axis=-1)[:, None]
+        return sensed.replaced(
+            probability=np.where(burst, self.detection_factor, 1.0) * sensed.probability,
+            scale=np.where(burst, self.sigma_factor, 1.0) * sensed.scale,
+        )
+
+    def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
+        instants, shares = [], []
+        for of_run in random.each:
+            burst = np.flatnonzero(self._burst(sensed.time, of_run))
+            instants.append(np.repeat(burst, of_run.poisson(self.alarms_per_scan, len(burst))))
+            shares.append(of_run.random((len(sensed.error), len(instants[-1]))))
+        run = np.repeat(np.arange(sensed.runs), [len(instant) for instant in instants])
+        return run, np.concatenate(instants), sensed.sensor.uniform(np.concatenate(shares, axis=1))
+
+    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
+        if self.alarms_per_scan and not sensor.has_volume():
+            yield Problem(("alarms_per_scan",), f"a {sensor.kind()} has no uniform clutter; remove it")
+        elif self.alarms_per_scan and sensor.max_range_m is None:
+            yield Problem(("alarms_per_scan",), "needs a field of view that ends: state max_range_m of the sensor")
+
+    def _burst(self, time: Array, random: np.random.Generator) -> Mask:
+        """``(instants,)`` whether the sensor is in a burst."""
+        begin, end = time[0] - LONGEST_BURST * self.duration_s, time[-1]
+        count = random.poisson(self.per_minute * (end - begin) / 60.0)
+        first = np.sort(random.uniform(begin, end, count))
+        until = np.maximum.accumulate(first + random.exponential(self.duration_s, count))
+        latest = np.searchsorted(first, time, side="right") - 1
+        return np.asarray((latest >= 0) & (time < np.append(until, -np.inf)[latest]))
