@@ -145,8 +145,7 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 
 
 def test_verdicts_in_words(page: Page) -> None:
-    assert "ukf_ctrv has the smallest position RMSE: 0.382 m" in page.text
-    assert "whether it is better than ekf_ctrv is undecided." in page.text
+    assert "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; not shown to differ" in page.text
     covariances = {row[0]: row[1:] for row in page.rows if len(row) == 3 and ": " in row[1]}
     assert covariances["ekf_cv"][0].startswith("pessimistic: the errors are smaller than its covariance states")
     assert covariances["ekf_ctrv"][0].endswith("depending on the condition")
@@ -265,7 +264,7 @@ def test_every_tracker_failed() -> None:
             )
         )
     )
-    assert "No tracker finished." in page.text
+    assert "mine failed; no tracker is ranked" in page.text
     assert "is singular" in page.text
     assert [figure["id"] for figure in page.all("figure")] == ["map"]
 
@@ -315,8 +314,6 @@ def test_what_is_charged_for_missing_estimates_is_told() -> None:
         assert "ekf_cv: 42 % of its squared position error is charged for missing estimates (0.123 m without)" in flat
         for name in ("ukf_ctrv", "ekf_ctrv"):
             assert f"{name} is not called better than ekf_cv: its errors are smaller only with what is" in flat
-    headline = "it is not called better than ekf_cv: its errors are smaller only with what is charged."
-    assert headline in " ".join(page.text.split())
     assert "given 0.123" in page.text
     assert {name: row[3] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
     assert "Smaller and larger: shown to differ" in page.text

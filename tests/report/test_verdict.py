@@ -13,13 +13,13 @@ from tests.support.results import with_differences
 
 from trackbench.document.markdown import to_markdown
 from trackbench.report.console import print_summary, run_in_words
-from trackbench.report.first_screen import at_a_glance
+from trackbench.report.first_screen import at_a_glance, next_step
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
 from trackbench.report.scenes import basis_of_intervals
+from trackbench.report.sentences import answer, verdict_of_run
 from trackbench.report.tables import tone_of
-from trackbench.report.verdict import headline_sentence, next_step, verdict_of_run
 from trackbench.results import ExpectationResult, Health, MetricValue, Result
 from trackbench.results.scenario_summary import SceneSummary
 
@@ -98,7 +98,6 @@ def test_a_value_has_three_digits_however_wide_its_interval(value: float, half: 
         trackers=[tracker.model_copy(update={"metrics": {**tracker.metrics, "position_rmse": metric}})]
     )
     assert said(wide) == f"ukf_ctrv has a position error of {shown}"
-    assert f"the smallest position RMSE: {shown}" in headline_sentence(wide)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +133,7 @@ def test_a_tracker_that_diverged_is_tied_with_none_by_its_interval() -> None:
     assert said(diverged) == f"ekf_ctrv diverged in 1 of 100 runs; {best}"
     assert standing(diverged).cells == ["a", "diverged"]
     screen = to_markdown(result_document(diverged))
-    assert "**ekf_ctrv diverged in 1 of 100 runs. ukf_ctrv has the smallest" in screen
+    assert f"**{answer(diverged)}.**" in screen.replace("\\", "")
     first, second = (row[1] for row in at_a_glance(diverged, 2).rows)
     assert first.details[0].startswith("±")
     assert (second.details, second.tone) == (("diverged in 1 of 100 runs",), "bad")
@@ -161,11 +160,11 @@ def test_a_mean_that_is_shown_above_is_no_milder_than_optimistic() -> None:
 
 
 def test_the_margin_that_held_is_said() -> None:
-    result = result_where([BEST, NEXT, THIRD], {(BEST, NEXT): "equivalent", (BEST, THIRD): "undecided"})
+    result = result_where([BEST, NEXT, THIRD], {(BEST, NEXT): "equivalent", (BEST, THIRD): "equivalent"})
     margins = {(BEST, NEXT): 0.0123, (NEXT, THIRD): 0.1}
     items = [item.model_copy(update={"margin": margins.get((item.a, item.b), 0.005)}) for item in result.differences]
     held = with_differences(result, items)
-    assert "equivalent to ekf_ctrv within 12 mm" in headline_sentence(held)
+    assert "equivalent to ekf_ctrv and ekf_cv within 5 to 12 mm" in answer(held)
     assert "no difference over 5 to 100 mm" in standing(held).meaning
 
 

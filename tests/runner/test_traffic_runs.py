@@ -312,7 +312,7 @@ def test_where_nothing_was_due_nobody_is_ranked(scenario: Path, cli: Callable[..
     assert "gnn     NOT RANKED: no object was ever due" in done.out
     assert "GOSPA" not in done.out
     page = Path("results/lanes/report.md").read_text(encoding="utf-8")
-    assert "**No object was ever due: none came into a sensor's view" in page
+    assert "**no object was ever due: none came into a sensor's view" in page
     assert "interval" not in page
     found = json.loads(Path("results/lanes/result.json").read_text(encoding="utf-8"))
     assert Result.load("results/lanes").differences == []

@@ -26,9 +26,9 @@ from trackbench.report.sentences import (
     precision_reached,
     reused_identities,
     value_and_limit,
+    verdict_of_run,
 )
 from trackbench.report.tables import OUTCOME_TONE, metric_of, tone_of
-from trackbench.report.verdict import verdict_of_run
 from trackbench.results import MetricValue, Result, TrackerResult
 from trackbench.results.scenario_summary import sentence_on_point
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -28,10 +29,10 @@ from trackbench.report import tables
 from trackbench.report.figures.map import map_of_run, map_of_tracks
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.numbers import decimals, reach_text, rounded
-from trackbench.report.sentences import divergence, expectations_met, listed_of, value_and_limit
+from trackbench.report.pairs import Pairs
+from trackbench.report.sentences import answer, divergence, expectations_met, listed_of, value_and_limit
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
-from trackbench.report.verdict import headline_sentence, next_step
-from trackbench.results import MetricValue, Result
+from trackbench.results import MetricValue, Result, TrackerResult
 
 
 def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
@@ -53,7 +54,7 @@ def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyl
 def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
     """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
     summary, missing = result.summary, result.unscored
-    yield Paragraph(headline_sentence(result) if summary.truth.known else _NO_TRUTH, strong=True)
+    yield Paragraph(f"{answer(result)}." if summary.truth.known else _NO_TRUTH, strong=True)
     outcomes = {item.outcome for item in summary.expectations}
     tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
     yield Status(expectations_met(summary.expectations), tone)
@@ -73,6 +74,30 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
         failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
         numbers = tables.unranked_table(result)
         yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
+
+
+def next_step(result: Result) -> tuple[str, str]:
+    """What to do next in a few words, and the command for it; ``.`` is the folder of the run."""
+    summary, pairs = result.summary, Pairs(result)
+    words = shlex.split(summary.command)
+    scenario = words[2] if words[:2] == ["trackbench", "run"] else None
+    baselines = [tracker.name for tracker in result.scored if tracker.baseline]
+
+    def fault(tracker: TrackerResult) -> str:
+        if tracker.failed or tracker.health.diverged_runs:
+            return "failed" if tracker.failed else "diverged"
+        worse = (name for name in baselines if (pair := pairs.get(tracker.name, name)) and pair.verdict == "worse")
+        return next((f"is worse than {name}" for name in worse), "")
+
+    own = [tracker for tracker in summary.trackers if not (tracker.baseline or tracker.is_reference or tracker.offline)]
+    for name, what in ((tracker.name, fault(tracker)) for tracker in own if scenario):
+        if what:
+            return f"{name} {what}; to find out why", f"trackbench doctor {scenario}#{name}"
+    if any(item.outcome == "failed" for item in summary.expectations):
+        return "to see where the errors are largest, in this folder", "trackbench inspect . --worst 3"
+    if scenario and summary.truth.source == "highway-env" and not summary.truth.scenes:
+        return "to see whether it holds in other traffic", f"{summary.command} --scenes 10"
+    return "to see the largest errors, in this folder", f"trackbench view .{' --worst' * summary.truth.known}"
 
 
 #: Failed expectations on the first screen.

@@ -75,7 +75,7 @@ def _sections(
     summary, scored = result.summary, result.scored
     if not summary.truth.known:
         for title, (note, paths) in _WITHOUT_TRUTH.items():
-            yield Section(title, (Paragraph(note), tables.table_without_truth(title, scored, paths)))
+            yield Section(title, (Paragraph(note), tables.track_table(title, scored, paths)))
         missing = ", ".join(map(tables.metric_in_words, TRACK_METRICS))
         yield Section("What cannot be told", (Paragraph(f"Not without a truth: {missing}."),))
         return

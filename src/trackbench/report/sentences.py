@@ -1,17 +1,19 @@
-"""The sentences of a run's report: facts, headline, a verdict on each tracker, expectations and precision."""
+"""The sentences of a run: what went wrong, who is best and how surely, facts, expectations and remarks."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC
+from itertools import combinations
 
 from trackbench.base.errors import counted
+from trackbench.base.subjects import collected
 from trackbench.driving.law import FEWEST
 from trackbench.metrics.differences import MOST_CHARGED
-from trackbench.report.numbers import decimals, joined_names, percent, rounded
+from trackbench.report.numbers import decimals, joined_names, meaningful, percent, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
-from trackbench.report.tables import value_text
+from trackbench.report.tables import metric_of, value_text
 from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,
@@ -22,6 +24,7 @@ from trackbench.results import (
     TrackerResult,
 )
 from trackbench.results.metric_value import by_value
+from trackbench.results.tracker_result import BEATS_BOUND
 
 #: T-GOSPA at other costs of a switch, by the factor.
 SWITCH_COSTS = {"tgospa_half": 0.5, "tgospa_twice": 2.0}
@@ -236,3 +239,154 @@ def value_and_limit(item: ExpectationResult) -> str:
     subject = f"{item.tracker} {item.metric} "
     wanted = item.text.removeprefix(subject).removeprefix("is ")
     return f"{subject}{value_text(item.value)}, wanted {wanted}"
+
+
+#: More names than these are counted.
+NAMED = 3
+
+
+def verdict_of_run(result: Result) -> str:
+    """Return what went wrong, then who is best, how surely, in one line for a terminal.
+
+    For example "highway: imm_three and imm_cv_ca have the smallest position error, 0.07 m; not shown to differ; all 8
+    expectations met".
+    """
+    expectations = result.summary.expectations
+    outcome = expectations_met(expectations)
+    outcome = outcome[0].lower() + outcome[1:]
+    if not expectations:
+        return f"{result.name}: {answer(result)}"
+    if all(item.passed for item in expectations):
+        return f"{result.name}: {answer(result)}; {outcome}"
+    return f"{result.name}: {answer(result, outcome)}"
+
+
+def answer(result: Result, not_met: str = "") -> str:
+    """Return what went wrong, then who is best, how surely.
+
+    Args:
+        result: of the run.
+        not_met: which expectations failed, to be said among what went wrong.
+    """
+    failed = some_names([tracker.name for tracker in result.unscored if tracker.failed])
+    went_wrong = [beaten_bound(result), failed and f"{failed} failed", _diverged(result), not_met]
+    return "; ".join(filter(None, [*went_wrong, *collected("clauses", result), _best(result)]))
+
+
+def beaten_bound(result: Result) -> str:
+    """Which trackers beat a true Cramér-Rao bound; empty where none does."""
+    names = [tracker.name for tracker in result.summary.trackers if tracker.beats_bound(result.summary.reference)]
+    return "; ".join(f"{name} {BEATS_BOUND}" for name in names)
+
+
+def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
+    """By tracker, the verdict on the first of some against it."""
+    return {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
+
+
+def _diverged(result: Result) -> str:
+    """Which of those that filter diverged, of many how many: "div diverged in 1 of 10 runs"; or ""."""
+    divergences = [(t.name, words) for t in result.filtering if (words := divergence(t, result.summary.runs))]
+    if len(divergences) > NAMED:
+        return f"{counted(len(divergences), 'tracker')} diverged in some runs"
+    return joined_names([" ".join(each) for each in divergences])
+
+
+def _marked(result: Result, names: Sequence[str]) -> list[str]:
+    """The names, those that diverged with a word for it."""
+    return [f"{name} (diverged)" if result[name].health.diverged_runs else name for name in names]
+
+
+def some_names(names: Sequence[str]) -> str:
+    return joined_names(names) if len(names) <= NAMED else counted(len(names), "tracker")
+
+
+#: Who is best and how surely, by what was shown.
+ANSWERS = {
+    "none is ranked": "no tracker is ranked",
+    "no truth": "no truth, so {trackers} without a ranking",
+    "alone": "{over}{best} has a {what} of {error}",
+    "not compared": "{over}{best} has the smallest {what}, {error}",
+    "one run": "{best} has the smallest {what}, {error}; {unjudged}",
+    "some are equivalent": "{over}{tied} have the smallest {what}, {error_of_tied}; equivalent {within}{here}",
+    "some do not differ": "{over}{tied} have the smallest {what}, {error_of_tied}; not shown to differ{here}",
+    "equivalent": "{over}{best} has the smallest {what}, {error}; equivalent to {whom} {within}{here}",
+    "not shown better": "{over}{best} has the smallest {what}, {error}; not shown better than {whom}{here}",
+    "shown better": "{over}{best} has the smallest {what}, {error}; shown better than {whom}{here}",
+}
+
+
+def _best(result: Result) -> str:
+    """Return who has the smallest error, and than whom it is not shown to be smaller."""
+    summary, contenders = result.summary, result.contenders
+    if not contenders:
+        reasons = {result.why_unscored(tracker) for tracker in result.unscored if tracker.failed is None}
+        return reasons.pop() if len(reasons) == 1 else ANSWERS["none is ranked"]
+    if not summary.truth.known:
+        return ANSWERS["no truth"].format(trackers=counted(len(contenders), "tracker"))
+    pairs = Pairs(result)
+    best, *others = names = [tracker.name for tracker in contenders]
+    verdicts = _verdicts(names, pairs)
+    not_better = [name for name, word in verdicts.items() if word != "better"]
+    all_equivalent = all(verdicts[name] == "equivalent" for name in not_better)
+    tied = [best, *not_better]
+    scenes = summary.truth.scenes_in_words
+    # Where each run has a motion of its own, the differences are not of one scene.
+    in_one_scene = not scenes and not (summary.truth.model_extra or {}).get("random")
+    return ANSWERS[_kind_of_answer(result, pairs, verdicts, not_better) if verdicts or others else "alone"].format(
+        over=f"over {scenes} " if scenes else "",
+        best=best,
+        what="position error" if summary.identities == "known" else summary.headline_name,
+        error=_error(contenders[:1], summary.headline),
+        unjudged=pairs.unjudged,
+        tied=joined_names(tied),
+        error_of_tied=_error([result[name] for name in tied], summary.headline),
+        within=pairs.within(best, not_better) if not_better else "",
+        whom=_whom(_marked(result, not_better or [*verdicts]), len(verdicts), every=all_equivalent),
+        here=" in this scene" if in_one_scene else "",
+    )
+
+
+def _kind_of_answer(result: Result, pairs: Pairs, verdicts: Mapping[str, str], not_better: Sequence[str]) -> str:
+    """Return the key of ``ANSWERS`` for the verdicts on the best tracker against the others."""
+    if not verdicts:
+        return "not compared"
+    if pairs.unjudged:
+        return "one run"
+    if not not_better:
+        return "shown better"
+    first = result.contenders[0]
+    tied, words = [first.name, *not_better], {verdicts[name] for name in not_better}
+    low, high = first.metrics[result.summary.headline].ci95 or (0.0, 0.0)
+    errors = {name: metric_of(result[name], result.summary.headline).value or 0.0 for name in not_better}
+    are_alike = (
+        len(tied) <= NAMED
+        and words <= {"equivalent", "undecided"}
+        and not any(result[name].health.diverged_runs for name in tied)
+        and not any(pairs.differ(a, b) for a, b in combinations(tied, 2))
+        and all(verdicts[name] == "equivalent" or low <= errors[name] <= high for name in not_better)
+    )
+    if words == {"equivalent"}:
+        return "some are equivalent" if are_alike else "equivalent"
+    return "some do not differ" if are_alike else "not shown better"
+
+
+def _whom(names: Sequence[str], number: int, *, every: bool) -> str:
+    """Return the names of some of the ``number`` other trackers, of many how many they are."""
+    if len(names) <= NAMED:
+        return joined_names(names)
+    which = f"{len(names)} of the" if len(names) < number else "all" if every else "any of the"
+    return f"{which} {number} others"
+
+
+def _error(trackers: list[TrackerResult], path: str) -> str:
+    """ "0.07 m", or "0.07 to 0.09 m" of trackers that differ in what the interval of the best leaves a meaning."""
+    metrics = [metric_of(tracker, path) for tracker in trackers]
+    places = _places(metrics[0])
+    ends = dict.fromkeys(rounded(metric.value, places) for metric in (metrics[0], metrics[-1]))
+    return f"{' to '.join(ends)} m"
+
+
+def _places(metric: MetricValue) -> int:
+    """The decimals of a value: three digits or more, so that it can be told from those of other runs."""
+    return max(meaningful(metric.value, metric.ci95), decimals([metric.value]))

@@ -138,28 +138,14 @@ def metric_in_words(path: str) -> str:
 
 
 def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *second: TableColumn) -> Table:
-    """Metrics of tracks with hidden identities, a column each, with some after the first."""
+    """Return metrics of tracks, with or without a truth, a column each, with some after the first."""
     columns: list[TableColumn] = []
     for path in paths:
-        metric = TRACK_METRICS[path]
+        metric = (TRACK_METRICS | DETECTION_METRICS)[path]
         heading = metric_in_words(path) + unit_after_heading(metric.unit)
         columns.append((Column(heading, metric.meaning, details=INTERVAL), metric_cells(trackers, path)))
     columns[1:1] = second
-    return tracker_table(title.lower().replace(" ", "-"), trackers, columns)
-
-
-def table_without_truth(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str]) -> Table:
-    """Metrics that need no truth, a column each."""
-    columns: list[TableColumn] = []
-    for path in paths:
-        metric = DETECTION_METRICS[path]
-        columns.append(
-            (
-                Column(metric_in_words(path) + unit_after_heading(metric.unit), metric.meaning),
-                metric_cells(trackers, path),
-            )
-        )
-    return tracker_table(title.lower().replace(" ", "_").replace("'", ""), trackers, columns)
+    return tracker_table(title.lower().replace(" ", "-").replace("'", ""), trackers, columns)
 
 
 def unit_after_heading(unit: str) -> str:

@@ -16,6 +16,7 @@ from trackbench.metrics.function_events import FunctionEvent, function_events, f
 from trackbench.report.figures.over_time import column, rows_where
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
 from trackbench.report.pairs import Pairs
+from trackbench.report.sentences import some_names
 from trackbench.report.tables import (
     INTERVAL,
     TRACKER,
@@ -26,7 +27,6 @@ from trackbench.report.tables import (
     tracker_table,
     unit_after_heading,
 )
-from trackbench.report.verdict import some_names
 from trackbench.results import MetricValue, Result, TrackerResult
 
 #: The worst events of each function that are listed.
