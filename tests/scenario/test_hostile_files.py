@@ -113,7 +113,6 @@ def test_aliases_of_a_short_text_are_read(tmp_path: Path) -> None:
 #: Text of the package's own files is loaded otherwise, and texts that were parsed before are composed for the places.
 OTHERS = {
     "presets.py": "safe_load", "drives.py": "safe_load", "docs.py": "safe_load", "explain.py": "safe_load",
-    "files.py": "compose",
 }  # fmt: skip
 
 

@@ -95,6 +95,10 @@ class LabelledRun(TrackerRun[Estimate | None]):
     def close(self) -> Outcome | Failure:
         """What it left behind, once the context is left."""
         if self.failure is not None:
+            if self._observe is not None and self._recorded is not None:
+                objects = self._recorded.mean.shape[-1]
+                none = Gaussian(np.full((4, objects), np.nan), np.full((4, 4, objects), np.nan))
+                self._observe(RecordedInstant(self.failure.step or 0, {self.name: none}))
             return self.failure
         outcome = Outcome(self.scorer.close(), self._recorded, self._modes)
         if outcome.scores.due.sum() > 0 and not outcome.scores.given:

@@ -161,8 +161,9 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
     run_scenario(scene[0], [scene[1]], on_recorded_run=seen.append)
-    for item in seen[4:]:
-        del item.estimates["ekf"]
+    for item in seen[1:]:
+        if "ekf" in item.estimates and item.number > 2:
+            item.estimates["ekf"] = Gaussian(*(np.full_like(part, np.nan) for part in item.estimates["ekf"]))
     drawing = LiveRuns("failing")
     drawing.draw([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
     drawing.finish()

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
 
-from trackbench.base.types import Gaussian, Scan
+from trackbench.base.types import Scan
 from trackbench.document.palette import sensor_colours
 from trackbench.results import Result
 from trackbench.results.declared import LABELLED
@@ -61,20 +61,20 @@ class LiveScene:
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
     def draw_estimates(self, instants: list[RecordedInstant]) -> None:
-        """Draw the estimates of all trackers at some instants; a tracker that has failed has none."""
+        """Draw the estimates of trackers at some instants; one that has failed has none from then on."""
         if not len(self._steps):
             return
-        truth, nothing = self._live.truth, pa.table({})
-        none = Gaussian(np.full((4, len(truth.ids)), np.nan), np.full((4, 4, len(truth.ids)), np.nan))
-        steps = self._steps[[item.number for item in instants]]
-        self._draw_truth(float(truth.time[steps[-1]]))
-        recorded = {}
+        truth, nothing, records = self._live.truth, pa.table({}), []
+        self._draw_truth(float(truth.time[self._steps[max(item.number for item in instants)]]))
         for tracker in self._live.colours:
-            beliefs = [item.estimates.get(tracker, none) for item in instants]
-            mean = np.stack([belief.mean for belief in beliefs], axis=1)
-            covariance = np.stack([belief.covariance for belief in beliefs], axis=2)
-            recorded[tracker] = RecordedEstimates(mean, covariance, np.isfinite(mean[0]))
-        estimates = LABELLED["estimates"].written(estimate_records(recorded, truth, steps, 0))
+            numbers = [item.number for item in instants if tracker in item.estimates]
+            own = [item.estimates[tracker] for item in instants if tracker in item.estimates]
+            if own:
+                mean = np.stack([belief.mean for belief in own], axis=1)
+                covariance = np.stack([belief.covariance for belief in own], axis=2)
+                recorded = {tracker: RecordedEstimates(mean, covariance, np.isfinite(mean[0]))}
+                records += estimate_records(recorded, truth, self._steps[numbers], 0)
+        estimates = LABELLED["estimates"].written(records)
         scene.send_estimates(self._stream, estimates, self._motion, self._live.colours)
         for chart in series.recorded_run(estimates, nothing, nothing, nothing, self._live.colours).all:
             layout.send_chart(self._stream, chart)

@@ -38,7 +38,7 @@ TRIAL = "trial"
 MOST_TRIALS = 64
 
 
-class Outcome(NamedTuple):
+class TrialOutcome(NamedTuple):
     """Result of a trial in one scenario."""
 
     sums: Sums | None
@@ -84,7 +84,7 @@ class _Batch(NamedTuple):
 class _Start(NamedTuple):
     """Result of the tracker before it is tuned, in one scenario."""
 
-    outcome: Outcome
+    outcome: TrialOutcome
     counted: tuple[Availability | None, ...]
     """Counted innovations by scene; None where the tracker failed or identities are hidden."""
     engine: EngineUsed | None
@@ -165,7 +165,7 @@ class Evaluator:
         return LogTime(max(work.settle, GAP), bench.held_out)
 
     @property
-    def start(self) -> list[Outcome]:
+    def start(self) -> list[TrialOutcome]:
         """Outcomes of the tracker before it is tuned, by scenario."""
         return [start.outcome for start in self._start]
 
@@ -202,7 +202,7 @@ class Evaluator:
             starts.append(_Start(_joined([piece.sums for piece in every]), tuple(counted), engine))
         return starts
 
-    def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[Outcome]]:
+    def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[TrialOutcome]]:
         """Return the outcome of each point in each scenario.
 
         Args:
@@ -328,9 +328,9 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
     return [_Piece(item, available if counted is None else None, engine) for item in sums]
 
 
-def _joined(parts: Sequence[Sums | str]) -> Outcome:
+def _joined(parts: Sequence[Sums | str]) -> TrialOutcome:
     """Return the outcome over the runs of all scenes."""
     for part in parts:
         if isinstance(part, str):
-            return Outcome(None, part)
-    return Outcome(Sums.joined([part for part in parts if isinstance(part, Sums)]))
+            return TrialOutcome(None, part)
+    return TrialOutcome(Sums.joined([part for part in parts if isinstance(part, Sums)]))

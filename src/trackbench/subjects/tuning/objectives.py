@@ -13,7 +13,7 @@ from trackbench.metrics.protocol import Direction
 from trackbench.metrics.registry import metrics_for
 from trackbench.metrics.verdicts import TOLERANCE
 from trackbench.scenario import Scenario
-from trackbench.subjects.tuning.evaluation import Outcome
+from trackbench.subjects.tuning.evaluation import TrialOutcome
 from trackbench.subjects.tuning.measures import (
     MEASURES,
     NEES_DOF,
@@ -59,7 +59,7 @@ class Objective:
         """Direction in which the measure gets better."""
         return (self.metric or MEASURES[self.measure]).better
 
-    def __call__(self, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> float | str:
+    def __call__(self, outcomes: Sequence[TrialOutcome], start: Sequence[Sums]) -> float | str:
         """Return the loss of a trial; in words why it does not count."""
         sums = []
         for outcome, other in zip(outcomes, start, strict=True):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.subjects.tuning.entry import Values
-from trackbench.subjects.tuning.evaluation import Outcome
+from trackbench.subjects.tuning.evaluation import TrialOutcome
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective
 
@@ -28,7 +28,9 @@ class TuningTrial:
     """Mean over the scenarios of each measure, as :func:`mean_measures` takes it."""
 
 
-def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> TuningTrial:
+def trial_of(
+    objective: Objective, values: Values, outcomes: Sequence[TrialOutcome], start: Sequence[Sums]
+) -> TuningTrial:
     """Return the trial of some values, from its outcome in each scenario and the start's."""
     loss = objective(outcomes, start)
     if isinstance(loss, str):
