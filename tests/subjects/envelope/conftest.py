@@ -45,9 +45,7 @@ SMALL: dict[str, Any] = {
 
 def small(**changes: Any) -> tb.Scenario:
     """The small scenario with other values at its top level, or in its ``envelope``."""
-    own = {
-        key: changes.pop(key) for key in ("axes", "cells", "runs", "design", "claim", "resolution") if key in changes
-    }
+    own = {key: changes.pop(key) for key in ("axes", "cells", "runs", "claim", "resolution") if key in changes}
     return tb.load({**SMALL, **changes, "envelope": SMALL["envelope"] | own})
 
 

@@ -85,25 +85,6 @@ def square(**block: Any) -> tuple[EnvelopeConfig, list[MapAxis]]:
     return config, [MapAxis(name, item) for name, item in config.axes.items()]
 
 
-def test_a_sobol_start_fills_half_of_the_cells() -> None:
-    config = EnvelopeConfig.model_validate(
-        {
-            "design": "sobol",
-            "cells": 64,
-            "axes": {"x": {"key": "a.b", "from": 0, "to": 1}, "y": {"key": "a.c", "from": 0, "to": 1}},
-        }
-    )
-    axes = [MapAxis(name, item) for name, item in config.axes.items()]
-
-    points = start_points(axes, config, [None, 0.5])
-
-    assert len(points) == 32
-    # A net of base 2: each half and each quarter of an axis has its share.
-    for number in (0, 1):
-        assert sum(float(point[number]) < 0.25 for point in points) == 8
-
-
-@pytest.mark.parametrize("design", ["grid", "sobol"])
 @pytest.mark.parametrize(
     ("cells", "own", "added"),
     [
@@ -115,17 +96,15 @@ def test_a_sobol_start_fills_half_of_the_cells() -> None:
     ],
     ids=["inside", "no value", "outside", "a level", "no room"],
 )
-def test_the_scenario_is_a_cell(design: str, cells: int, own: list[float | None], added: bool) -> None:
-    config, axes = square(design=design, cells=cells)
+def test_the_scenario_is_a_cell(cells: int, own: list[float | None], added: bool) -> None:
+    config, axes = square(cells=cells)
 
     points, others = start_points(axes, config, own), start_points(axes, config, [None, None])
 
-    # A Sobol sequence has room for it, and no levels.
-    assert points == others + [tuple(own)] * (added or (design == "sobol" and own in ([0.25, 0.5], [0.3, 0.7])))
+    assert points == others + [tuple(own)] * added
 
 
-@pytest.mark.parametrize("design", ["grid", "sobol"])
-def test_the_map_is_refined_at_the_border_alone(design: str) -> None:
+def test_the_map_is_refined_at_the_border_alone() -> None:
     config = EnvelopeConfig.model_validate(
         {
             "axes": {
@@ -139,12 +118,12 @@ def test_the_map_is_refined_at_the_border_alone(design: str) -> None:
         point: {"kf": "fails" if float(point[0]) > 0.6 else "holds"} for point in start_points(axes, config, [0.5, 0.5])
     }
 
-    points = refined(axes, states, 100, 1 / 32, design)
+    points = refined(axes, states, 100, 1 / 32)
 
     assert {point[0] for point in points} == {0.625}
     assert len(points) == 5
-    assert len(refined(axes, states, 2, 1 / 32, design)) == 2
-    assert refined(axes, states, 100, 0.25, design) == []
+    assert len(refined(axes, states, 2, 1 / 32)) == 2
+    assert refined(axes, states, 100, 0.25) == []
 
 
 SETTLE = {"key": "score.settle_s", "from": 0, "to": 1}

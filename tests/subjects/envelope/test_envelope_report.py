@@ -169,12 +169,6 @@ def _point(claim, row):
     )
 
 
-def test_a_sobol_design_says_why_it_has_no_margins():
-    claim = claim_of({"q": AXES["q"], "r": AXES["r"]}, {"ekf": lambda x, y: x + y}, design="sobol")
-    few = envelope_of(claim.model_copy(update={"cells": claim.cells[::4]}))
-    assert "design: grid" in to_markdown(envelope_document(few))
-
-
 def with_cells(claim, **changes):
     """The claim whose tracker has other entries in every cell."""
     cells = [

@@ -119,7 +119,7 @@ def test_each_category_has_its_line():
     assert found == {"ideal": pytest.approx(1.8, abs=1e-3), "human": pytest.approx(2.2, abs=1e-3)}
 
 
-def test_a_sobol_design_of_two_axes_has_no_line():
+def test_cells_at_some_levels_are_no_line():
     claim = claim_of(SQUARE, {"ekf": lambda x, y: x + y})
     few = claim.model_copy(update={"cells": claim.cells[::4]})
     assert lines_near_base(few, 0) == []
@@ -214,13 +214,3 @@ def test_slices_are_at_the_levels_of_the_other_axes():
         [world, rate] for world in ("ideal", "human") for rate in (5.0, 15.0, 25.0)
     ]
     assert {len(part.cells) for part in parts} == {20}
-    assert all(part.exact for part in parts)
-
-
-def test_a_sobol_design_is_cut_into_parts():
-    axes = {**MAP, "n": {"key": "sensors.radar.rate_hz", "from": 5, "to": 20, "levels": 7}}
-    claim = claim_of(axes, {"ekf": lambda *_: 0.5}, design="sobol")
-    parts = slices(claim, 0, 1)
-    assert [part.at[0][1] for part in parts] == [7.5, 12.5, 17.5]
-    assert sum(len(part.cells) for part in parts) == len(claim.cells)
-    assert not any(part.exact for part in parts)

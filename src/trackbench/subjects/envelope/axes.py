@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.config.key_units import split_key
-from trackbench.base.types import Array
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig, Linked
 
 #: A value of an axis: a number, or the name of a choice.
@@ -144,35 +143,18 @@ def overrides(axes: Sequence[MapAxis], point: Point) -> list[str]:
 def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, own: Sequence[Value | None]) -> list[Point]:
     """Where the map starts: at most so many points as it may have cells.
 
-    They are every combination of the levels, or a scrambled Sobol sequence, and the scenario's own point, where it has
-    a value of each axis that the axis takes.
+    They are every combination of the levels, and the scenario's own point, where it has a value of each axis that the
+    axis takes.
 
     Args:
         axes: of the map.
         config: the block.
         own: by axis the scenario's own value; None where it has none.
-
-    Source of the sequence: Owen (1998), "Scrambling Sobol' and Niederreiter-Xing points".
     """
-    grid = config.design == "grid"
-    points = list(product(*(axis.values for axis in axes))) if grid else _sobol(axes, config)
+    points = list(product(*(axis.values for axis in axes)))
     inside = [value for axis, value in zip(axes, own, strict=True) if value is not None and axis.takes(value)]
     points += [tuple(inside)] if len(inside) == len(axes) else []
     return list(dict.fromkeys(points))[: config.cells]
-
-
-def _sobol(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]:
-    # Half of the cells are kept for the border.
-    count = max(2, config.cells // 2)
-    from scipy.stats.qmc import Sobol
-
-    shares = Sobol(len(axes), rng=0).random_base2(math.ceil(math.log2(count)))[:count]
-    return [tuple(map(from_share, axes, row)) for row in shares]
-
-
-def axis_shares(axes: Sequence[MapAxis], points: Sequence[Point]) -> Array:
-    """``(points, axes)`` where each lies between the ends of each axis."""
-    return np.array([[axis.share(value) for axis, value in zip(axes, point, strict=True)] for point in points])
 
 
 def point_distance(axes: Sequence[MapAxis], a: Point, b: Point) -> float:
@@ -193,12 +175,6 @@ def between(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> P
     apart = max(abs(axis.share(x) - axis.share(y)) for axis, x, y in zip(axes, a, b, strict=True))
     point = tuple(middle)
     return None if apart <= resolution * (1 + 1e-9) or point in (a, b) else point
-
-
-def from_share(axis: MapAxis, share: float) -> Value:
-    if axis.continuous:
-        return axis.at(float(share))
-    return axis.values[min(int(share * len(axis.values)), len(axis.values) - 1)]
 
 
 def _plain(number: float) -> float | int:

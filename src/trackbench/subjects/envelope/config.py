@@ -152,11 +152,6 @@ envelope:
     )
     runs: Population = Field(default_factory=Population, description="Runs, or scenes, of a cell.")
     cells: int = Field(200, ge=2, le=10_000, description="Most cells, those added near borders included.")
-    design: Literal["grid", "sobol"] = Field(
-        "grid",
-        description="Where it starts, beside the scenario itself: every combination of levels, or a Sobol sequence of "
-        "cells / 2 points.",
-    )
     resolution: Annotated[float, Field(gt=0, le=0.5)] = Field(
         1 / 32, description="Share of a continuous axis down to which the map is refined near a border."
     )
@@ -170,9 +165,8 @@ envelope:
         if self.claim == "traffic like these" and self.runs.first < 30:
             yield Problem(("runs", "first"), "must be at least 30 scenes for a claim about traffic like these")
         grid = math.prod(len(axis.values) or len(axis.choices) or axis.levels for axis in self.axes.values())
-        if self.design == "grid" and grid > self.cells:
-            message = f"the grid has {grid} cells: raise cells, take fewer levels, or write design: sobol"
-            yield Problem(("cells",), message)
+        if grid > self.cells:
+            yield Problem(("cells",), f"the grid has {grid} cells: raise cells, or take fewer levels")
         for name in self.scale:
             if name not in self.axes:
                 yield Problem(("scale", name), f"is no axis; choose from {', '.join(self.axes)}")

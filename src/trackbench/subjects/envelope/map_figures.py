@@ -161,8 +161,6 @@ def _shown(claim: Claim, pair: tuple[int, int]) -> _Shown:
     missing = len(claim.cells) - sum(len(part.cells) for part in every)
     if missing:
         text += f" {counted(missing, 'cell')} between the slices are in the table alone."
-    if not every[0].exact:
-        text += " Each panel has all cells of a third of the other axis: its border is rough."
     return _Shown([part for part in every if any(part is other for other in kept)], mark, text)
 
 

@@ -9,8 +9,6 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
-import numpy as np
-
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Executor
 from trackbench.base.types import NotedProgress, no_progress
@@ -23,7 +21,7 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.envelope.absent import AbsentCells
-from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axis_shares, between, start_points
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value, between, start_points
 from trackbench.subjects.envelope.bounds import interval_difference
 from trackbench.subjects.envelope.cells import (
     CellDecision,
@@ -47,9 +45,7 @@ from trackbench.truth import LoadedTruth
 States = Mapping[str, str]
 
 
-def refined(
-    axes: Sequence[MapAxis], states: Mapping[Point, States], most: int, resolution: float, design: str
-) -> list[Point]:
+def refined(axes: Sequence[MapAxis], states: Mapping[Point, States], most: int, resolution: float) -> list[Point]:
     """New points half way between neighbours that differ in a state, those furthest apart first.
 
     Args:
@@ -57,18 +53,14 @@ def refined(
         states: of each point, by tracker.
         most: how many more cells there may be.
         resolution: share of an axis at which nothing is put between two points any more.
-        design: as of :class:`EnvelopeConfig`.
     """
-    if most <= 0 or not any(axis.continuous for axis in axes):
-        return []
-    pairs = _along_axes(axes, states) if design == "grid" else _neighbours(axes, states)
     gaps: dict[Point, float] = {}
-    for a, b in pairs:
+    for a, b, gap in _along_axes(axes, states):
         if _differ(states[a], states[b]):
             point = between(axes, a, b, resolution)
             if point is not None and point not in states:
-                gaps[point] = max(gaps.get(point, 0.0), float(np.abs(np.diff(axis_shares(axes, [a, b]), axis=0)).max()))
-    return sorted(gaps, key=lambda point: -gaps[point])[:most]
+                gaps[point] = max(gaps.get(point, 0.0), gap)
+    return sorted(gaps, key=lambda point: -gaps[point])[: max(0, most)]
 
 
 def _differ(a: States, b: States) -> bool:
@@ -76,8 +68,8 @@ def _differ(a: States, b: States) -> bool:
     return any(a[tracker] != b[tracker] for tracker in a)
 
 
-def _along_axes(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point]]:
-    """Neighbours that differ in one continuous axis alone."""
+def _along_axes(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point, float]]:
+    """Yield neighbours that differ in one continuous axis alone, and how far they are apart, a share of the axis."""
     for number, axis in enumerate(axes):
         if not axis.continuous:
             continue
@@ -86,26 +78,8 @@ def _along_axes(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iter
             lines.setdefault((*point[:number], *point[number + 1 :]), []).append(point)
         for line in lines.values():
             line.sort(key=lambda point: float(point[number]))
-            yield from pairwise(line)
-
-
-def _neighbours(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point]]:
-    """Pairs with no third point in the sphere over them, among points with the same values of all other axes.
-
-    Source: Gabriel and Sokal (1969), "A new statistical approach to geographic variation analysis".
-    """
-    fixed = [number for number, axis in enumerate(axes) if not axis.continuous]
-    groups: dict[tuple[Value, ...], list[Point]] = {}
-    for point in points:
-        groups.setdefault(tuple(point[number] for number in fixed), []).append(point)
-    for group in groups.values():
-        at = axis_shares(axes, group)
-        for place, point in enumerate(group):
-            for other in range(place + 1, len(group)):
-                inside = ((at - at[place]) * (at - at[other])).sum(axis=1) <= 0
-                # The two themselves are on the sphere.
-                if inside.sum() == 2:
-                    yield point, group[other]
+            for a, b in pairwise(line):
+                yield a, b, abs(axis.share(a[number]) - axis.share(b[number]))
 
 
 log = logging.getLogger(__name__)
@@ -228,7 +202,7 @@ class EnvelopeMap:
             self.make_cells(points, added, progress)
             states = {point: cell.states for point, cell in self.cells.items()}
             left = config.cells - len(self.cells)
-            points = self._present(refined(self.task.axes, states, left, config.resolution, config.design))
+            points = self._present(refined(self.task.axes, states, left, config.resolution))
             added = True
         log.info("%d looks were there already", self._store.taken)
 

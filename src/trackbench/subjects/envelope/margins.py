@@ -90,20 +90,20 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
     """The cells in the order of an axis, along the line that is nearest to the scenario's own values of the others.
 
-    There is one for each combination of the categories. A line has cells at all levels at which the axis started; of a
-    Sobol design, as many: the few cells that were put near a border are no line of their own.
+    There is one for each combination of the categories. A line has cells at all levels at which the axis started:
+    the few cells that were put near a border are no line of their own.
     """
     axes = claim.axes
     lines: dict[Point, list[ClaimCell]] = {}
     for cell in claim.cells:
         lines.setdefault((*cell.at[:number], *cell.at[number + 1 :]), []).append(cell)
     others = [*axes[:number], *axes[number + 1 :]]
-    levels, grid = set(axes[number].values), claim.config.design == "grid"
+    levels = set(axes[number].values)
 
     def whole(at: Point) -> bool:
         values = {cell.point[number] for cell in lines[at]}
         values |= {*absent_along(claim.absent, axes, number, lines[at][0].at)}
-        return levels <= values if grid else len(values) >= len(levels)
+        return levels <= values
 
     chosen = []
     for category in product(*(axis.values for axis in others if not axis.ordered)):
@@ -257,20 +257,14 @@ def _rounded(value: float, step: float) -> str:
     return f"{value:.{max(0, -math.floor(math.log10(step) + 1e-9))}f}"
 
 
-#: Parts of an axis for which a Sobol design is drawn apart.
-_PARTS = 3
-
-
 @dataclass(frozen=True)
 class Slice:
-    """The cells over two axes at about the same values of the others."""
+    """The cells over two axes at the same values of the others."""
 
     across: MapAxis
     up: MapAxis
     at: tuple[tuple[MapAxis, Value], ...]
-    """The others; of a Sobol design the middle of the part of the axis in which the cells are."""
-    exact: bool
-    """Whether all cells have those values."""
+    """The others."""
     cells: tuple[ClaimCell, ...]
     places: Array
     """``(cells, 2)`` where each lies on the two axes, from 0 to 1."""
@@ -289,20 +283,16 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
     """
     axes = claim.axes
     others = [i for i in range(len(axes)) if i not in (across, up)]
-    levels = {i: _levels(axes[i], claim.config.design) for i in others}
     grouped: dict[tuple[Value, ...], list[ClaimCell]] = {}
     for cell in claim.cells:
-        at = tuple(_level(axes[i], levels[i], cell.point[i], claim.config.design) for i in others)
-        if None not in at:
-            grouped.setdefault(at, []).append(cell)  # type: ignore[arg-type]
-    exact = claim.config.design == "grid" or not any(axes[i].continuous for i in others)
+        if all(cell.point[i] in axes[i].values for i in others):
+            grouped.setdefault(tuple(cell.point[i] for i in others), []).append(cell)
     ways = [axes[i] for i in others]
     parts = [
         Slice(
             axes[across],
             axes[up],
             tuple(zip(ways, at, strict=True)),
-            exact,
             tuple(cells),
             np.array([[axes[i].share(cell.point[i]) for i in (across, up)] for cell in cells]),
             tuple((axes[up].share(at), why) for at, why in absent_along(claim.absent, axes, up, cells[0].at).items()),
@@ -310,18 +300,6 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
         for at, cells in grouped.items()
     ]
     return sorted(parts, key=lambda part: [axis.share(value) for axis, value in part.at])
-
-
-def _levels(axis: MapAxis, design: str) -> list[Value]:
-    if design == "grid" or not axis.continuous:
-        return list(axis.values)
-    return [axis.at((part + 0.5) / _PARTS) for part in range(_PARTS)]
-
-
-def _level(axis: MapAxis, levels: Sequence[Value], value: Value, design: str) -> Value | None:
-    if design == "grid" or not axis.continuous:
-        return value if value in levels else None
-    return levels[min(int(axis.share(value) * _PARTS), _PARTS - 1)]
 
 
 @dataclass(frozen=True)

@@ -244,8 +244,6 @@ def _margins(claim: Claim) -> Iterator[Block]:
     table = margins_table(claim)
     if table.rows:
         yield table
-    elif any(axis.ordered for axis in claim.axes):
-        yield Paragraph("No line of cells runs along an axis: `design: grid` makes such lines.")
 
 
 def _decided(claim: Claim) -> Iterator[Item]:
