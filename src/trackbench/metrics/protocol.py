@@ -22,7 +22,7 @@ from trackbench.metrics.sums import ERROR
 from trackbench.results import MetricValue
 
 if TYPE_CHECKING:
-    from trackbench.metrics.traffic import TrafficScoreOptions
+    from trackbench.metrics.traffic.options import TrafficScoreOptions
 
 Direction = Literal["smaller", "larger"]
 #: What ``finish`` may give for one path; None where there is no value.

@@ -149,6 +149,8 @@ def test_degrees_are_refused_without_an_origin_and_scored_in_metres_with_one(tmp
     one = cars()[:200]
     result = scored(tmp_path, degrees(one, 2.0), degrees(one), columns=named, origin=(48.1, 11.6))
     assert result["tracks"].position_rmse.value == pytest.approx(2, abs=1e-3)
+    with pytest.raises(InputError, match="a latitude is from -90 to 90, not 111"):
+        scored(tmp_path, degrees(one, 2.0), degrees(one), columns=named, origin=(111.6, 48.1))
     by_usual_names = scored(tmp_path, degrees(one, 2.0), degrees(one), origin=(48.1, 11.6))
     assert by_usual_names["tracks"].position_rmse.value == result["tracks"].position_rmse.value
     assert remarks(result) == ()

@@ -5,7 +5,8 @@ means.
 """
 
 from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TruthHistory
-from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrafficScoreOptions, score_run
+from trackbench.metrics.traffic.options import TrafficScoreOptions
+from trackbench.metrics.traffic.run import RunScores, TrackedRun, score_run
 from trackbench.metrics.traffic.table import (
     ASSOCIATION_METRICS,
     DETECTION_METRICS,

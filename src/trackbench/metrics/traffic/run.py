@@ -32,6 +32,7 @@ from trackbench.metrics.traffic.mot_metrics import (
     switches,
     track_of_each,
 )
+from trackbench.metrics.traffic.options import TrafficScoreOptions
 from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, ospa2
 from trackbench.metrics.traffic.table import DETECTION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS
 from trackbench.metrics.traffic.tgospa import tgospa_by_cost
@@ -56,21 +57,6 @@ LEAST_SIMILARITY = 0.5
 ROUNDING = 1e-12
 #: Of what a switch costs, for ``tgospa_half``, ``tgospa`` and ``tgospa_twice``.
 SWITCH_FACTORS = (0.5, 1.0, 2.0)
-
-
-class TrafficScoreOptions(NamedTuple):
-    """What is asked of a track."""
-
-    cutoff: float = 5.0
-    """m: distance of GOSPA, and of no similarity; up to half of it a track is on an object."""
-    switch_costs: float = 0.5
-    """s: a switch costs as much in T-GOSPA as missing the object for so long."""
-    window: float = 5.0
-    """s of OSPA(2)."""
-
-    def switch(self, spacing: float, factor: float = 1.0) -> float:
-        """m that a switch costs where the instants are ``spacing`` s apart, for ``factor`` times ``switch_costs``."""
-        return self.cutoff * float(np.sqrt(factor * self.switch_costs / spacing / 2)) if spacing else 0.0
 
 
 class RunScores(NamedTuple):

@@ -101,7 +101,7 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
         yield Items(tuple(Item(text) for text in hidden))
         yield Paragraph(_ALIKE)
     yield components_table(item)
-    yield covariance_table(item)
+    yield measured_covariance_table(item)
     yield detections_table(item)
 
 
@@ -245,7 +245,7 @@ def errors_table(item: SensorAudit) -> Table:
     return Table.of_columns(f"errors-{item.log.name}", columns, caption)
 
 
-def covariance_table(item: SensorAudit) -> Table:
+def measured_covariance_table(item: SensorAudit) -> Table:
     """The suggested covariance of a measurement."""
     names = [name.replace("_", " ") for name in item.log.components]
     units = item.log.config.units

@@ -175,6 +175,8 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
     columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
+    if options.origin is not None and abs(options.origin[0]) > 90:
+        raise InputError(f"a latitude is from -90 to 90, not {options.origin[0]:g}", key="--origin")
     origin = (
         {} if options.origin is None else {"origin": dict(zip(("lat_deg", "lon_deg"), options.origin, strict=True))}
     )
