@@ -12,7 +12,7 @@ from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
 from trackbench.report.association import against_oracle
-from trackbench.report.conditions import after_jumps, condition_tables, covariance_table
+from trackbench.report.conditions import after_jumps, condition_tables, covariance_verdict_table
 from trackbench.report.figures.map import styles_with_map
 from trackbench.report.figures.over_time import (
     QUANTITIES,
@@ -218,7 +218,7 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
         nees_over_time(result.tables.steps, shown),
         *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
     ]
-    numbers = (covariance_table(result), *tables.innovation_tables(result))
+    numbers = (covariance_verdict_table(result), *tables.innovation_tables(result))
     yield from _figures("Consistency", figures, numbers, _VERDICTS)
 
 
