@@ -22,7 +22,7 @@ from trackbench.metrics.verdicts import (
     tail_verdict,
     what_is_off,
 )
-from trackbench.report.conditions import covariance_table
+from trackbench.report.conditions import covariance_verdict_table
 from trackbench.report.console import track_values
 from trackbench.report.tables import metric_cells
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
@@ -110,7 +110,7 @@ def test_both_words_are_said_with_what_is_off():
     assert cell.tone == "warn"
     others = [each for each in result.summary.trackers if each.name != tracker.name]
     result = result.updated(trackers=[tracker, *others])
-    (row,) = (row for row in covariance_table(result).rows if row[0].text == tracker.name)
+    (row,) = (row for row in covariance_verdict_table(result).rows if row[0].text == tracker.name)
     both = "pessimistic, heavy-tailed: the errors are smaller than its covariance states; large errors are more"
     assert row[1].text.startswith(both)
     assert "; 2 % beyond the 99.9 % point (0.1 % expected)" in row[2].text

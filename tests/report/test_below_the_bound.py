@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from trackbench.report.console import print_summary
-from trackbench.report.sentences import answer_sentence, below_the_bound
+from trackbench.report.sentences import answer_of_run, below_the_bound
 from trackbench.report.tables import unranked_table
 from trackbench.results import MetricValue, Result
 
@@ -28,7 +28,7 @@ def test_one_that_beats_a_true_bound_is_said_first_and_is_not_ranked(tiny_result
     result = below(tiny_result, "bound", 2.0)
     assert result.why_unscored(result["ekf"]) == f"it {BEATS}"
     assert [tracker.name for tracker in result.scored] == ["raw"]
-    assert answer_sentence(result).startswith(f"ekf {BEATS}; raw has ")
+    assert answer_of_run(result).startswith(f"ekf {BEATS}; raw has ")
     assert not below_the_bound(result)
     numbers = unranked_table(result)
     assert numbers is not None

@@ -18,7 +18,7 @@ from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
 from trackbench.report.scenes import basis_of_intervals
-from trackbench.report.sentences import answer_sentence, verdict_of_run
+from trackbench.report.sentences import answer_of_run, verdict_of_run
 from trackbench.report.tables import tone_of
 from trackbench.results import ExpectationResult, Health, MetricValue, Result
 from trackbench.results.scenario_summary import SceneSummary
@@ -133,7 +133,7 @@ def test_a_tracker_that_diverged_is_tied_with_none_by_its_interval() -> None:
     assert said(diverged) == f"ekf_ctrv diverged in 1 of 100 runs; {best}"
     assert standing(diverged).cells == ["a", "diverged"]
     screen = to_markdown(result_document(diverged))
-    assert f"**{answer_sentence(diverged)}.**" in screen.replace("\\", "")
+    assert f"**{answer_of_run(diverged)}.**" in screen.replace("\\", "")
     first, second = (row[1] for row in at_a_glance(diverged, 2).rows)
     assert first.details[0].startswith("±")
     assert (second.details, second.tone) == (("diverged in 1 of 100 runs",), "bad")
@@ -164,7 +164,7 @@ def test_the_margin_that_held_is_said() -> None:
     margins = {(BEST, NEXT): 0.0123, (NEXT, THIRD): 0.1}
     items = [item.model_copy(update={"margin": margins.get((item.a, item.b), 0.005)}) for item in result.differences]
     held = with_differences(result, items)
-    assert "equivalent to ekf_ctrv and ekf_cv within 5 to 12 mm" in answer_sentence(held)
+    assert "equivalent to ekf_ctrv and ekf_cv within 5 to 12 mm" in answer_of_run(held)
     assert "no difference over 5 to 100 mm" in standing(held).meaning
 
 

@@ -17,7 +17,7 @@ import trackbench as tb
 from trackbench.cli.run import status
 from trackbench.report.console import print_summary
 from trackbench.report.junit import suite_of_run
-from trackbench.report.sentences import answer_sentence
+from trackbench.report.sentences import answer_of_run
 from trackbench.results import Result
 
 Write = Callable[[Path, str], str]
@@ -240,7 +240,7 @@ def test_one_that_beats_the_bound_is_said_first_and_ends_with_status_1(run: Call
     beats = "beats the Cramér-Rao bound: it knows more than its measurements say"
     assert result.why_unscored(result["mine"]) == f"it {beats}"
     assert printed(result).startswith(f"own_model: mine {beats}; ")
-    assert answer_sentence(result).startswith(f"mine {beats}; ")
+    assert answer_of_run(result).startswith(f"mine {beats}; ")
     assert not result.summary.passed
     assert status([result.updated(expectations=[])]) == 1
     cases = {case.name: case.outcome for case in suite_of_run(result).cases}

@@ -39,7 +39,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
             yield tracker_table(f"position-rmse-by-{way}", trackers, columns, caption)
 
 
-def covariance_table(result: Result) -> Table:
+def covariance_verdict_table(result: Result) -> Table:
     """Return what the covariance of each tracker says of its errors, and what is off, farthest first."""
 
     def verdict(tracker: TrackerResult) -> Cell:

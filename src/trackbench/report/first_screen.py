@@ -30,7 +30,7 @@ from trackbench.report.figures.map import map_of_run, map_of_tracks
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
-from trackbench.report.sentences import answer_sentence, divergence, expectations_met, listed_of, value_and_limit
+from trackbench.report.sentences import answer_of_run, divergence, expectations_met, listed_of, value_and_limit
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.results import MetricValue, Result, TrackerResult
 
@@ -54,7 +54,7 @@ def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyl
 def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
     """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
     summary, missing = result.summary, result.unscored
-    yield Paragraph(f"{answer_sentence(result)}." if summary.truth.known else _NO_TRUTH, strong=True)
+    yield Paragraph(f"{answer_of_run(result)}." if summary.truth.known else _NO_TRUTH, strong=True)
     outcomes = {item.outcome for item in summary.expectations}
     tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
     yield Status(expectations_met(summary.expectations), tone)

@@ -12,7 +12,7 @@ from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
 from trackbench.report.association import against_oracle
-from trackbench.report.conditions import after_jumps, condition_tables, covariance_table
+from trackbench.report.conditions import after_jumps, condition_tables, covariance_verdict_table
 from trackbench.report.figures.map import styles_with_map
 from trackbench.report.figures.over_time import (
     QUANTITIES,
@@ -23,7 +23,7 @@ from trackbench.report.figures.over_time import (
 )
 from trackbench.report.first_screen import competing, first_screen, picture
 from trackbench.report.moments import events_section, moments_section, worst_moments
-from trackbench.report.numbers import joined_names, margin_words
+from trackbench.report.numbers import margin_words
 from trackbench.report.pairs import Pairs, standing
 from trackbench.report.scenes import (
     ONE_RUN,
@@ -179,8 +179,8 @@ def _differences(result: Result) -> Section:
 
 
 _DIFFERENCES = (
-    "Paired differences of {metric} with their 95 % intervals, each of its pair alone. Better and worse: shown to "
-    "differ by more than the margin, {margin}; equivalent: within it; undecided: neither. {family}"
+    "Paired differences of {metric}. Better and worse: shown to differ by more than the margin, {margin}; equivalent: "
+    "within it; undecided: neither. {family} Each interval is of its pair alone."
 )
 
 
@@ -218,7 +218,7 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
         nees_over_time(result.tables.steps, shown),
         *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
     ]
-    numbers = (covariance_table(result), *tables.innovation_tables(result))
+    numbers = (covariance_verdict_table(result), *tables.innovation_tables(result))
     yield from _figures("Consistency", figures, numbers, _VERDICTS)
 
 
@@ -261,12 +261,6 @@ def _reproduction(result: Result) -> Iterator[Block]:
     if summary.command:
         yield Code(summary.command, "sh")
     yield Paragraph(f"{summary.made_with}.")
-    engines = dict.fromkeys(tracker.engine for tracker in summary.trackers if tracker.engine is not None)
-    by_engine = {name: [tracker.name for tracker in summary.trackers if tracker.engine == name] for name in engines}
-    if len(by_engine) > 1:
-        yield Paragraph(
-            " ".join(f"Computed by {engine}: {joined_names(names)}." for engine, names in by_engine.items())
-        )
     yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
     if made := provenance(result):
         yield Section("Provenance", (Items(tuple(Item(text, label) for label, text in made)),))

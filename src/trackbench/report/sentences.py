@@ -255,13 +255,13 @@ def verdict_of_run(result: Result) -> str:
     outcome = expectations_met(expectations)
     outcome = outcome[0].lower() + outcome[1:]
     if not expectations:
-        return f"{result.name}: {answer_sentence(result)}"
+        return f"{result.name}: {answer_of_run(result)}"
     if all(item.passed for item in expectations):
-        return f"{result.name}: {answer_sentence(result)}; {outcome}"
-    return f"{result.name}: {answer_sentence(result, outcome)}"
+        return f"{result.name}: {answer_of_run(result)}; {outcome}"
+    return f"{result.name}: {answer_of_run(result, outcome)}"
 
 
-def answer_sentence(result: Result, not_met: str = "") -> str:
+def answer_of_run(result: Result, not_met: str = "") -> str:
     """Return what went wrong, then who is best, how surely.
 
     Args:
