@@ -102,8 +102,6 @@ def subjects() -> Iterator[TrafficSubject]:
         )
         for value in (0.5, 0.999):
             yield fault("pd_misstated", f"{value}", detection_probability=dict.fromkeys(BOTH, value))
-        for density in (1e-9, 1e-2):
-            yield fault("clutter_misstated", f"{density}", clutter_density=dict.fromkeys(BOTH, density))
     yield _of("naive", "order_dependent", "as listed")
     yield _of("naive", "order_dependent", "as listed, gate 0.99", gate=0.99)
     yield TrafficSubject("gate_too_large", "builtin gnn", "jumps to the nearest", looped(NearestInPlane))

@@ -245,7 +245,9 @@ class SensorSummary(ResultModel):
 
 
 def _effect_type(effect: Mapping[str, object]) -> str:
-    return str(effect["type"]).replace("_", " ")
+    """The name of a built-in effect in words; the reference of a plug-in as it is."""
+    name = str(effect["type"])
+    return name if ":" in name else name.replace("_", " ")
 
 
 def _options_in_words(options: Mapping[str, object]) -> Iterator[str]:

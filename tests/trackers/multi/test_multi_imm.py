@@ -96,7 +96,7 @@ def test_one_track_and_two_detections_are_weighed_by_total_probability():
     at = AssociationInput(tracks, expected, detections, np.zeros(1, int), np.array([0.9]), gate, Intensity(density, 0))
     pairs = GatedPairs(np.zeros(2, int), np.arange(2), np.ones(2), np.zeros(2))
     pairs = under_modes(pairs, predicted, filter.measured(detections.scan), belief.probability)
-    found = weighed(at, pairs, None, density, 6)
+    found = weighed(at, pairs, None, density)
     weights, parts = [], []
     for number in (None, 0, 1):
         own = scan._replace(measurement=places[:, [number or 0]], valid=np.array([number is not None]))
