@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,36 +11,22 @@ from trackbench.base.types import Array, Indices, Observer, Truth
 
 #: Size of an ego that is recorded as a point, m: length and width.
 EGO_SIZE = (5.0, 2.0)
+_MOTION = ("px", "py", "yaw", "vx", "vy", "yaw_rate")
 
 
-class Ego(NamedTuple):
-    """The vehicle with the sensors, each ``(...)``."""
-
-    px: Array
-    """Of its centre, m."""
-    py: Array
-    yaw: Array
-    """rad"""
-    vx: Array
-    """m/s"""
-    vy: Array
-    yaw_rate: Array
-    """rad/s"""
-    length: float
-    """m"""
-    width: float
+@dataclass(frozen=True)
+class Ego(Observer):
+    """The vehicle with the sensors; its arrays are ``(...)``."""
 
     @classmethod
     def of(cls, observer: Observer, steps: Indices | slice) -> Ego:
         """The observer at some steps of the truth; ``EGO_SIZE`` where it is a point."""
-        at = observer
-        length, width = at.length or EGO_SIZE[0], at.width or EGO_SIZE[1]
-        return cls(at.px, at.py, at.yaw, at.vx, at.vy, at.yaw_rate, length, width).each(steps)
+        motion = {name: getattr(observer, name)[steps] for name in _MOTION}
+        return cls(**motion, length=observer.length or EGO_SIZE[0], width=observer.width or EGO_SIZE[1])
 
     def each(self, pick: Any) -> Ego:
         """With ``pick`` as an index of every array, such as ``(slice(None), None)``."""
-        motion = {name: values[pick] for name, values in zip(self._fields[:6], self[:6], strict=True)}
-        return self._replace(**motion)
+        return replace(self, **{name: getattr(self, name)[pick] for name in _MOTION})
 
     @property
     def speed(self) -> Array:
