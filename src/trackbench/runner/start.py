@@ -99,18 +99,18 @@ class SecondDrives:
         self._work, self._piece = work, piece
         self._others = cache(self._other_scans)
 
-    def around(self, config: FilterConfig | PluginConfig, stepper: Stepper) -> AskedAgain | None:
-        """Wrap a plug-in that is to be asked again; return None for a built-in tracker.
+    def around(self, config: FilterConfig | PluginConfig, stepper: Stepper) -> Stepper:
+        """Wrap a plug-in so that it is asked again; return a built-in tracker as it is.
 
         A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
         permuted. Any other gets two runs in reverse order, after one of another scene. Of one that draws random numbers
-        some members are driven alone; None where there are too few, or no truth.
+        some members are driven alone; where there are too few, or no truth, it is not asked again.
         """
         if not plugged_in(config):
-            return None
+            return stepper
         traits = stepper.traits
         second = self._alone(config) if traits.random else self._in_other_company(config, traits.batched)
-        return None if second is None else AskedAgain(stepper, second)
+        return stepper if second is None else AskedAgain(stepper, second)
 
     def _in_other_company(self, config: FilterConfig | PluginConfig, batched: bool) -> SecondDrive:
         work, runs, several = self._work, len(self._piece.runs), self._work.hidden

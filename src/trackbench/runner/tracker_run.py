@@ -67,7 +67,6 @@ class TrackerRun(ABC, Generic[Answer]):
         """How much its positions differ between runs; None of a built-in filter."""
         self._work, self._piece, self._time, self._scans = work, piece, time, scans
         self._second_drives = second_drives
-        self._again: AskedAgain | None = None
         self._stepper: Stepper | None = None
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
@@ -87,8 +86,7 @@ class TrackerRun(ABC, Generic[Answer]):
         try:
             self._stepper = stepper = self._start()
             if self._second_drives is not None:
-                self._again = self._second_drives.around(self._work.driven(self.name), stepper)
-                self._stepper = stepper = self._again or stepper
+                self._stepper = stepper = self._second_drives.around(self._work.driven(self.name), stepper)
             # A built-in tracker is stepped as it is.
             self.tracker = stepper.tracker if isinstance(stepper, Direct | DirectTracks) else _Foreign(stepper)
             self.random = stepper.traits.random
@@ -107,9 +105,8 @@ class TrackerRun(ABC, Generic[Answer]):
         passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._of_metric)
         if error is not None and not passed_on:
             self._note(error)
-        again, self._again = self._again, None
-        if again is not None and self.failure is None and not passed_on:
-            disagreement = again.disagreement()
+        if isinstance(self._stepper, AskedAgain) and self.failure is None and not passed_on:
+            disagreement = self._stepper.disagreement()
             if disagreement is not None:
                 fault, scan = disagreement
                 self.fail(fault, int(np.searchsorted(self._time, scan.time - SAME_TIME)), scan.sensor)
