@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, overload
@@ -121,33 +121,28 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
         TrackbenchError: the processes that do the work died, or a folder cannot be written.
     """
     # The runner takes its time to import, which a mistake in a scenario need not wait for.
-    from trackbench.runner.run import PendingRun
+    from trackbench.runner.run import PendingRun, run_until
 
     # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
     one_by_one = (plan.workers == 1 and plan.cluster is None) or listener.observes
     ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or os.cpu_count() or 1
     alone = len(prepared) == 1
 
-    def start(item: Prepared) -> PendingRun:
-        return PendingRun(
-            item.scenario,
-            item.truths,
-            executor,
-            plan.isolation,
-            plan.engine,
-            until=plan.precision,
-            observed=listener.observes,
-            alone=alone,
-        )
+    def start(item: Prepared) -> Callable[..., Result]:
+        by = plan.isolation, plan.engine
+        if plan.precision is not None:
+            return partial(run_until, item.scenario, item.truths, *plan.precision, executor, *by)
+        return PendingRun(item.scenario, item.truths, executor, *by, observed=listener.observes, alone=alone).collect
 
-    waiting, begun, unsaved = deque(prepared), deque[PendingRun](), deque[_Computed]()
+    waiting, begun, unsaved = deque(prepared), deque[Callable[..., Result]](), deque[_Computed]()
     finished: list[Result] = []
     for number, item in enumerate(prepared, 1):
         while waiting and len(begun) <= ahead:
             begun.append(start(waiting.popleft()))
         place, observe = place_prefix(number, prepared), listener.begin(item)
         with listener.progress(f"{place}{item.scenario.config.full_name}", "runs") as advance:
-            result = begun.popleft().collect(partial(command_of, engine=plan.engine), advance, observe)
+            command = partial(command_of, engine=plan.engine)
+            result = begun.popleft()(command=command, progress=advance, on_recorded_run=observe)
             result = result.updated(provenance=item.provenance)
             advance(result.summary.runs, result.summary.runs)
         made = None

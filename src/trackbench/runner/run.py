@@ -80,7 +80,6 @@ class PendingRun:
         executor: what makes the blocks of runs.
         isolation: how trackers that are not built in are kept apart.
         engine: what computes.
-        until: the precision and the largest number of runs of ``run_until``; None: as many runs as the scenario says.
         observed: whether the recorded run is looked at.
         alone: whether no other scenario is run at the same time.
     """
@@ -93,17 +92,10 @@ class PendingRun:
         isolation: Isolation = ISOLATED,
         engine: EngineName = "auto",
         *,
-        until: tuple[float, int] | None = None,
         observed: bool = False,
         alone: bool = True,
     ) -> None:
         self._loaded, self._truths = loaded, truths
-        self._until = None
-        if until is not None:
-            self._until = partial(
-                run_until, loaded, truths, *until, executor=executor, isolation=isolation, engine=engine
-            )
-            return
         self._work = work_of(loaded, truths, isolation, engine)
         self._begin = time.perf_counter()
         self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
@@ -121,8 +113,6 @@ class PendingRun:
             progress: called with the number of runs done and of all.
             on_recorded_run: called with the recorded run while it is made.
         """
-        if self._until is not None:
-            return self._until(command=command, progress=progress, on_recorded_run=on_recorded_run)
         blocks = self._blocks.collect(progress, on_recorded_run)
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
         return assemble(self._loaded, self._truths, self._work, blocks, command(self._loaded))
@@ -215,10 +205,10 @@ def run_until(
     truths: Sequence[LoadedTruth],
     target: float,
     max_runs: int,
-    *,
     executor: Executor | None = None,
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
+    *,
     command: Callable[[Scenario], str],
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
