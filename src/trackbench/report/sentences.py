@@ -18,7 +18,6 @@ from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,
     MetricValue,
-    PrecisionReached,
     Result,
     Summary,
     TrackerResult,
@@ -209,15 +208,6 @@ def charged(metric: MetricValue, error: str) -> str:
     return (
         f"{percent(metric.charged_share)} of its squared {error} is charged for missing estimates ({without} without)"
     )
-
-
-def precision_reached(precision: PrecisionReached, runs: int) -> str:
-    """Whether the precision that the user wants was reached, and after how many runs."""
-    after, wanted = f"after {counted(runs, 'run')}", f"{percent(precision.target, 2)} wanted"
-    if precision.half_width is None:
-        return f"precision: no two trackers to compare {after}; {wanted}"
-    pair = f"{precision.best} against {precision.second} ±{percent(precision.half_width, 2)}"
-    return f"precision: {pair} {after}; {wanted}" + ("" if precision.reached else ", not reached")
 
 
 def expectations_met(expectations: Sequence[ExpectationResult]) -> str:

@@ -79,17 +79,6 @@ class ExpectationResult(ResultModel):
         return "passed" if self.passed else "undecided" if self.undecided else "failed"
 
 
-class PrecisionReached(ResultModel):
-    """How well the leading difference is known, where the number of runs was left to it."""
-
-    target: float
-    half_width: float | None
-    reached: bool
-    max_runs: int
-    best: str | None
-    second: str | None
-
-
 class Summary(ResultModel):
     """``result.json``"""
 
@@ -117,7 +106,6 @@ class Summary(ResultModel):
     expectations: list[ExpectationResult]
     passed: bool
     artifacts: dict[str, str]
-    precision: PrecisionReached | None = None
     provenance: Provenance | None = None
     """When and of which code it was made; None in results of earlier versions."""
 
