@@ -56,6 +56,8 @@ ADDED: dict[str, str] = {
 #: Old path that the new commit does not have: why.
 REMOVED: dict[str, str] = {
     "*trackers[*].first_velocity*": "the warning about a stated first velocity is gone",
+    "*trackers[*].run_spread": "trackers that use no measurement are not looked for",
+    "*:precision*": "a run has the number of runs that it is given",
     "breakdown.parquet*": "result.json has the scores by manoeuvre and by range",
 }
 #: Path that is not compared: why.

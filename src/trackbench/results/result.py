@@ -16,7 +16,7 @@ from trackbench.results.declared import OF_RECORDED_RUN, SHARED
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, write_file
 from trackbench.results.metric_value import ResultModel, data_frame, model_of, value_columns
 from trackbench.results.summary import READABLE, Summary
-from trackbench.results.tracker_result import TrackerResult
+from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -199,8 +199,7 @@ class Result:
 
     def why_suspect(self, tracker: TrackerResult) -> str:
         """Why a tracker's estimates cannot come from its measurements alone; empty where nothing shows it."""
-        runs_of_scene = self.summary.runs // max(1, len(self.summary.truth.scenes))
-        return tracker.why_suspect(self.summary.reference, runs_of_scene)
+        return f"it {BEATS_BOUND}" if tracker.beats_bound(self.summary.reference) else ""
 
     def json(self) -> dict[str, Any]:
         """The summary as JSON values."""

@@ -13,9 +13,6 @@ from trackbench.results.scenario_summary import ReferenceSummary
 
 #: Error over the Cramer-Rao bound below which the bound is beaten: a biased estimator may be a little below it.
 LEAST_OVER_BOUND = 0.97
-#: Spread over runs, as a share of the standard deviation of the finest measurement, below which the measurements are
-#: not used. Weights that sum to one make it at least one over the root of their number: this is 10,000 of them.
-LEAST_SPREAD = 0.01
 BEATS_BOUND = "beats the Cramér-Rao bound: it knows more than its measurements say"
 #: How a tracker associates that knows the true origin of each detection.
 ORACLE = "oracle"
@@ -137,9 +134,6 @@ class TrackerResult(ResultModel):
     """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
     random: bool = False
     """Whether it says that it draws random numbers: when it is driven again, its errors are compared in law."""
-    run_spread: float | None = None
-    """Standard deviation of its positions over the runs of a scene, per axis, as a share of that of the finest
-    measurement; None of a built-in filter, and where no two runs have other noise."""
     offline: bool = False
     """Whether its tracks were made elsewhere: nothing shows that they were made without the measurements to come."""
     paired: bool = True
@@ -180,18 +174,6 @@ class TrackerResult(ResultModel):
         """Whether its position error is shown to be below the reference, by more than ``LEAST_OVER_BOUND`` allows."""
         ratio = self.metrics.get("position_over_reference")
         return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
-
-    def why_suspect(self, reference: ReferenceSummary | None, runs: int) -> str:
-        """Why its estimates cannot come from its measurements alone; empty where nothing shows it.
-
-        Args:
-            reference: what errors are held against; None where identities are hidden.
-            runs: how many there are of each scene.
-        """
-        if self.run_spread is not None and self.run_spread < LEAST_SPREAD:
-            same = f"its estimates are the same in all {runs} runs, whose noise differs"
-            return f"{same}: it does not use the measurements, or averages over runs"
-        return f"it {BEATS_BOUND}" if self.beats_bound(reference) else ""
 
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
         """Whether it is no smoother, and shown to be below a Cramer-Rao bound of motion that no tracker can expect."""
