@@ -12,7 +12,6 @@ import pytest
 import trackbench as tb
 from trackbench.api import provenance
 from trackbench.api.provenance import provenance_of
-from trackbench.results import Result
 
 SCENE = """\
 name: scene
@@ -129,12 +128,3 @@ def test_the_report_says_it(scene: Path, commit: str) -> None:
     assert hashlib.sha256(TRACKER.encode()).hexdigest()[:16] in section
     old = result.updated(provenance=None)
     assert "Provenance" not in str(old.report())
-
-
-def test_a_result_of_an_earlier_version_has_none(scene: Path) -> None:
-    result = tb.run(scene)
-    summary = {**result.json(), "schema_version": 4}
-    del summary["provenance"]
-    old = Result.from_json(summary, result.tables)
-    old.save(scene.parent / "old")
-    assert tb.Result.load(scene.parent / "old").summary.provenance is None

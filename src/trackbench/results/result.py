@@ -13,9 +13,9 @@ import numpy as np
 from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
 from trackbench.base.files import read_json
 from trackbench.results.declared import OF_RECORDED_RUN, SHARED
-from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, write_file
+from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
 from trackbench.results.metric_value import ResultModel, data_frame, model_of, value_columns
-from trackbench.results.summary import READABLE, Summary
+from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 
 if TYPE_CHECKING:
@@ -202,8 +202,8 @@ class Result:
         return f"it {BEATS_BOUND}" if tracker.beats_bound(self.summary.reference) else ""
 
     def json(self) -> dict[str, Any]:
-        """The summary as JSON values."""
-        return self.summary.model_dump(mode="json")
+        """The summary as JSON values, without the digests of the tables as they were written."""
+        return self.summary.model_dump(mode="json", exclude={"tables"})
 
     def to_pandas(self, table: str | None = None) -> Any:
         """A table as a pandas data frame.
@@ -253,7 +253,12 @@ class Result:
         tables = {
             f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()
         }
-        return {SUMMARY: partial(write_file, json_text(self.json())), **tables}
+        # After the tables, whose digests it has.
+        return {**tables, SUMMARY: self._write_summary}
+
+    def _write_summary(self, file: Path) -> None:
+        digests = {name: sha256(file.with_name(f"{name}.parquet")) for name in self.tables}
+        write_file(json_text({**self.json(), "tables": digests}), file)
 
     def updated(self, **fields: Any) -> Result:
         """The same result with other fields of its summary."""
@@ -289,7 +294,7 @@ class Result:
         except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
         summary = summary_of(raw, file)
-        return cls(summary, Tables({}, file.parent, summary.layout))
+        return cls(summary, Tables({}, file.parent, summary.tables))
 
 
 def merged_places(results: Iterable[Result]) -> dict[str, int]:
@@ -316,7 +321,7 @@ def summary_of(raw: Any, file: Path) -> Summary:
     Raises:
         InputError: they are no summary, or one of another version.
     """
-    summary = model_of(Summary, raw, file, "result", READABLE)
+    summary = model_of(Summary, raw, file, "result", [SCHEMA_VERSION])
     if sorted(tracker.name for tracker in summary.trackers) != sorted(summary.ranking):
         raise InputError("not a result: ranking does not name its trackers", file=file)
     return summary
