@@ -36,8 +36,7 @@ PEERS: dict[str, tuple[str, dict[str, Any], float]] = {
         "stonesoup_tracker:StoneSoupEkf",
         {
             "filter": "ekf",
-            "motion": "cv",
-            "noise": "continuous",
+            "motion": "cv_continuous",
             "acceleration_density_mps1p5": sqrt(0.5),
             "initial": START,
         },
