@@ -245,10 +245,15 @@ def test_a_figure_goes_on_in_matplotlib(result: tb.Result, tmp_path: Path) -> No
 
 
 def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
-    metrics = result.to_pandas().set_index(["tracker", "metric"])
+    tidy = result.to_pandas()
+    metrics = tidy[(tidy["condition"] == "") & (tidy["scene"] == "")].set_index(["tracker", "metric"])
     error = result["ekf_cv"].position_rmse
     assert tuple(metrics.loc[("ekf_cv", "position_rmse"), ["value", "low", "high"]]) == (error.value, *error.ci95)
     assert len(metrics) == sum(len(tracker.metrics) for tracker in result.summary.trackers)
+    straight = tidy[(tidy["condition"] == "manoeuvre: straight") & (tidy["metric"] == "position_rmse")]
+    assert straight.set_index("tracker")["value"].to_dict() == {
+        tracker.name: tracker.breakdown.manoeuvre["straight"].position_rmse.value for tracker in result.summary.trackers
+    }
     compared = tb.compare(result, metrics=["position_rmse", "velocity_rmse"])
     table = compared.to_pandas()
     assert len(table) == len(compared.differences) == 2

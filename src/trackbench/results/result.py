@@ -14,7 +14,8 @@ from trackbench.base.errors import InputError, counted, nearest_choices, similar
 from trackbench.base.files import read_json
 from trackbench.results.declared import OF_RECORDED_RUN, SHARED
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
-from trackbench.results.metric_value import ResultModel, data_frame, model_of, value_columns
+from trackbench.results.frame import tidy
+from trackbench.results.metric_value import ResultModel, model_of
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 
@@ -209,19 +210,15 @@ class Result:
         """A table as a pandas data frame.
 
         Args:
-            table: one of ``result.tables``; unless given, a row for each tracker and metric, with its interval. Of
-                several scenes ``truth`` and ``tracks`` have all, other tables of the recorded run that one; the column
-                ``scene`` says which.
+            table: one of ``result.tables``; unless given, all values as one tidy table, a row for each tracker,
+                metric, scene and condition, with the columns of ``results.frame``. Of several scenes ``truth`` and
+                ``tracks`` have all, other tables of the recorded run that one; the column ``scene`` says which.
 
         Raises:
             InputError: there is none of this name.
         """
         if table is None:
-            return data_frame(
-                {"tracker": tracker.name, "metric": path, **value_columns(value)}
-                for tracker in self.summary.trackers
-                for path, value in tracker.metrics.items()
-            )
+            return tidy(self)
         if table not in self.tables:
             raise InputError(f"no table {table!r} in this result; {nearest_choices(table, self.tables)}")
         own, others = self.tables[table], self.tables.if_there(f"other_{table}")
