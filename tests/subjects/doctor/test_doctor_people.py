@@ -27,7 +27,6 @@ from tests.support.doctor import (
 from trackbench.subjects.doctor.checks.drives import drives, harmless
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.gate import gate_width
 from trackbench.subjects.doctor.checks.modes import modes
 from trackbench.subjects.doctor.checks.one_gain import one_gain
 from trackbench.subjects.doctor.checks.prediction import motion_prediction, spreading
@@ -42,8 +41,6 @@ from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
 
 FAULTY: list[tuple[Part, str]] = [
     (one_gain, "covariance_update_wrong/plain_ekf/in_place"),
-    (gate_width, "gate_too_small/plain_ekf/five_percent"),
-    (gate_width, "gate_too_small/plain_kf/without_noise"),
     (motion_prediction, "wrong_dt/plain_ekf/whole_seconds"),
     (motion_prediction, "wrong_dt/plain_ekf/tenths"),
     (motion_prediction, "wrong_dt/plain_ekf/at_most_0.2"),
@@ -76,7 +73,7 @@ def test_a_fault_is_named(part: Part, name: str) -> None:
 @pytest.mark.parametrize("make", [PlainEkf, PlainUkf, TurningEkf, AdaptiveEkf])
 def test_a_sound_tracker_has_none(make: Callable[[], Any]) -> None:
     tracker = under_test(make)
-    for part in (gate_width, transition, noise_place, stated_covariance):
+    for part in (transition, noise_place, stated_covariance):
         result = part(tracker)
         assert result.findings == []
         assert all(check.passed is not False for check in result.checks)
