@@ -133,7 +133,7 @@ def doctor_command(
 @contextmanager
 def prints_folded() -> Iterator[None]:
     """Say in one line, at the end, what trackers in processes of their own have printed."""
-    from trackbench.driving.processes import printing_to
+    from trackbench.driving.process import printing_to
 
     with TemporaryFile() as file:
         try:

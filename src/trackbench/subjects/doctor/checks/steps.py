@@ -13,9 +13,9 @@ import numpy as np
 
 from trackbench.base.errors import TrackbenchError, counted
 from trackbench.base.types import Estimate, Scan
-from trackbench.driving.alone import NOT_COPIED
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.copyable_tracker import NOT_COPIED
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import (
