@@ -10,7 +10,6 @@ import numpy as np
 
 from trackbench.base.types import Array, Scan, of_runs, scan_of_run
 from trackbench.engine.equations import EngineUsed
-from trackbench.metrics.breakdown import sum_classes
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
 from trackbench.runner.filed_run import FiledRun
@@ -111,10 +110,7 @@ class KnownBlocks:
         for block, targets, second_drives in zip(self.blocks, self._targets, self._second_drives, strict=True):
             run = LabelledRun(self._work, block.piece, name, targets, second_drives, self._observe)
             yield run
-            outcome = run.close()
-            if isinstance(outcome, Outcome):
-                sum_classes(outcome.scores)
-            block.add(run, outcome, run.engine)
+            block.add(run, run.close(), run.engine)
 
 
 class HiddenBlocks:

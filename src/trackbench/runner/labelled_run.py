@@ -63,7 +63,6 @@ class LabelledRun(TrackerRun[Estimate | None]):
             targets.conditions(config),
             {sensor.name: len(sensor.steps) for sensor in scene.sensors},
             tracker=name,
-            first=piece.scene == piece.runs.start == 0,
             single=work.over_stretches,
             metrics=work.metrics,
             compute=compute_by(work.engine_here),
