@@ -66,9 +66,9 @@ def problem(runs: int, steps: int) -> Problem:
 
 
 def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:
-    """A tracker that starts every run from its own draw around the truth, as a run where nothing comes late has it."""
+    """A tracker that starts every run from its own draw around the truth."""
     truth, runs = of.truth, of.runs
-    tracker = replace(build(FilterConfig.model_validate(TRACKERS[name])), engine=engine, lag_s=0.0)
+    tracker = replace(build(FilterConfig.model_validate(TRACKERS[name])).tracker, engine=engine)
     fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
     motion = Kinematics(*(np.full(runs, values[0, 0, 0]) for values in fields))
     return tracker.with_prior(np.zeros(runs), motion, np.random.default_rng(2).standard_normal((6, runs)))

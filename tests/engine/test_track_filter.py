@@ -30,7 +30,7 @@ def both(name: str) -> tuple[TrackFilter, FusedTrackFilter]:
     filter_name, motion = FILTERS[name]
     of = build_multi(
         FilterConfig.model_validate({"filter": filter_name, "motion": motion, "associate": {"method": "gnn"}})
-    )
+    ).tracker
     return TrackFilter(of.filter, of.initial), FusedTrackFilter(of.filter, of.initial)
 
 

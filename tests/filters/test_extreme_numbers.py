@@ -73,7 +73,7 @@ def drive(sensors: Sensors, times: Array, speed: float = 15.0, start: Any = (30.
 
 def require_sound(name: str, scans: list[Scan], initial: Any = "first_measurement", engine: Engine = "numpy") -> Array:
     """All estimates are finite, and their covariances definite; with one motion model none was repaired."""
-    made = replace(tracker(**FILTERS[name], initial=initial), engine=engine, lag_s=0.0)
+    made = replace(tracker(**FILTERS[name], initial=initial), engine=engine)
     state = None
     for seen in scans:
         state, estimate = made.step(state, seen)
@@ -103,7 +103,7 @@ def test_every_corner_of_the_errors_by_both_engines(name: str) -> None:
 @pytest.mark.parametrize("name", ["kf-cv", "ekf-cv", "ekf-ctrv", "ukf-ctrv", "ckf-ca", "ekf-imm"])
 def test_every_corner_smoothed(name: str) -> None:
     for sensors, engine in product(CORNERS, ("numpy", "fused")):
-        made = replace(tracker(**FILTERS[name]), engine=engine, lag_s=0.0)
+        made = replace(tracker(**FILTERS[name]), engine=engine)
         for estimate in SmoothedTracker(made).estimates(drive(sensors, 0.1 * np.arange(12))):
             assert np.isfinite(estimate.mean).all()
             assert linalg.cholesky(estimate.covariance).positive.all()
@@ -220,7 +220,7 @@ def test_a_hundred_thousand_steps(name: str) -> None:
     # Around the sensor, so that numbers do not grow with the time.
     few = drive(sensors, 0.1 * np.arange(300), speed=0.5)
     back = [seen._replace(time=60.0 - seen.time) for seen in reversed(few)]
-    made = replace(tracker(**FILTERS[name]), engine="fused", lag_s=0.0)
+    made = replace(tracker(**FILTERS[name]), engine="fused")
     state = None
     for lap in range(167):
         for seen in [*few, *back]:

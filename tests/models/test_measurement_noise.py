@@ -23,7 +23,7 @@ KEYS = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, "initial"
 
 def tracker(**keys: Any) -> Any:
     config = FilterConfig.model_validate({**KEYS, **keys})
-    return build_multi(config) if config.associate else build(config)
+    return build_multi(config).tracker if config.associate else build(config).tracker
 
 
 @pytest.mark.parametrize("more", [{}, {"filter": "kf"}, {"filter": "ukf"}, {"filter": "iekf"}])

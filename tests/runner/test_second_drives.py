@@ -116,7 +116,7 @@ class SaysDrawing(Drawing):
     random = True
 
 def built_in(**config) -> FilterTracker:
-    return build(FilterConfig(**config))
+    return build(FilterConfig(**config)).tracker
 """
 #: Each with what the failure says of it.
 BATCH = r"^asked again with half of the batch replaced by other scenes and all of it permuted, "
@@ -267,7 +267,7 @@ class Several:
         initial = {"from": "first_measurement"}
         motion = {"motion": "cv", "acceleration_sigma_mps2": 1}
         config = FilterConfig(filter="ekf", **motion, initial=initial, associate={"method": "gnn"})
-        self.inner = build_multi(config)
+        self.inner = build_multi(config).tracker
     def step(self, state, scan):
         state, tracks = self.inner.step(state, scan)
         return state, self.change(scan, tracks)

@@ -56,7 +56,7 @@ LIDAR_NOISE = np.diag(np.square([0.15, 0.15]))
 
 def tracker(**keys: object) -> FilterTracker:
     """A built-in tracker from the keys of a scenario."""
-    return build(FilterConfig.model_validate(keys))
+    return build(FilterConfig.model_validate(keys)).tracker
 
 
 def scan(

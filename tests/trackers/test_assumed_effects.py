@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy import integrate, stats
+from tests.support.late_scans import late_tracker
 from tests.support.scenes import fixed_observer, scan, tracker, truth
 
 from trackbench.base.errors import InputErrors, TrackbenchError
@@ -211,7 +212,7 @@ def rmse(estimates: list[Any], x: Any, components: slice) -> float:
 
 def followed(scans: list[Any], **keys: Any) -> list[Any]:
     """The estimates of a tracker that starts from its first measurement."""
-    own, state, result = tracker(**{**CV, **keys}), None, []
+    own, state, result = late_tracker(**{**CV, **keys}), None, []
     for seen in scans:
         state, estimate = own.step(state, seen)
         result.append(estimate)
@@ -300,17 +301,16 @@ def test_the_jacobians_of_a_state_with_errors_are_finite_differences() -> None:
         np.testing.assert_allclose((above - below) / 2e-6, h[:, i], atol=1e-6)
 
 
-def test_a_late_measurement_by_retrodiction_is_as_if_it_had_come_in_time() -> None:
+def test_a_late_measurement_is_as_if_it_had_come_in_time() -> None:
     _x, scans = simulated(Lidar(**LIDAR), (30.0, 5.0, 4.0, 1.0), steps=12, runs=5)
     # With driving noise that is constant over a step, other steps would be another motion.
     keys = {"filter": "kf", "acceleration_sigma_mps2": 1e-6, "assume": {"lidar": {"correlated_errors": SLOW}}}
     in_time = followed(scans, **keys)[-1]
     late = scans[-2]._replace(arrival_time=scans[-1].time)
     order = [*scans[:-2], scans[-1], late]
-    for method in ("retrodiction", "replay"):
-        estimate = followed(order, late=method, **keys)[-1]
-        np.testing.assert_allclose(estimate.mean, in_time.mean, rtol=1e-6)
-        np.testing.assert_allclose(estimate.covariance, in_time.covariance, rtol=1e-5, atol=1e-9)
+    estimate = followed(order, **keys)[-1]
+    np.testing.assert_allclose(estimate.mean, in_time.mean, rtol=1e-6)
+    np.testing.assert_allclose(estimate.covariance, in_time.covariance, rtol=1e-5, atol=1e-9)
 
 
 @pytest.mark.parametrize("filter", ["ekf", "iekf", "ukf", "ckf", "imm"])

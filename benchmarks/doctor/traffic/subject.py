@@ -48,4 +48,4 @@ def config(method: str, filter: str = "ekf", motion: str = "cv", sigma: float = 
 def built_in(method: str, *arguments: Any, **associate: Any) -> Make:
     """A built-in tracker; arguments as those of :func:`config`."""
     found = config(method, *arguments, **associate)
-    return lambda: Batched(build_multi(found), TRACKS_FORM)
+    return lambda: Batched(build_multi(found).tracker, TRACKS_FORM)

@@ -24,7 +24,7 @@ from trackbench.driving.printed import say_stray_errors
 from trackbench.driving.steppers import Stateful, Stepper, local, refuse_truth
 from trackbench.trackers.answers import is_random, shaped_estimate
 from trackbench.trackers.config import PluginConfig
-from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.late import LateScans
 from trackbench.trackers.published import check_tracker_options, create
 
 #: How the trackers are served: for all members of a batch, their answers checked; each as it is; not at all, when the
@@ -96,7 +96,7 @@ class Host:
         options = dict(self._hello["options"])
         if self._mode == EACH:
             tracker = create(self._reference, options, self._folder)()
-            if isinstance(tracker, FilterTracker):
+            if isinstance(tracker, LateScans):
                 refuse_truth(tracker)
             return Stateful(tracker, shaped_estimate)
         config = PluginConfig(use=self._reference, options=options)

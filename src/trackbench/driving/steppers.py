@@ -27,10 +27,10 @@ from trackbench.trackers.answers import (
 )
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
-from trackbench.trackers.multi import MultiObjectState, MultiObjectTracker, build_multi
+from trackbench.trackers.filtered import SmoothedTracker
+from trackbench.trackers.late import LateScans
+from trackbench.trackers.multi import build_multi
 from trackbench.trackers.published import create
-from trackbench.trackers.track_steps import TrackState
 
 Answer = TypeVar("Answer")
 
@@ -95,12 +95,12 @@ def local(
         return Direct(prepare(build(config)))
     make = create(config.reference, config.options, folder)
     tracker = make()
-    if isinstance(tracker, FilterTracker) and not several:
+    if isinstance(tracker, LateScans) and not several:
         return Direct(prepare(refuse_truth(tracker).reading_only(config.sensors)))
     return Batched(tracker, form) if getattr(tracker, "batched", False) else Looped(make, batch, form)
 
 
-def refuse_truth(tracker: FilterTracker) -> FilterTracker:
+def refuse_truth(tracker: LateScans) -> LateScans:
     """A filter that a plug-in has made, which is given no truth.
 
     Raises:
@@ -115,42 +115,47 @@ def refuse_truth(tracker: FilterTracker) -> FilterTracker:
 class Direct(Stepper):
     """A built-in tracker of one object, whose answers have the right form by construction."""
 
-    def __init__(self, tracker: FilterTracker) -> None:
+    def __init__(self, tracker: Any) -> None:
         self.tracker = tracker
-        self.state: TrackState | None = None
+        self.state: Any = None
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Estimate:
         """Estimates of every member of the batch."""
+        estimate: Estimate
         self.state, estimate = self.tracker.step(self.state, scan)
         return estimate
 
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return self.tracker.engine_used
+        used: EngineUsed = self.tracker.engine_used
+        return used
 
 
 class DirectTracks(Stepper):
     """A built-in tracker of several objects, whose answers have the right form by construction."""
 
-    def __init__(self, tracker: MultiObjectTracker) -> None:
+    def __init__(self, tracker: Any) -> None:
         self.tracker = tracker
-        self._state: MultiObjectState | None = None
+        self._state: Any = None
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
         """The tracks of all runs."""
-        self._state, tracks = self.tracker.step(self._state, scan, origins if self.tracker.wants_origins else None)
+        wanted = (origins,) if self.tracker.wants_origins else ()
+        tracks: Tracks
+        self._state, tracks = self.tracker.step(self._state, scan, *wanted)
         return tracks
 
     def predicted(self, run: int) -> Tracks:
         """The tracks of one run as they were expected at the latest scan, before its detections."""
-        assert self._state is not None
-        return self.tracker.predicted(self._state, run)
+        tracks: Tracks = self.tracker.predicted(self._state, run)
+        return tracks
 
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return self.tracker.engine_used
+        used: EngineUsed = self.tracker.engine_used
+        return used
 
 
 class Offline(Stepper):

@@ -43,13 +43,13 @@ def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[S
     """The steps of a tracker through the scans of the first of some instants that are mere steps of its filter.
 
     They end before an instant at which a track may start. There are none where a track is followed by position and
-    velocity, or may have to be where no measurement is read; or where past states are kept for late scans.
+    velocity, or may have to be where no measurement is read.
     """
     started = state.started
     waits = not started.all()
     waits_otherwise = waits and (tracker.prior is not None or tracker.initial.waiting == "at_rest")
     steps: list[SequenceStep] = []
-    if state.fallback is not None or tracker.lag_s > 0.0 or not started.any() or waits_otherwise:
+    if state.fallback is not None or not started.any() or waits_otherwise:
         return steps
     starting, time = tracker.initial.sensors or tracker.sensors, state.time
     for instant, scans in enumerate(instants):

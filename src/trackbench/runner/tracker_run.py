@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import cached_property, partial
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -29,7 +28,7 @@ from trackbench.runner.start import SecondDrives, stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
-from trackbench.trackers.multi import MultiObjectTracker
+from trackbench.trackers.filtered import FilterTracker
 
 #: Instants that are taken by one sequence of calls, at most.
 INSTANTS = 64
@@ -146,7 +145,7 @@ class TrackerRun:
         instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self._stepper, Offline) else seconds
         step = DriveStep(instant, *delivery, answer, seconds, last)
-        tells = isinstance(self.tracker, MultiObjectTracker) and delivery.scan.arrival_time == delivery.scan.time
+        tells = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
         try:
             self._scoring.score(step, partial(self.tracker.predicted, self.state) if tells else None)
         except Fault as fault:
@@ -185,8 +184,7 @@ class TrackerRun:
             scans = scans_read(self.batch.measurements.scans, config.sensors_used)
             return stepper_of(work, self._piece, config, scans)
         runs = sum(len(piece.runs) for piece in self.batch.pieces)
-        prepare = partial(replace, **work.tracker_options)
-        return start_stepper(config, work.folder, runs, prepare, work.isolation, True, work.sensors)
+        return start_stepper(config, work.folder, runs, work.prepared, work.isolation, True, work.sensors)
 
     def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
         """The scan, with the objects that each detection and the second part of a merged one stem from where identities
@@ -200,7 +198,7 @@ class TrackerRun:
     def _taken_at_once(self, instant: int) -> int:
         """Take and score the instants from this one on by one sequence of calls; return how many these are."""
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
-        if stepwise or not isinstance(self._stepper, Direct) or not isinstance(self._scoring, EstimateScoring):
+        if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0
         if self._scoring.waits:
             return 0

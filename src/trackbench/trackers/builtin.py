@@ -24,6 +24,7 @@ from trackbench.models.motion import MotionModel
 from trackbench.trackers.assume import error_states
 from trackbench.trackers.config import FilterConfig, FilterName, ImmConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.late import LateScans
 
 #: What each name stands for, as ``trackbench list filters`` shows it.
 FILTERS = {
@@ -35,15 +36,16 @@ FILTERS = {
 }
 
 
-def build(config: FilterConfig) -> FilterTracker:
+def build(config: FilterConfig) -> LateScans:
     """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
-    return FilterTracker(filter_of(config), config.initial, **config.scan_options)
+    tracker = FilterTracker(filter_of(config), config.initial, **config.scan_options)
+    return LateScans(tracker, config.late, config.lag_s)
 
 
-def _factory(name: FilterName) -> Callable[..., FilterTracker]:
+def _factory(name: FilterName) -> Callable[..., LateScans]:
     """The tracker of one filter by options, which are the keys of a scenario's ``filter:`` entry without the filter."""
 
-    def factory(**options: Any) -> FilterTracker:
+    def factory(**options: Any) -> LateScans:
         return build(FilterConfig(filter=name, **options))
 
     factory.__name__ = factory.__qualname__ = name

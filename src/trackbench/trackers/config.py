@@ -66,7 +66,7 @@ OneOrSeveralMotions = Annotated[
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
-LateMethod = Literal["drop", "as_new", "replay", "retrodiction"]
+LateMethod = Literal["drop", "as_new", "replay"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
 Sweep = Annotated[
     dict[str, list[Any]] | list[dict[str, Any]] | None,
@@ -113,12 +113,9 @@ class FilterConfig(OptionsBeside):
         "replay",
         description="What becomes of a scan that was taken before the state's time, since its sensor is late. drop: it "
         "is left out. as_new: every scan counts as taken when it arrived, which is wrong. replay: the filter goes back "
-        "to the time of the scan and takes all later ones in again. retrodiction: the present state is corrected "
-        "without going back (Bar-Shalom); of one motion model and one object.",
+        "to the time of the scan and takes all later ones in again.",
     )
-    lag_s: Positive = Field(
-        1, le=60, description="How far back replay and retrodiction reach, s. Older scans are dropped."
-    )
+    lag_s: Positive = Field(1, le=60, description="How far back replay reaches, s. Older scans are dropped.")
     process_noise_diag: list[NonNegative] | None = Field(
         None,
         description="Diagonal of a constant process noise, one variance for each component of the state, added at "
@@ -180,7 +177,7 @@ class FilterConfig(OptionsBeside):
     def scan_options(self) -> dict[str, Any]:
         """What a tracker of one object or of several takes of the options on scans."""
         assumed = AssumedSensors(self.sensor_models, self.measurement_noise, self.assume)
-        return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at", "late", "lag_s")}}
+        return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at")}}
 
     @property
     def models(self) -> tuple[MotionModel, ...]:
@@ -233,10 +230,7 @@ class FilterConfig(OptionsBeside):
             for key in effects.states:
                 for at, message in self._without_error_states():
                     yield Problem(at or ("assume", sensor, key), message)
-        if self.late == "retrodiction" and (self.associate is not None or isinstance(self.motion, ImmConfig)):
-            what = "associate" if self.associate is not None else "several motion models"
-            yield Problem(("late",), f"retrodiction does not go with {what}; use replay or drop")
-        if "lag_s" in stated and self.late in ("drop", "as_new"):
+        if "lag_s" in stated and self.late != "replay":
             yield Problem(("lag_s",), f"not used with late: {self.late}; remove it")
         yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)

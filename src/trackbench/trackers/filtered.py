@@ -1,35 +1,58 @@
-"""A tracker that runs one of the built-in filters: prediction, update, start of tracks, late scans; its smoother."""
+"""A tracker that runs one of the built-in filters: prediction, update, start of tracks; its smoother."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
-from trackbench.engine.choice import used
+from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.engine.choice import Engine, used
 from trackbench.engine.equations import EngineUsed
-from trackbench.filters import Step, Update, bare, choose
+from trackbench.filters import Filter, Step, Update, bare, choose
 from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
-from trackbench.trackers.initial import Prior
-from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed, up_to_date
+from trackbench.trackers.assume import AssumedSensors
+from trackbench.trackers.config import AdvanceAt
+from trackbench.trackers.initial import InitialConfig, Prior
 from trackbench.trackers.track_steps import (
     TrackState,
     TrackSteps,
     belief_estimate,
     chosen_update,
-    total_log_likelihood,
     with_innovation,
 )
 
 
 @dataclass(frozen=True)
-class FilterTracker(ScanTracker):
+class BuiltInTracker:
+    """What the built-in trackers of one object and of several have in common: a filter, and the scans that it takes."""
+
+    filter: Filter[Any]
+    initial: InitialConfig
+    assumed: AssumedSensors = field(default_factory=AssumedSensors)
+    sensors: Collection[str] | None = None
+    """Names of the sensors whose measurements update the tracks; None: all."""
+    advance_at: AdvanceAt = "own_scans"
+    engine: Engine = "numpy"
+
+    batched: ClassVar = True
+
+    def reads(self, sensor: str) -> bool:
+        """Whether the sensor's measurements update or start tracks."""
+        return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
+
+    def advances(self, sensor: str) -> bool:
+        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is set to."""
+        return self.advance_at == "all_scans" or self.reads(sensor)
+
+
+@dataclass(frozen=True)
+class FilterTracker(BuiltInTracker):
     """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid.
 
     At a scan of a sensor that it does not read, the estimate is a prediction from its last own scan, and is not kept.
@@ -44,8 +67,7 @@ class FilterTracker(ScanTracker):
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
         """Predict to the scan's time, and update with its measurements if the tracker reads its sensor.
 
-        A scan that is older than the state is processed as ``late`` says; the estimate is then that at the state's
-        time.
+        A scan that is older than the state is dropped; the estimate is then that at the state's time.
         """
         scan = self.assumed.read(scan)
         if state is None:
@@ -53,14 +75,9 @@ class FilterTracker(ScanTracker):
             state = TrackState(-np.inf, belief, np.zeros_like(scan.valid))
         if scan.asked or not self.advances(scan.sensor):
             return state, self.steps.estimate(self.steps.predicted(state, scan.time))
-        if self.late == "as_new":
-            scan = scan._replace(time=scan.arrival_time)
-        in_time = self.lag_s == 0.0 and scan.time >= state.time
-        return self._in_sequence(state, scan) if in_time else self._after_scan(state, scan)
-
-    def advances(self, sensor: str) -> bool:
-        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is set to."""
-        return self.advance_at == "all_scans" or self.reads(sensor)
+        if scan.time < state.time:
+            return state, self.steps.estimate(state)
+        return self._in_sequence(state, scan)
 
     def reading_only(self, sensors: Collection[str] | None) -> FilterTracker:
         """This tracker, which reads no other sensors than these; None: as it is."""
@@ -94,9 +111,7 @@ class FilterTracker(ScanTracker):
         """What computed the steps so far."""
         return used(self.steps.computed_filter)
 
-    def _in_sequence(
-        self, state: TrackState, scan: Scan, origins: Indices | None = None
-    ) -> tuple[TrackState, Estimate]:
+    def _in_sequence(self, state: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
         some = bool(np.any(scan.valid))
         # Without a measurement the kernel of a step gives other last bits than that of a prediction.
         reads = (self.sensors is None or scan.sensor in self.sensors) and (some or self.engine == "fused")
@@ -165,40 +180,6 @@ class FilterTracker(ScanTracker):
             fallback = None if fallback is None else fallback._replace(where=fallback.where & ~own)
         return state._replace(belief=update.belief, fallback=fallback), update
 
-    def _present(self, state: TrackState) -> Estimate:
-        return self.steps.estimate(state)
-
-    def _after_late(
-        self, state: TrackState, scan: Scan, origins: Indices | None, number: int
-    ) -> tuple[TrackState, Estimate]:
-        """The present estimate has the innovation of the late scan."""
-        if self.late == "retrodiction":
-            return self._after_retrodiction(state, scan, number)
-        again = replayed(self._in_sequence, state.history, number, scan)
-        late = again.late
-        gained = total_log_likelihood(again.history[number:]) - total_log_likelihood(state.history[number:])
-        return again.state._replace(history=again.history), again.latest._replace(
-            innovation=late.innovation,
-            innovation_covariance=late.innovation_covariance,
-            whitened_innovation=late.whitened_innovation,
-            # Of the late scan given all that were processed before. Zero: no track was there for any of them.
-            log_likelihood=np.where(gained == 0.0, np.nan, gained),
-        )
-
-    def _after_retrodiction(self, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
-        """Correct the present by a late scan, where a track has gone on since before it."""
-        history = up_to_date(self._in_sequence, state.history, number)
-        before = history[number].before
-        part = scan._replace(valid=before.started & state.started & scan.valid)
-        if before.fallback is not None or state.fallback is not None or not np.any(part.valid):
-            return state._replace(history=history), self.steps.estimate(state)
-        times = tuple(processed.scan.time for processed in history[number:])
-        after, estimate = self.steps.retrodicted(before, state, part, times)
-        late: ProcessedScan[TrackState, Estimate] = ProcessedScan(before, part)
-        # The states after the late scan lack it.
-        outdated = (processed._replace(outdated=True) for processed in history[number:])
-        return after._replace(history=(*history[:number], late, *outdated)), estimate
-
 
 @dataclass(frozen=True)
 class SmoothedTracker:
@@ -228,7 +209,7 @@ class SmoothedTracker:
         """The state at each time, and whether there was a scan that the filter reads; else it is a prediction."""
         # Where a track loses its course, there is no way back from position and velocity.
         when = self.tracker.cartesian_fallback
-        tracker = replace(self.tracker, cartesian_fallback="at_start" if when == "always" else when, lag_s=0.0)
+        tracker = replace(self.tracker, cartesian_fallback="at_start" if when == "always" else when)
         state: TrackState | None = None
         instants = []
         for time, group in groupby(scans, key=lambda scan: scan.time):

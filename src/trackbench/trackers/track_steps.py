@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -14,10 +13,8 @@ from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
 from trackbench.engine.choice import Engine, filter_by
 from trackbench.filters import (
     AnyBelief,
-    Belief,
     Filter,
     MultiModelBelief,
-    SingleModelFilter,
     StepGuard,
     Update,
     choose,
@@ -25,7 +22,6 @@ from trackbench.filters import (
 from trackbench.models.motion.base import YAW
 from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
 from trackbench.trackers.initial import InitialConfig, TentativeTrack, at_rest, sigmas, start_tracks
-from trackbench.trackers.late import ProcessedScan, Retrodiction, retrodicted
 
 
 def belief_estimate(belief: AnyBelief, cartesian: Gaussian) -> Estimate:
@@ -84,16 +80,6 @@ def log_likelihood(estimate: Estimate) -> Array | None:
     return np.where(factor.positive, factor.log_density(factor.whiten(y)), np.nan)
 
 
-def total_log_likelihood(history: Sequence[ProcessedScan[Any, Estimate]]) -> Array | float:
-    """``(batch,)`` log density of all measurements of some scans."""
-    total: Array | float = 0.0
-    for processed in history:
-        logarithm = None if processed.answer is None else log_likelihood(processed.answer)
-        if logarithm is not None:
-            total = total + np.where(processed.scan.valid & ~np.isnan(logarithm), logarithm, 0.0)
-    return total
-
-
 class TrackState(NamedTuple):
     """The state of a built-in tracker after a scan."""
 
@@ -105,8 +91,6 @@ class TrackState(NamedTuple):
     waiting: TentativeTrack | None = None
     fallback: CartesianFallback | None = None
     """The tracks whose course is unknown; it replaces their belief."""
-    history: tuple[ProcessedScan[TrackState, Estimate], ...] = ()
-    """The latest scans, where late ones may come."""
 
 
 @dataclass(frozen=True)
@@ -174,26 +158,6 @@ class TrackSteps:
             belief = choose(fresh, self.filter.begin(begin.state_of), belief)
             fallback = self.fallback.begun(fallback, fresh, begin.state_of)
         return state._replace(belief=belief, started=state.started | fresh, waiting=begin.waiting, fallback=fallback)
-
-    def retrodicted(
-        self, before: TrackState, state: TrackState, scan: Scan, times: tuple[float, ...]
-    ) -> tuple[TrackState, Estimate]:
-        """The state corrected by a late scan, and its estimate with the innovation of that scan.
-
-        Args:
-            before: after the latest scan that was taken before it.
-            state: the present one.
-            scan: the late one, valid only where there is a track before it and now.
-            times: of the scans since the late one, s.
-        """
-        assert isinstance(self.filter, SingleModelFilter)
-        assert isinstance(before.belief, Belief)
-        assert isinstance(state.belief, Belief)
-        update = retrodicted(self.filter, Retrodiction(before.belief, before.time, state.belief, times), scan)
-        estimate = with_innovation(
-            self.estimate(state._replace(belief=update.belief)), update, before.started & state.started
-        )
-        return state._replace(belief=update.belief._replace(repaired=None)), estimate
 
     def estimate(self, state: TrackState) -> Estimate:
         """The estimate of a state; NaN, or at rest if so configured, where no track has started."""

@@ -23,7 +23,7 @@ def tracker(method: str = "gnn", **associate: object) -> MultiObjectTracker:
         "initial": {"from": "first_measurement", "velocity_sigma_mps": VELOCITY_SIGMA},
         "associate": {"method": method, **associate},
     }  # fmt: skip
-    return build_multi(FilterConfig.model_validate(keys))
+    return build_multi(FilterConfig.model_validate(keys)).tracker
 
 
 def lidar(time: float, detections: np.ndarray, valid: np.ndarray, probability: float) -> Scan:

@@ -31,7 +31,7 @@ def tracker(method: str, **associate: Any) -> MultiObjectTracker:
             "report_existence": 0.4, **associate,
         },
     }  # fmt: skip
-    return build_multi(FilterConfig.model_validate(keys))
+    return build_multi(FilterConfig.model_validate(keys)).tracker
 
 
 def scan_of(time: float, detections: Array) -> Scan:
@@ -184,7 +184,9 @@ def test_duplicates_end_only_where_that_is_asked(method: str) -> None:
     for ends in (False, True):
         associate: dict[str, Any] = {"method": method, "confirm": [1, 1], "delete_after_s": 99.0}
         keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1.0, "initial": {"velocity_sigma_mps": 3.0}}
-        of = build_multi(FilterConfig.model_validate({**keys, "associate": {**associate, "end_duplicates": ends}}))
+        of = build_multi(
+            FilterConfig.model_validate({**keys, "associate": {**associate, "end_duplicates": ends}})
+        ).tracker
         state = None
         for scan in scans:
             state, tracks = of.step(state, scan)
