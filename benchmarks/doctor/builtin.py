@@ -54,7 +54,7 @@ def ukf_ctrv(
         augmented=augmented,
     )
     # As the filters of a page of NumPy, it has no other state than its own.
-    return replace(tracker, cartesian_fallback="never")
+    return replace(tracker.tracker, cartesian_fallback="never")
 
 
 EKF = ExaminedTracker("builtin_ekf", ekf_cv)

@@ -16,7 +16,7 @@ CV, CA, CTRV = ({"model": name, **NOISE[name]} for name in ("cv", "ca", "ctrv"))
 FILTERS = {
     "kf": ("kf", CV),
     "ekf": ("ekf", CTRV),
-    "iekf": ("iekf", CA),
+    "ekf of ca": ("ekf", CA),
     "ukf": ("ukf", CTRV),
     "ckf": ("ckf", CV),
     "imm": ("ekf", {"imm": [CV, CTRV], "stay_s": [3, 2]}),

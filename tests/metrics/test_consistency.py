@@ -75,7 +75,7 @@ def test_on_a_linear_problem_every_filter_scores_the_same(linear):
 
 
 def test_filters_of_radar_and_lidar_are_consistent_and_reach_the_bound():
-    trackers = {name: config(name) for name in ("ekf", "iekf", "ukf", "ckf")}
+    trackers = {name: config(name) for name in ("ekf", "ukf", "ckf")}
     for found in summaries(scores_of({"radar": RADAR, "lidar": LIDAR}, trackers, dt=0.05)).values():
         assert found["nees"].verdict == "consistent"
         assert near(found["nees"].ci95, 4.0)

@@ -26,7 +26,7 @@ def tracker(**keys: Any) -> Any:
     return build_multi(config).tracker if config.associate else build(config).tracker
 
 
-@pytest.mark.parametrize("more", [{}, {"filter": "kf"}, {"filter": "ukf"}, {"filter": "iekf"}])
+@pytest.mark.parametrize("more", [{}, {"filter": "kf"}, {"filter": "ukf"}])
 def test_assumed_noise_is_as_if_the_sensor_stated_it(more: dict[str, Any]) -> None:
     noise = np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2
     other = np.diag([0.5, np.deg2rad(0.5), 0.2]) ** 2

@@ -135,7 +135,6 @@ DEPENDENT = {
 HONEST = ("BatchedAlphaBeta", "AlphaBeta", "SaysSo", "SaysDrawing")
 FILTERS = {
     "kf": "{filter: kf, motion: cv, acceleration_sigma_mps2: 3}",
-    "iekf": "{filter: iekf, motion: ctrv, acceleration_sigma_mps2: 3, yaw_acceleration_sigma_radps2: 1}",
     "ukf": "{filter: ukf, motion: ctra, yaw_acceleration_sigma_radps2: 1, jerk_sigma_mps3: 1}",
     "ckf": "{filter: ckf, motion: ca, jerk_sigma_mps3: 1}",
 }

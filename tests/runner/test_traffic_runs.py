@@ -145,7 +145,7 @@ FAULTS = {
     ),
     "too_few_ids": (
         "return 0, (np.arange(1), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, 1])",
-        "the ids are of 1 tracks, the mean of 2, the covariance of 2",
+        "the mean has the shape (4, 2), where (4, 1) is needed",
     ),
     "indefinite": (
         "return 0, (np.array([3, 7]), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, -1])",

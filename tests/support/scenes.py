@@ -40,7 +40,6 @@ TRACKERS: dict[str, dict[str, object]] = {
     for name, options in {
         "kf": {},
         "ekf": {},
-        "iekf": {"iterations": 3},
         "ukf": {},
         "ukf_additive": {"augmented": False},
         "ukf_classic": {"sigma_points": "classic", "kappa": 0.5},

@@ -21,7 +21,7 @@ from trackbench.trackers.config import FilterConfig
 
 CV, CTRV = {"model": "cv", **NOISE["cv"]}, {"model": "ctrv", **NOISE["ctrv"]}
 CA = {"model": "ca", **NOISE["ca"]}
-FILTERS = ["ekf", "iekf", "ukf", "ckf"]
+FILTERS = ["ekf", "ukf", "ckf"]
 STARTS = ["first_measurement", "two_measurements", "truth"]
 
 

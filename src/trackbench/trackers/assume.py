@@ -72,14 +72,15 @@ class AssumedEffects(Config):
 
         Args:
             kind: of sensor, by its name.
-            linear: whether the filter converts measurements to positions, as the Kalman filter does.
+            linear: whether the filter converts measurements to positions, as the Kalman filter does, which changes
+                their errors.
         """
         sensor = SENSOR_MODELS[kind]
         if self.signal_to_noise is not None and not sensor.measures_position():
             yield Problem(("signal_to_noise",), f"a {kind} measures no position, by which the signal falls; remove it")
         for key in self.states:
-            if linear and sensor.components != ("x", "y"):
-                yield Problem((key,), f"kf converts the measurements of a {kind}, which changes their errors; use ekf")
+            if linear:
+                yield Problem((key,), "kf converts measurements to positions, without errors as states; use ekf")
         if self.correlated_errors is not None:
             for i, name in enumerate(self.correlated_errors.components):
                 if wrong := sensor.why_unmeasured(name):

@@ -64,7 +64,7 @@ OneOrSeveralMotions = Annotated[
 ]
 
 
-FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
+FilterName = Literal["kf", "ekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
 LateMethod = Literal["drop", "as_new", "replay"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
@@ -77,11 +77,8 @@ Sweep = Annotated[
     ),
 ]
 
-#: Keys that only one filter has.
-FILTER_KEYS: dict[str, tuple[str, ...]] = {
-    "ukf": ("sigma_points", "augmented", "alpha", "beta", "kappa"),
-    "iekf": ("iterations",),
-}
+#: Keys that only ukf has.
+UKF_KEYS = ("sigma_points", "augmented", "kappa")
 
 #: The components of the state that a key of the initial state is about, where not every state has them.
 STATE_COMPONENTS: dict[str, tuple[str, ...]] = {
@@ -126,20 +123,15 @@ class FilterConfig(OptionsBeside):
     )
     sigma_points: Literal["scaled", "classic"] = Field(
         "scaled",
-        description="ukf only. scaled: weights from alpha, beta and kappa (van der Merwe). classic: from "
-        "kappa alone (Julier).",
+        description="ukf only. scaled: the central point has more weight in covariances, by 2, which is best for a "
+        "Gaussian distribution (van der Merwe, alpha 1 and beta 2). classic: it has not (Julier).",
     )
     augmented: bool = Field(True, description="ukf only. Whether the sigma points also spread over the process noise.")
-    alpha: float = Field(1, gt=0, le=1, description="ukf with scaled sigma points only. Their spread, 0 to 1.")
-    beta: float = Field(
-        2, ge=0, description="ukf with scaled sigma points only. 2 is best for a Gaussian distribution."
-    )
     kappa: float | None = Field(
         None,
         description="ukf only. Secondary spread of the sigma points. Unless given: 0 with scaled, and 3 "
         "minus the number of spread components with classic.",
     )
-    iterations: int = Field(5, ge=1, le=100, description="iekf only. How often an update is linearised again.")
     sensor_models: dict[str, SensorKind] = Field(
         default_factory=dict,
         description="For a sensor's name, the kind of sensor (`trackbench list sensors` shows them) that the tracker "
@@ -210,13 +202,9 @@ class FilterConfig(OptionsBeside):
             yield from self._unfit(motion, _name(motion))
         if isinstance(self.motion, ImmConfig) and self.process_noise_diag is not None:
             yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
-        for name, keys in FILTER_KEYS.items():
-            for key in keys:
-                if key in stated and self.filter != name:
-                    yield Problem((key,), f"only filter {name} has this key; the filter here is {self.filter}")
-        for key in ("alpha", "beta"):
-            if key in stated and self.filter == "ukf" and self.sigma_points == "classic":
-                yield Problem((key,), "not used with sigma_points: classic; remove it, or use sigma_points: scaled")
+        for key in UKF_KEYS:
+            if key in stated and self.filter != "ukf":
+                yield Problem((key,), f"only filter ukf has this key; the filter here is {self.filter}")
         for key, components in STATE_COMPONENTS.items():
             if key in self.initial.model_fields_set and not any(
                 set(components) & set(model.components) for model in models
@@ -354,7 +342,7 @@ def entry_kind(value: Any) -> str | None:
     return f"<{kinds[0]}>" if len(kinds) == 1 else None
 
 
-NO_KIND = "write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both"
+NO_KIND = "write filter (built in: kf, ekf, ukf, ckf) or use (your own), and not both"
 AnyTracker = Annotated[
     Annotated[FilterConfig, Tag("<filter>")] | Annotated[PluginConfig, Tag("<use>")],
     chosen_by(entry_kind, NO_KIND),

@@ -24,7 +24,6 @@ FILTERS: dict[str, dict[str, Any]] = {
     "kf-cv": {"filter": "kf", "motion": "cv"},
     "ekf-cv": {"filter": "ekf", "motion": "cv"},
     "ekf-ca": {"filter": "ekf", "motion": "ca"},
-    "iekf-cv": {"filter": "iekf", "motion": "cv"},
     "ukf-ctrv": {"filter": "ukf", "motion": "ctrv"},
     "ukf-additive": {"filter": "ukf", "motion": "ctrv", "augmented": False},
     "ckf-ctra": {"filter": "ckf", "motion": "ctra"},

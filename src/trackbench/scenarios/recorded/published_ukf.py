@@ -16,7 +16,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.base.units import difference
-from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, Update, classic_points
+from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, SymmetricSet, Update
 from trackbench.filters.base import linear_update
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.builtin import build, ukf
@@ -81,7 +81,7 @@ def stopped_cholesky(matrix: Array) -> Array:
 def faulty_ukf(**options: Any) -> LateScans:
     """The tracker, with the options of a built-in UKF."""
     sound = build(FilterConfig.model_validate({"filter": "ukf", **options})).tracker
-    faulty = FaultyUkf(sound.filter.motions[0], classic_points(None))
+    faulty = FaultyUkf(sound.filter.motions[0], SymmetricSet(1.0, 0.0, None))
     return LateScans(FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at))
 
 
