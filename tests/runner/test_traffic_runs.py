@@ -260,11 +260,11 @@ def test_expectations_of_tracks(scenario: Path, cli: Callable[..., Any]) -> None
         ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: not used with identities: hidden; remove it"),
         ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: not used with identities: hidden; remove"),
         ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], score or existence is needed, not 3/5\n"),
-        ("method: gnn", "method: gnn, gate: 9.21", "gate: a probability, such as 0.9999, is needed, not 9.21\n"),
+        ("method: gnn", "method: gnn, gate: 9.21", "gate: 9.21 is not possible: it must be below 1\n"),
         (
             "method: gnn",
             "method: gnn, detection_probability: 0.9",
-            "one for each sensor's name, such as {radar: 0.9}, is needed, not 0.9\n",
+            "detection_probability: a mapping of keys to values is needed, not 0.9\n",
         ),
         ("identities: hidden", "identities: known", "the measurements say of which object they are"),
         ("method: gnn", "method: gmn", "did you mean 'gnn'?"),
