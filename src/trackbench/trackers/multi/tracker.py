@@ -9,8 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Indices, Scan, Tracks, with_sensor_of
-from trackbench.engine.choice import compute_by, used
-from trackbench.engine.equations import EngineUsed
+from trackbench.engine.choice import compute_by
 from trackbench.filters import AnyBelief, bare
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
@@ -64,19 +63,14 @@ class MultiObjectTracker(BuiltInTracker):
         """Whether ``step`` is to be told which object caused each detection."""
         return self.associate.method == "oracle"
 
-    @property
-    def engine_used(self) -> EngineUsed:
-        """What computed the steps so far."""
-        return used(self._track_filter.filter)
-
     @cached_property
     def _track_filter(self) -> TrackFilter:
         if self.engine == "numpy":
-            return TrackFilter(self.filter, self.initial)
+            return TrackFilter(self.computed_filter, self.initial)
         # Its import takes a moment.
         from trackbench.trackers.multi.fused_tracks import FusedTrackFilter
 
-        return FusedTrackFilter(self.filter, self.initial)
+        return FusedTrackFilter(self.computed_filter, self.initial)
 
     @cached_property
     def _manager(self) -> TrackManager:
