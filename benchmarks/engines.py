@@ -27,7 +27,7 @@ from trackbench.trackers.filtered import FilterTracker
 NOISE = {"acceleration_sigma_mps2": peers.ACCELERATION_SIGMA}
 YAW_NOISE = {"yaw_acceleration_sigma_radps2": peers.YAW_ACCELERATION_SIGMA}
 START = {"from": "truth", "position_sigma_m": 0.3, "velocity_sigma_mps": 0.5}
-TURNING_START = {**START, "yaw_sigma_rad": 0.1, "yaw_rate_sigma_radps": 0.1}
+TURNING_START = {**START, "yaw_rate_sigma_radps": 0.1}
 CTRV = {"motion": "ctrv", **NOISE, **YAW_NOISE, "initial": TURNING_START}
 IMM = {"imm": [{"model": "cv", **NOISE}, {"model": "ctrv", **NOISE, **YAW_NOISE}], "stay_s": [5.0, 2.0]}
 

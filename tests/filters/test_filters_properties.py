@@ -165,7 +165,7 @@ def test_sigma_points_on_nearly_noiseless_measurements_err_in_second_order_only(
     if keys["motion"] in ("ca", "ctra"):
         small["acceleration_sigma_mps2"] = 1e-3
     if keys["motion"] in ("ctrv", "ctra"):
-        small |= {"yaw_sigma_rad": 1e-3, "yaw_rate_sigma_radps": 1e-3}
+        small["covariance_diag"] = [1e-6] * (5 if keys["motion"] == "ctrv" else 6)
     made = tracker(**keys, initial={"from": "truth", **small})
     start = Kinematics(*(np.full(1, value) for value in (30.0, 5.0, 12.0, 3.0, 0.4, 0.3)))
     made = made.with_prior(np.zeros(1), start, np.zeros((6, 1)))

@@ -302,13 +302,6 @@ BAD = [
         ],
     ),
     (
-        "motion: cv,",
-        "motion: cv, initial: {yaw_rate_sigma_radps: 1},",
-        [
-            "21: trackers.ekf.initial.yaw_rate_sigma_radps: motion cv has no such component; ct and ctra and ctrv have",
-        ],
-    ),
-    (
         "sensors: [front, roof]",
         "sensors: [front, rof]",
         ["21: trackers.ekf.sensors.1: the scenario has no sensor 'rof'; did you mean 'roof'?"],

@@ -121,8 +121,6 @@ def assuming(tiny: Path, filter: str, entry: str) -> None:
     ("entry", "message"),
     [
         ("{rader: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}", "the scenario has no sensor 'rader'"),
-        ("typical", "name the sensor first, such as {front_radar: {bias: "),
-        ("{bias: {sigmas: {azimuth_deg: 1}}}", "name the sensor first, such as {front_radar: {bias: "),
         ("{radar: {}}", "says nothing; add signal_to_noise or correlated_errors or bias"),
         ("{radar: {bias: {sigmas: {azimut_deg: 1}}}}", "is no component of a radar with its unit; did you mean"),
         ("{radar: {correlated_errors: {components: [rang], share: 0.5, time_s: 1}}}", "did you mean 'range'"),

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag
 
 from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Problem, Sigma, chosen_by
 from trackbench.base.config.key_units import option_in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
-from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
-from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
+from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel
+from trackbench.models.motion.base import YAW
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
-from trackbench.trackers.assume import AssumedEffects, AssumedSensors, by_sensor
+from trackbench.trackers.assume import AssumedEffects, AssumedSensors
 from trackbench.trackers.foreign import Command
 from trackbench.trackers.initial import InitialConfig
 
@@ -80,13 +80,6 @@ Sweep = Annotated[
 #: Keys that only ukf has.
 UKF_KEYS = ("sigma_points", "augmented", "kappa")
 
-#: The components of the state that a key of the initial state is about, where not every state has them.
-STATE_COMPONENTS: dict[str, tuple[str, ...]] = {
-    "acceleration_sigma_mps2": ACCELERATION,
-    "yaw_sigma_rad": YAW,
-    "yaw_rate_sigma_radps": YAW_RATE,
-}
-
 
 class FilterConfig(OptionsBeside):
     """A built-in filter with a motion model."""
@@ -143,7 +136,7 @@ class FilterConfig(OptionsBeside):
         "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "
         "ones cost.",
     )
-    assume: Annotated[dict[str, AssumedEffects], BeforeValidator(by_sensor)] = Field(
+    assume: dict[str, AssumedEffects] = Field(
         default_factory=dict,
         description="For a sensor's name, effects of the sensor that the tracker knows of: "
         "{front_radar: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}.",
@@ -205,13 +198,6 @@ class FilterConfig(OptionsBeside):
         for key in UKF_KEYS:
             if key in stated and self.filter != "ukf":
                 yield Problem((key,), f"only filter ukf has this key; the filter here is {self.filter}")
-        for key, components in STATE_COMPONENTS.items():
-            if key in self.initial.model_fields_set and not any(
-                set(components) & set(model.components) for model in models
-            ):
-                others = " and ".join(with_component(components))
-                names = " and ".join(dict.fromkeys(map(_name, models)))
-                yield Problem(("initial", key), f"motion {names} has no such component; {others} have")
         if self.associate is not None:
             yield from self._not_associated()
         for sensor, effects in self.assume.items():
