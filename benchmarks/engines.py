@@ -10,7 +10,6 @@ from benchmarks.scene import DT, SENSORS, weaving
 from tests.support import peers
 
 from trackbench.base.types import Array, Gaussian, Scan, Truth
-from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import Engine, compute_by
 from trackbench.metrics import BlockScores, Scorer, Target
 from trackbench.metrics.conditions import condition_classes
@@ -76,8 +75,11 @@ def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:
 
 def estimates(of: Problem, name: str) -> Array:
     """``(runs, steps, n)`` the states by NumPy."""
-    stepper = Direct(prepared(of, name, "numpy"))
-    return np.stack([stepper.step(scan).state.T for scan in of.scans], axis=1)
+    tracker, state, states = prepared(of, name, "numpy"), None, []
+    for scan in of.scans:
+        state, estimate = tracker.step(state, scan)
+        states.append(estimate.state.T)
+    return np.stack(states, axis=1)
 
 
 def estimates_apart(of: Problem, name: str) -> float:
@@ -87,10 +89,10 @@ def estimates_apart(of: Problem, name: str) -> float:
     Raises:
         SystemExit: the fused engine did not compute the tracker.
     """
-    reference, fused = Direct(prepared(of, name, "numpy")), Direct(prepared(of, name, "fused"))
-    apart = 0.0
+    reference, fused = prepared(of, name, "numpy"), prepared(of, name, "fused")
+    apart, one, other = 0.0, None, None
     for scan in of.scans:
-        expected, found = reference.step(scan), fused.step(scan)
+        (one, expected), (other, found) = reference.step(one, scan), fused.step(other, scan)
         sigma = np.sqrt(np.einsum("ii...->i...", expected.covariance))
         means = (found.mean - expected.mean) / sigma
         covariances = (found.covariance - expected.covariance) / (sigma * sigma[:, None])
@@ -115,10 +117,10 @@ def _sums(scores: BlockScores) -> list[Array]:
 
 def filtering(of: Problem, name: str, engine: Engine) -> float:
     """Seconds that trackbench takes for all runs."""
-    stepper = Direct(prepared(of, name, engine))
+    tracker, state = prepared(of, name, engine), None
     begin = time.perf_counter()
     for scan in of.scans:
-        stepper.step(scan)
+        state, _ = tracker.step(state, scan)
     return time.perf_counter() - begin
 
 
@@ -136,17 +138,17 @@ def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
     classes = condition_classes(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
-    stepper = Direct(prepared(of, name, engine))
+    tracker, state = prepared(of, name, engine), None
     scorer = Scorer(target, classes, counts, compute=compute_by(engine))
     begin, instant = time.perf_counter(), 0
     while instant < of.steps:
-        if engine == "fused" and stepper.state is not None:
+        if engine == "fused" and state is not None:
             scans = [[scan] for scan in of.scans[instant : instant + INSTANTS]]
-            taken = through(stepper.tracker, stepper.state, scans, scorer, instant, None)
+            taken = through(tracker, state, scans, scorer, instant, None)
             if taken is not None:
-                stepper.state, instant = taken.sequence.state(), instant + len(scans)
+                state, instant = taken.sequence.state(), instant + len(scans)
                 continue
-        estimate = stepper.step(of.scans[instant])
+        state, estimate = tracker.step(state, of.scans[instant])
         scorer.scan(instant, of.scans[instant], estimate)
         scorer.estimate(estimate)
         if scorer.waits:

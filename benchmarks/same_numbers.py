@@ -49,6 +49,7 @@ RENAMED_VALUES: dict[str, dict[str, str]] = {}
 ADDED: dict[str, str] = {
     "*position_p95*": "a metric that the old commit does not have",
     "*velocity_p95*": "the same",
+    "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
     "*trackers[*].time_offset": "of tracks that were made elsewhere",

@@ -103,13 +103,6 @@ def test_the_contract_of_a_tracker_is_kept(library: str) -> None:
     check_tracker(PEERS[library][0])
 
 
-@each_library
-def test_the_example_is_short_and_needs_nothing_of_trackbench(library: str) -> None:
-    code = (EXAMPLES / f"{library}_tracker.py").read_text(encoding="utf-8")
-    assert len(code.splitlines()) <= 45
-    assert "trackbench" not in code
-
-
 def test_the_page_shows_the_files(fenced: Callable[[Path], list[Any]]) -> None:
     shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
     assert shown == {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES.glob("*_tracker.py")}

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.driving.steppers import TRACKS_FORM, Batched
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 
@@ -24,7 +23,7 @@ class Misread:
     """A sound tracker that reads a wrong figure of the sensor."""
 
     def __init__(self, method, clutter=1.0, chance=1.0):
-        self.tracker, self.clutter, self.chance = build_multi(config(method)).tracker, clutter, chance
+        self.tracker, self.clutter, self.chance = build_multi(config(method)), clutter, chance
 
     def step(self, state, scan):
         scan = scan._replace(
@@ -71,7 +70,7 @@ class TwoOfThem:
     """Two trackers side by side, and the tracks of both."""
 
     def __init__(self, method):
-        self.trackers = [build_multi(config(method)).tracker, build_multi(config(method, sigma=6.0)).tracker]
+        self.trackers = [build_multi(config(method)), build_multi(config(method, sigma=6.0))]
 
     def step(self, state, scan):
         found = [tracker.step(one, scan) for tracker, one in zip(self.trackers, state or (None, None), strict=True)]
@@ -132,7 +131,7 @@ def _reading(method: str, **more: Any) -> Make:
     """A built-in tracker that uses one sensor only for a part of its work."""
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": method}}
     built = FilterConfig.model_validate({**given, **more})
-    return lambda: Batched(build_multi(built).tracker, TRACKS_FORM)
+    return lambda: build_multi(built)
 
 
 SOUND: dict[str, Make] = {

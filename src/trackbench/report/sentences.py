@@ -8,7 +8,6 @@ from itertools import combinations
 
 from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
-from trackbench.driving.law import FEWEST
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.report.numbers import decimals, joined_names, meaningful, percent, rounded
 from trackbench.report.pairs import Pairs
@@ -107,8 +106,7 @@ def reused_identities(result: Result) -> str:
 def drawing_random(result: Result) -> str:
     """Which trackers draw random numbers, and what follows; empty where none does."""
     names = [tracker.name for tracker in result.scored if tracker.random]
-    how = "random = True, so its errors are compared with those of each member alone"
-    return f"{joined_names(names)}: {how} (of fewer than {FEWEST} objects times runs nothing is)" if names else ""
+    return f"{joined_names(names)}: random = True, so it is not asked again" if names else ""
 
 
 def others_ignored(result: Result) -> list[str]:

@@ -95,7 +95,7 @@ class LateScans:
     @property
     def starts_from_truth(self) -> bool:
         """Whether the bench is to draw the first states of the tracker."""
-        return bool(self.tracker.starts_from_truth)
+        return bool(getattr(self.tracker, "starts_from_truth", False))
 
     def reading_only(self, sensors: Collection[str] | None) -> LateScans:
         """Return this tracker, which reads no other sensors than these; None: as it is."""
