@@ -449,8 +449,8 @@ def test_entries_of_values_without_batch_axes(kernels: Kernels) -> None:
         first = sigma[0, ...]
         first += values["dt"]
         sigma[1] = 5.0
-        scaled = values["x"] * sigma[0] * sigma.sum() * float(len(sigma)) + sigma[1:].T[0]
-        return {"y": scaled, "z": scaled + np.diag(np.diag(values["q"]))[0, 0] * values["q"].T[0, 1]}
+        scaled = values["x"] * sigma[0] * sigma.sum() * float(len(sigma)) + sigma[1:][0]
+        return {"y": scaled, "z": scaled + values["q"][0, 0] * np.swapaxes(values["q"], 0, 1)[0, 1]}
 
     q = np.arange(4.0).reshape(2, 2)
     equations = equations_of(changed, {"x": 1, "sigma": 1, "dt": 0, "q": 2})

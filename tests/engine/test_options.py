@@ -85,7 +85,7 @@ def test_fifty_values_need_no_other_kernel(name: str, counted: Kernels) -> None:
 def test_each_member_may_have_its_own(name: str) -> None:
     entry, drawn = own_values(name)
     whole = combined(entry, drawn)
-    of, by_kernels = build(whole), build(whole)
+    of, by_kernels = build(whole).tracker, build(whole).tracker
     object.__setattr__(by_kernels, "engine", "fused")
     angular = tuple(motion.angular for motion in of.filter.motions)
     state = other = None
@@ -134,7 +134,7 @@ def _anywhere(size: int, batch: int = BATCH) -> Any:
 
 
 def _last_belief(entry: FilterConfig) -> Any:
-    made, state = build(entry), None
+    made, state = build(entry).tracker, None
     object.__setattr__(made, "engine", "fused")
     for scan in drive(15, BATCH, ["lidar", "radar"]).scans:
         state, _ = made.step(state, scan)

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from tests.engine import agreement
 from tests.engine.agreement import LIMIT, Drive, drive
-from tests.support.late_scans import swapped
+from tests.support.late_scans import swapped, taken
 from tests.support.scenes import tracker
 
 from trackbench.base.types import Estimate, Scan
+from trackbench.trackers.config import LateMethod
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
+from trackbench.trackers.late import LateScans
 
 pytestmark = pytest.mark.usefixtures("kernels")
 #: Of what is not as well conditioned as a step: a fit to a few measurements, a course that nothing is known of, the
@@ -77,11 +79,13 @@ def test_starts(start: str, given: Drive) -> None:
     assert np.all(found[-1][0].started)
 
 
-@pytest.mark.parametrize("late", ["drop", "as_new", "replay", "retrodiction"])
-def test_late_scans(late: str, given: Drive) -> None:
+@pytest.mark.parametrize("late", ["drop", "as_new", "replay"])
+def test_late_scans(late: LateMethod, given: Drive) -> None:
     scans = [scan._replace(place=k % 2, arrival_time=scan.time + 0.05) for k, scan in enumerate(given.scans)]
-    limit = ROUGH_LIMIT if late == "retrodiction" else agreement.LIMIT
-    compared(both("ekf-cv", given, FIRST, late=late, lag_s=0.5), swapped(scans, 5, 11, 12, 20), limit)
+    swap = swapped(scans, 5, 11, 12, 20)
+    expected, found = (taken(LateScans(each, late, 0.5), swap) for each in both("ekf-cv", given, FIRST))
+    for one, other in zip(expected, found, strict=True):
+        assert agreement.of_estimates(other, one) < agreement.LIMIT
 
 
 @pytest.mark.parametrize("advance_at", ["own_scans", "all_scans"])
@@ -120,18 +124,19 @@ def test_tracks_that_lose_their_course() -> None:
 @pytest.mark.parametrize("name", ["ekf-cv", "ukf-ctrv", "ekf-imm"])
 def test_smoothers(name: str, given: Drive) -> None:
     of, fused = both(name, given, None)
-    expected, said = (SmoothedTracker(each).estimates(given.scans) for each in (of, fused))
+    smoother = SmoothedTracker(fused)
+    expected, said = SmoothedTracker(of).estimates(given.scans), smoother.estimates(given.scans)
     for one, other in zip(said, expected, strict=True):
         assert agreement.of_estimates(one, other) < ROUGH_LIMIT
-    several = "smoothing: several motion models are smoothed by NumPy"
-    assert fused.engine_used[:3] == (("fused and numpy", several, 0) if name == "ekf-imm" else ("fused", "", 0))
+    by_numpy = "smoothing: smoothers are computed by NumPy"
+    assert smoother.tracker.engine_used[:3] == ("fused and numpy", by_numpy, 0)
 
 
 COPIES: dict[str, Callable[[FilterTracker], FilterTracker]] = {
     "deepcopy": copy.deepcopy,
     "copy": copy.copy,
     "pickle": lambda of: pickle.loads(pickle.dumps(of)),
-    "replace": lambda of: replace(of, lag_s=2.0),
+    "replace": lambda of: replace(of, cartesian_fallback="at_start"),
     "reading_only": lambda of: of.reading_only(["radar", "lidar"]),
 }
 

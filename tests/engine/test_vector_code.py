@@ -34,7 +34,7 @@ def every_operation(values: Values) -> Values:
     found: dict[str, Any] = {}
     for name, (a, b) in {"members": (x, y), "uniform": (t + 0.0 * x, 2.0 * t), "both": (x, t)}.items():
         far = np.hypot(a, b)
-        angles = np.tan(a), np.sin(a), np.cos(3.0 * a), np.arctan2(a, b)
+        angles = np.sin(2.0 * a), np.sin(a), np.cos(3.0 * a), np.arctan2(a, b)
         grown = np.exp(np.minimum(a, 3.0)), np.log(far + 1.0), np.sqrt(np.abs(a)), a**3 / (1.0 + b * b), a**-2
         whole = np.floor(a), np.ceil(b), np.rint(a), -a, np.maximum(a, b), np.clip(b, -1.0, 1.0)
         compared = a < b, a <= b, a > b, a >= b, a == b, a != b, np.isnan(a), np.isfinite(b), ~valid | (a > 0.0) & valid

@@ -14,11 +14,10 @@ from trackbench.filters import (
     Belief,
     ExtendedKalmanFilter,
     InteractingMultipleModel,
-    IteratedExtendedKalmanFilter,
     KalmanFilter,
     MultiModelBelief,
     SigmaPointFilter,
-    scaled_points,
+    SymmetricSet,
 )
 from trackbench.filters.imm import in_state_of, transition_probabilities
 from trackbench.models.motion import (
@@ -34,9 +33,8 @@ MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items
 QUIET, LIVELY = ConstantVelocity(acceleration_sigma_mps2=0.3), ConstantVelocity(acceleration_sigma_mps2=8.0)
 KINDS = {
     "ekf": ExtendedKalmanFilter,
-    "iekf": IteratedExtendedKalmanFilter,
-    "ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0)),
-    "additive ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0), augmented=False),
+    "ukf": lambda motion: SigmaPointFilter(motion, SymmetricSet(1.0, 2.0, 0.0)),
+    "additive ukf": lambda motion: SigmaPointFilter(motion, SymmetricSet(1.0, 2.0, 0.0), augmented=False),
     "ckf": lambda motion: SigmaPointFilter(motion, CUBATURE, augmented=False),
 }
 every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)

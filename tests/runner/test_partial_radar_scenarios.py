@@ -126,7 +126,6 @@ def test_the_ekf_is_that_of_a_textbook(engine: Engine) -> None:
 
 FILTERS: dict[str, dict[str, Any]] = {
     "ekf": EKF,
-    "iekf": {"filter": "iekf", **CV},
     "ukf": {"filter": "ukf", **CV},
     "ckf": {"filter": "ckf", **CV},
     "imm": IMM,
@@ -172,7 +171,7 @@ def test_known_objects_give_the_same_by_both_engines_and_their_covariances_are_r
         "side": ("radar(azimuth)", 1),
     }
     for each in numpy.summary.trackers:
-        if each.name in ("ekf", "iekf", "ukf", "ckf"):
+        if each.name in ("ekf", "ukf", "ckf"):
             for metric, expected in (("nees", 4), ("nis.front", 2), ("nis.side", 1)):
                 low, high = each.metrics[metric].ci95
                 # Of 200 runs, by a margin for what is curved: 2 % of the expectation.

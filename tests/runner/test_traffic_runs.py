@@ -145,7 +145,7 @@ FAULTS = {
     ),
     "too_few_ids": (
         "return 0, (np.arange(1), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, 1])",
-        "the ids are of 1 tracks, the mean of 2, the covariance of 2",
+        "the mean has the shape (4, 2), where (4, 1) is needed",
     ),
     "indefinite": (
         "return 0, (np.array([3, 7]), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, -1])",
@@ -260,11 +260,11 @@ def test_expectations_of_tracks(scenario: Path, cli: Callable[..., Any]) -> None
         ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: not used with identities: hidden; remove it"),
         ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: not used with identities: hidden; remove"),
         ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], score or existence is needed, not 3/5\n"),
-        ("method: gnn", "method: gnn, gate: 9.21", "gate: a probability, such as 0.9999, is needed, not 9.21\n"),
+        ("method: gnn", "method: gnn, gate: 9.21", "gate: 9.21 is not possible: it must be below 1\n"),
         (
             "method: gnn",
             "method: gnn, detection_probability: 0.9",
-            "one for each sensor's name, such as {radar: 0.9}, is needed, not 0.9\n",
+            "detection_probability: a mapping of keys to values is needed, not 0.9\n",
         ),
         ("identities: hidden", "identities: known", "the measurements say of which object they are"),
         ("method: gnn", "method: gmn", "did you mean 'gnn'?"),

@@ -128,15 +128,6 @@ def test_a_guard_rail_is_where_it_stands_and_at_rest(frame: str) -> None:
         assert stats.kstest(np.array(along) / 64, "uniform").pvalue > 1e-3
 
 
-def test_a_guard_rail_is_seen_as_far_as_the_sensor_looks_at_its_angle() -> None:
-    place = {"line": [[-60, 20], [60, 20]], "per_scan": 10}
-    by_angle = {"max_range_m": [[0, 80], [30, 60], [45, 25]]}
-    sharp = {**RADAR, "range_sigma_m": 1e-6, "azimuth_sigma_deg": 1e-6}
-    distance, azimuth, _ = alarms(found(Radar(clutter={"places": [place]}, by_angle=by_angle, **sharp), 2))
-    assert len(distance) > 1000
-    assert (distance <= np.interp(np.rad2deg(azimuth), [0, 30, 45], [80, 60, 25]) + 1e-4).all()
-
-
 def test_places_spread() -> None:
     place = {"line": [[40, 0]], "per_scan": 4, "spread_m": 2}
     x, y = alarms(found(Lidar(clutter={"places": [place]}, **{**LIDAR, "position_sigma_m": 1.5})))

@@ -478,8 +478,7 @@ def test_a_ghost_is_only_seen_in_the_wall_and_from_the_side_where_its_cause_is()
         assert (len(alarms_of(sensor, 0).instant) > 0) is seen
     # The image is at 22.4 m and 26.6 degrees.
     for reach, seen in ((23.0, True), (22.0, False)):
-        by_angle = {"max_range_m": [[0, 100], [20, reach]]}
-        near = Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), by_angle=by_angle, **EXACT)
+        near = Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), **{**EXACT, "max_range_m": reach})
         assert (len(alarms_of(ideal(near, position=(20.0, 2.0)), 0).instant) > 0) is seen
     corner = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0], [80.0, 6.0]]), **EXACT), position=(20.0, 2.0))
     alone = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0]]), **EXACT), position=(20.0, 2.0))

@@ -91,7 +91,7 @@ def test_what_keeps_the_contract_passes(tracker: Any) -> None:
 
 @pytest.mark.parametrize(
     ("name", "motion"),
-    [*(("ekf", motion) for motion in SIGMAS), ("kf", "ca"), ("iekf", "cv"), ("ukf", "ctra"), ("ckf", "ctrv")],
+    [*(("ekf", motion) for motion in SIGMAS), ("kf", "ca"), ("ukf", "ctra"), ("ckf", "ctrv")],
 )
 def test_the_built_in_trackers_pass(name: str, motion: str) -> None:
     check_tracker(name, motion=motion, **SIGMAS[motion])

@@ -34,7 +34,7 @@ def estimates(initial: dict[str, object], scans: list[Scan], **options: object) 
         FilterConfig.model_validate(
             {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 1.0, "initial": initial, **options}
         )
-    )
+    ).tracker
     state, found = None, []
     for item in scans:
         state, estimate = tracker.step(state, item)

@@ -165,7 +165,6 @@ def columns(table: Table) -> dict[str, list[str]]:
     ("keys", "words"),
     [
         ({}, "late: replay, all sensors"),
-        ({"late": "retrodiction"}, "late: retrodiction, all sensors"),
         ({"late": "as_new", "sensors": ["radar"]}, "late: as_new, radar"),
         ({"lag_s": 0.5}, "late: replay within 0.5 s, all sensors"),
         ({"sensors": ["lidar"]}, "lidar"),

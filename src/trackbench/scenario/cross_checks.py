@@ -210,7 +210,7 @@ def _start(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator
 
 
 def _lag(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator[Problem]:
-    if tracker.smoother is not None or tracker.late not in ("replay", "retrodiction"):
+    if tracker.smoother is not None or tracker.late != "replay":
         return
     read = scenario.sensors if tracker.sensors_used is None else tracker.sensors_used
     latency = {sensor: scenario.sensors[sensor].latency for sensor in read if sensor in scenario.sensors}

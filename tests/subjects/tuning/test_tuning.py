@@ -132,7 +132,7 @@ def test_the_likelihood_is_that_of_the_innovations() -> None:
 
 def test_the_density_of_a_measurement_under_an_imm_has_the_integral_one() -> None:
     models = [{"model": "cv", "acceleration_sigma_mps2": sigma} for sigma in (0.5, 20.0)]
-    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_measurements")
+    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_measurements").tracker
     assert isinstance(tracker.filter, InteractingMultipleModel)
     step = 0.25
     axis = np.arange(-12.0, 12.0, step)
@@ -213,8 +213,6 @@ def test_the_usual_ranges_are_of_the_process_noise(scenario: Scenario) -> None:
         ("initial.skip=0:3", (None, 3)),
         ("initial.skip=1:1000", (1, None)),
         ("kappa=0:3", (0, 3)),
-        ("alpha=0.5:1", (0.5, None)),
-        ("beta=0:2", (None, 2)),
         ("acceleration_sigma_mps2=0.1:30", (0.1, 30)),
     ],
 )

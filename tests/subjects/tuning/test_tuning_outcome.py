@@ -176,7 +176,7 @@ FLOW = "{filter: ekf, motion: cv, acceleration_sigma_mps2: 2}"
         f"trackers: {{\n  a: {FLOW},\n  b: {FLOW}\n}}",
         f"trackers:\n  ? a\n  : {FLOW}\n  b: {FLOW}",
         f"trackers:\n  b: &b {FLOW}\n  <<: {{a: {FLOW}}}",
-        f"trackers:\n  b: {FLOW}\n  a: {{<<: {FLOW}, alpha: 0.123456789012345}}".replace("ekf", "ukf"),
+        f"trackers:\n  b: {FLOW}\n  a: {{<<: {FLOW}, kappa: 0.123456789012345}}".replace("ekf", "ukf"),
     ],
 )
 def test_a_scenario_of_any_form_is_written(trackers: str, tmp_path: Path) -> None:

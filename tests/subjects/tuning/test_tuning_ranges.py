@@ -82,7 +82,7 @@ def test_a_sweep_and_a_tracker_without_options_cannot_be_tuned(scenario: Scenari
 def test_an_option_is_there_whether_or_not_a_value_suits_it(scenario: Scenario) -> None:
     for text in ("acceleration_sigma_mps2=-1:3", "initial.skip=-1:5000", "measurement_noise.radar.range_sigma_m=0:1"):
         assert has_option(scenario, "ekf", text)
-    for text in ("iterations=1:3", "jerk_sigma_mps3=1:2", "measurement_noise.rader.range_sigma_m=1:2"):
+    for text in ("lag=1:3", "jerk_sigma_mps3=1:2", "measurement_noise.rader.range_sigma_m=1:2"):
         assert not has_option(scenario, "ekf", text)
 
 

@@ -20,6 +20,7 @@ from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_
 from trackbench.models.sensors.effects.signal import SignalRange
 from trackbench.trackers.associate import AssociationMethod
 from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.late import LateScans
 from trackbench.trackers.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.multi.intensity import Undetected, volumes
 
@@ -30,7 +31,7 @@ ENGINES = ("numpy", "fused")
 
 def tracker(method: str, engine: str = "numpy", **keys: Any) -> MultiObjectTracker:
     given = {"filter": "ekf", **CV, "associate": {"method": method}, **keys}
-    return replace(build_multi(FilterConfig.model_validate(given)), engine=engine)
+    return replace(build_multi(FilterConfig.model_validate(given)).tracker, engine=engine)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -93,7 +94,7 @@ def test_a_track_without_doubt_is_that_of_the_labelled_object(effects: Any, assu
     keys = {"filter": "ekf", "assume": {"radar": assumed}}
     expected = followed_labelled(scans, **keys)[-1]
     associate = {"method": "gnn", "confirm": [1, 1], "gate": 1 - 1e-9}
-    of, state = tracker("gnn", assume={"radar": assumed}, associate=associate), None
+    of, state = LateScans(tracker("gnn", assume={"radar": assumed}, associate=associate)), None
     taken = np.ones(40, dtype=bool)
     for seen in scans:
         state, found = of.step(state, hidden(seen))

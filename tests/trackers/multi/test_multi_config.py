@@ -40,7 +40,6 @@ def messages(associate: dict[str, Any], **keys: Any) -> list[tuple[str, str]]:
             "report_existence",
             "not used with method: gnn; remove it, or use",
         ),
-        ({"method": "gnn", "end_duplicates": True}, "end_duplicates", "not used with method: gnn; remove it, or use"),
         (
             {"method": "gnn", "birth_density": "uniform"},
             "birth_density",

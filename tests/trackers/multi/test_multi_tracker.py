@@ -24,7 +24,6 @@ FILTERS: dict[str, dict[str, Any]] = {
     "kf-cv": {"filter": "kf", "motion": "cv"},
     "ekf-cv": {"filter": "ekf", "motion": "cv"},
     "ekf-ca": {"filter": "ekf", "motion": "ca"},
-    "iekf-cv": {"filter": "iekf", "motion": "cv"},
     "ukf-ctrv": {"filter": "ukf", "motion": "ctrv"},
     "ukf-additive": {"filter": "ukf", "motion": "ctrv", "augmented": False},
     "ckf-ctra": {"filter": "ckf", "motion": "ctra"},
@@ -37,7 +36,7 @@ def config(method: str, filter_name: str = "ekf-cv", **associate: object) -> Fil
 
 
 def tracker(method: str, filter_name: str = "ekf-cv", **associate: object) -> MultiObjectTracker:
-    return build_multi(config(method, filter_name, **associate))
+    return build_multi(config(method, filter_name, **associate)).tracker
 
 
 def alone(origins: Array) -> Array:
@@ -67,7 +66,7 @@ def test_without_doubt_the_states_are_those_of_the_labelled_run(filter_name: str
     count = 5
     seen = traffic(vehicles(count, spacing=40.0), 20, detection=1.0, clutter=0.0)
     # Tracks of several objects start in the state of their motion model.
-    labelled = replace(build(config("gnn", filter_name)), cartesian_fallback="never")
+    labelled = replace(build(config("gnn", filter_name)).tracker, cartesian_fallback="never")
     state, estimates = None, []
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
         order = np.argsort(origins[:, 0])
@@ -288,7 +287,7 @@ def test_the_rules_for_trackers_of_several_objects_hold(method: str) -> None:
 def test_a_sensor_that_is_not_read_changes_nothing() -> None:
     seen = traffic(vehicles(5, spacing=20.0), 20, runs=2)
     keys = {**FILTERS["ekf-cv"], **NOISE["cv"], "sensors": ["radar"], "associate": {"method": "gnn"}}
-    of = build_multi(FilterConfig.model_validate(keys))
+    of = build_multi(FilterConfig.model_validate(keys)).tracker
     only = Traffic(*(values[::2] for values in seen))
     for a, b in zip(followed(of, seen)[::2], followed(of, only), strict=True):
         np.testing.assert_array_equal(a.mean, b.mean)
