@@ -17,8 +17,8 @@ from trackbench.metrics.conditions import condition_classes
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.runner.filter_sequence import through
-from trackbench.runner.labelled_run import INSTANTS
 from trackbench.runner.loop import keep_freed_memory
+from trackbench.runner.tracker_run import INSTANTS
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig

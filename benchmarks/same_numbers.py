@@ -49,6 +49,7 @@ RENAMED_VALUES: dict[str, dict[str, str]] = {}
 ADDED: dict[str, str] = {
     "*position_p95*": "a metric that the old commit does not have",
     "*velocity_p95*": "the same",
+    "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
     "*trackers[*].time_offset": "of tracks that were made elsewhere",
@@ -56,6 +57,8 @@ ADDED: dict[str, str] = {
 #: Old path that the new commit does not have: why.
 REMOVED: dict[str, str] = {
     "*trackers[*].first_velocity*": "the warning about a stated first velocity is gone",
+    "*trackers[*].run_spread": "trackers that use no measurement are not looked for",
+    "*:precision*": "a run has the number of runs that it is given",
     "breakdown.parquet*": "result.json has the scores by manoeuvre and by range",
 }
 #: Path that is not compared: why.

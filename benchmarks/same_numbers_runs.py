@@ -91,7 +91,6 @@ COMMANDS: dict[str, list[str]] = {
         f"{_INSPECT} --at 5",
         f"{_INSPECT} --worst 5",
     ],
-    "run_until": [f"{_RUN.replace('--runs 3', '--runs-until 0.05 --max-runs 30')} --out {{out}} --engine {{engine}}"],
     "run_workers": [f"{_RUN.replace('--runs 3', '--runs 40 --workers 2')} --out {{out}} --engine {{engine}}"],
 }
 NEEDS_DATA = {"audit"}

@@ -19,7 +19,6 @@ from trackbench.engine import choice
 from trackbench.engine.choice import chosen
 from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.results import Result
-from trackbench.runner import run, work
 from trackbench.runner.loop import run_block
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
@@ -165,7 +164,6 @@ def test_a_tracker_that_is_computed_by_both_is_named_and_told(
     assert found["engine"] == "fused and numpy"
     report = (tmp_path / "results" / "tiny" / "report.md").read_text(encoding="utf-8")
     assert "; fused and numpy engines." in report
-    assert "fused and numpy engines" in cli("inspect", "results/tiny").out
 
 
 @pytest.mark.parametrize("text", [None, HIDDEN])
@@ -222,23 +220,6 @@ def test_results_of_two_engines_are_compared_and_it_is_said(tiny_result: Result,
     assert done.status == 0, done.err
     assert note in " ".join(done.out.split())
     assert "engine" not in cli("compare", "old", "old").out
-
-
-@pytest.mark.usefixtures("with_llvmlite")
-def test_more_runs_by_another_engine_are_all_computed_by_it(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the runs of the first look NumPy computes, with those of the next another engine."""
-    asked: list[int] = []
-
-    def engine(name: str, steps: int) -> str:
-        asked.append(steps)
-        return "numpy" if len(asked) == 1 else "fused"
-
-    monkeypatch.setattr(work, "chosen", engine)
-    monkeypatch.setattr(work, "BATCH_SIZE", 40)
-    loaded = run.first_look(load_scenario(tiny), 400)
-    found = run.run_until(loaded, truths_of(loaded), 1e-9, 400, command=lambda _: "")
-    assert len(asked) > 1
-    assert found.summary.engine == "fused"
 
 
 @pytest.mark.parametrize("text", [None, HIDDEN])

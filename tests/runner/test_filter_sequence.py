@@ -15,8 +15,8 @@ import trackbench as tb
 from trackbench.engine.machine import unavailable
 from trackbench.metrics.built_in.step_time import StepTime
 from trackbench.runner import filter_sequence
-from trackbench.runner.labelled_run import LabelledRun
 from trackbench.runner.recorded import Outcome
+from trackbench.runner.tracker_run import TrackerRun
 
 pytestmark = pytest.mark.skipif(unavailable() is not None, reason=f"no machine code here: {unavailable()}")
 
@@ -29,18 +29,18 @@ RUNS = 26
 def outcomes(monkeypatch: pytest.MonkeyPatch, scenario: tb.Scenario, by_steps: bool) -> dict[str, Outcome]:
     """What each tracker leaves of the first block."""
     left: dict[str, Outcome] = {}
-    close = LabelledRun.close
+    close = TrackerRun.close
 
-    def kept(self: LabelledRun) -> Any:
-        outcome = close(self)
-        assert isinstance(outcome, Outcome)
-        left.setdefault(self.name, outcome)
-        return outcome
+    def kept(self: TrackerRun) -> Any:
+        outcomes = close(self)
+        assert isinstance(outcomes, list)
+        left.setdefault(self.name, outcomes[0])
+        return outcomes
 
     with monkeypatch.context() as patch:
-        patch.setattr(LabelledRun, "close", kept)
+        patch.setattr(TrackerRun, "close", kept)
         if by_steps:
-            patch.setattr(LabelledRun, "_taken_at_once", lambda self, instant: 0)
+            patch.setattr(TrackerRun, "_taken_at_once", lambda self, instant: 0)
         tb.run(scenario, engine="fused")
     return left
 

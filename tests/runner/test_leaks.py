@@ -27,40 +27,6 @@ import numpy as np
 import trackbench as tb
 
 
-class Averages:
-    "Averages the lidar over some runs of an object."
-    batched = True
-    random = True
-
-    def __init__(self, objects=1, over=None):
-        self.objects, self.runs = objects, over
-
-    def step(self, state, scan):
-        if scan.kind == "lidar":
-            objects = self.objects if scan.valid.size % self.objects == 0 else 1
-            own = position(scan).reshape(2, objects, -1)
-            pooled, runs = own.copy(), self.runs or own.shape[2]
-            for first in range(0, own.shape[2], runs):
-                pooled[..., first : first + runs] = np.nanmean(own[..., first : first + runs], axis=2, keepdims=True)
-            z = pooled.reshape(2, -1)
-            state = np.concatenate([z, 0 * z]), np.eye(4)[:, :, None] + 0 * z[0]
-        return state, state
-
-
-class ReadsRoad:
-    "Answers from the truth of the packaged scenario of which the first measurement is nearest."
-
-    def __init__(self, scenario):
-        truth = tb.truth(tb.load(scenario))
-        self.time, self.states = truth.time, truth.state[..., 0]
-
-    def step(self, state, scan):
-        states = self.states[:, np.argmin(np.abs(self.time - scan.time))]
-        if state is None:
-            state = np.nanargmin(((states[:2] - position(scan)[:, None]) ** 2).sum(axis=0))
-        return state, (states[:, state], 1e-4 * np.eye(4))
-
-
 class ReadsRuns:
     "Finds out which of the runs of a packaged scenario it is in, and answers from their truth."
     batched = True
@@ -106,45 +72,6 @@ class Particles:
             mean, np.einsum("ikm,jkm->ijm", apart, apart) / self.count + 1e-3 * np.eye(4)[:, :, None])
 
 
-class Stiff:
-    "Hardly takes a measurement in once it has some: a recursive least squares of constant velocity."
-    batched = True
-
-    def step(self, state, scan):
-        n, z = scan.valid.size, position(scan)
-        time, begun, moments = (scan.time, scan.time, np.zeros((3, 3, n))) if state is None else state
-        t = scan.time - begun
-        terms = np.array([[1 + 0 * z[0], t + 0 * z[0]], [z[0], t * z[0]], [z[1], t * z[1]]])
-        sums, products = (np.zeros((3, n)), np.zeros((2, 2, n))) if state is None else moments
-        sums = sums + np.array([1.0, t, t * t])[:, None]
-        products = products + terms[1:]
-        det = np.maximum(sums[0] * sums[2] - sums[1] ** 2, 1e-9)
-        slope = (sums[0] * products[:, 1] - sums[1] * products[:, 0]) / det
-        level = (products[:, 0] - slope * sums[1]) / sums[0]
-        mean = np.concatenate([level + slope * t, slope])
-        return (scan.time, begun, (sums, products)), (mean, np.eye(4)[:, :, None] + np.zeros(n))
-
-
-class Nowhere:
-    "Stands where it was told to."
-    batched = True
-
-    def step(self, state, scan):
-        n = scan.valid.size
-        return None, (np.array([[20.0], [0.0], [5.0], [0.0]]) + np.zeros(n), np.eye(4)[:, :, None] + np.zeros(n))
-
-
-class OneTrack:
-    "Of several objects: a track that no measurement moves."
-    batched = True
-
-    def step(self, state, scan):
-        runs = scan.valid.shape[1]
-        ids = np.zeros((1, runs), dtype=int)
-        mean = np.array([20.0 + 5 * scan.time, 0.0, 5.0, 0.0])[:, None, None] + np.zeros((1, runs))
-        return None, (ids, mean, np.eye(4)[:, :, None, None] + np.zeros((1, runs)))
-
-
 def position(scan):
     x, y, yaw = scan.sensor_pose
     z = scan.measurement
@@ -153,11 +80,6 @@ def position(scan):
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([x + c * z[0] - s * z[1], y + s * z[0] + c * z[1]])
 """
-SAME = (
-    "its estimates are the same in all {} runs, whose noise differs: it does not use the measurements, or averages "
-    "over runs"
-)
-LAW = "of 20 members driven again, each alone, the squared errors are "
 
 STEADY: dict[str, Any] = {
     "name": "steady",
@@ -197,22 +119,6 @@ def printed(result: Result) -> str:
     return console.export_text()
 
 
-@pytest.mark.parametrize("over", [None, 20, 5, 2])
-def test_a_random_tracker_that_averages_over_runs_fails(run: Callable[..., Result], over: int | None) -> None:
-    result = run(STEADY, "Averages", over=over)
-    failed = result["mine"].failed
-    assert failed is not None
-    assert failed.cause.startswith(LAW)
-    assert status([result]) == 3
-
-
-def test_one_in_traffic_too(run: Callable[..., Result]) -> None:
-    result = run("highway", "Averages", runs=10, objects=10)
-    failed = result["mine"].failed
-    assert failed is not None
-    assert failed.cause.startswith(LAW)
-
-
 @pytest.mark.parametrize(
     "options", [{"particles": 50}, {"particles": 100, "seed": 3}, {"particles": 500}], ids=["few", "seeded", "many"]
 )
@@ -220,19 +126,7 @@ def test_an_honest_particle_filter_is_ranked(run: Callable[..., Result], options
     result = run(STEADY, "Particles", runs=20, **options)
     assert result["mine"].failed is None
     assert not result.why_unscored(result["mine"])
-    assert "mine: random = True, so its errors are compared" in printed(result)
-
-
-def test_one_that_reads_the_packaged_scenario_is_not_ranked(run: Callable[..., Result]) -> None:
-    result = run("highway", "ReadsRoad", runs=5, scenario="highway")
-    assert result.why_unscored(result["mine"]) == SAME.format(5)
-    assert f"NOT RANKED: {SAME.format(5)}" in printed(result)
-    assert "mine" not in [tracker.name for tracker in result.scored]
-    assert status([result]) == 1
-    assert not [item for item in result.differences if "mine" in (item.a, item.b)]
-    spread = result["raw"].run_spread
-    assert spread is not None
-    assert spread > 1
+    assert "mine: random = True, so it is not asked again" in printed(result)
 
 
 def test_one_that_beats_the_bound_is_said_first_and_ends_with_status_1(run: Callable[..., Result]) -> None:
@@ -246,24 +140,6 @@ def test_one_that_beats_the_bound_is_said_first_and_ends_with_status_1(run: Call
     cases = {case.name: case.outcome for case in suite_of_run(result).cases}
     assert cases["mine runs to the end"] == "failed"
     assert not [name for name in result if name != "mine" and result.why_unscored(result[name])]
-
-
-def test_one_that_uses_no_measurement_is_not_ranked_and_a_stiff_one_is(run: Callable[..., Result]) -> None:
-    nowhere, stiff = run(STEADY, "Nowhere"), run(STEADY, "Stiff")
-    assert nowhere.why_unscored(nowhere["mine"]) == SAME.format(40)
-    assert not stiff.why_unscored(stiff["mine"])
-    assert stiff["mine"].run_spread is not None
-    assert 0.1 < stiff["mine"].run_spread < 1
-    # A single run tells nothing of it.
-    alone = run(STEADY, "Nowhere", runs=1)
-    assert alone["mine"].run_spread is None
-
-
-def test_tracks_that_no_measurement_moves_are_not_ranked(run: Callable[..., Result]) -> None:
-    lidar = {**STEADY["sensors"]["lidar"], "max_range_m": 100, "clutter": {"per_scan": 1}}
-    hidden = {**STEADY, "sensing": {"identities": "hidden"}, "sensors": {"lidar": lidar}}
-    result = run(hidden, "OneTrack", runs=10)
-    assert result.why_unscored(result["mine"]) == SAME.format(10)
 
 
 SPY = """

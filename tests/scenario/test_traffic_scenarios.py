@@ -13,9 +13,9 @@ from trackbench.base.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL, Array, Tru
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.due import Due, find_due
-from trackbench.sensing.scans import IdealSensor
+from trackbench.sensing.scans import IdealSensor, Measurements
 
 RUNS = 20
 
@@ -32,7 +32,7 @@ class Scene:
         return find_due(self.truth, self.sensors)
 
     @cached_property
-    def measurements(self) -> HiddenMeasurements:
+    def measurements(self) -> Measurements:
         return sense_hidden(self.sensors, 7, "traffic", range(RUNS))
 
     def status(self, name: str) -> Array:

@@ -12,8 +12,8 @@ from tests.support.scenes import fixed_observer, truth
 
 from trackbench.base.types import FALSE_ALARM, Array, Observer, Truth, scan_of_run
 from trackbench.models.sensors import Lidar, Radar, Sensor
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import ideal_sensors
+from trackbench.sensing.detections import sense_hidden
+from trackbench.sensing.scans import Measurements, ideal_sensors
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1, "fov_deg": 100,
@@ -29,21 +29,21 @@ def scene(observer: Observer | None = None) -> Truth:
     return truth(np.arange(STEPS) / 10, at, 0 * at, 0 * at, 0 * at, observer=observer)
 
 
-def found(sensor: Sensor, runs: int = 10, of: Truth | None = None) -> HiddenMeasurements:
+def found(sensor: Sensor, runs: int = 10, of: Truth | None = None) -> Measurements:
     return sense_hidden(ideal_sensors(of or scene(), {"sensor": sensor}), 5, "clutter", range(runs))
 
 
-def alarms(measurements: HiddenMeasurements) -> Array:
+def alarms(measurements: Measurements) -> Array:
     """``(m, n)`` of all runs and scans."""
     parts = [scan.measurement[:, origins == FALSE_ALARM] for scan, origins in _paired(measurements)]
     return np.concatenate(parts, axis=1)
 
 
-def _paired(measurements: HiddenMeasurements) -> list[tuple[Any, Any]]:
+def _paired(measurements: Measurements) -> list[tuple[Any, Any]]:
     return list(zip(measurements.scans, measurements.origins, strict=True))
 
 
-def objects(measurements: HiddenMeasurements) -> dict[tuple[int, int, int], bytes]:
+def objects(measurements: Measurements) -> dict[tuple[int, int, int], bytes]:
     """The detection of each object, by scan, run and object."""
     return {
         (k, run, int(origins[column, run])): scan.measurement[:, column, run].tobytes()

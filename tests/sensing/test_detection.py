@@ -11,8 +11,8 @@ from tests.support.scenes import fixed_observer, truth
 
 from trackbench.base.types import Array, Truth
 from trackbench.models.sensors import Lidar, Radar, Sensor
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import ideal_sensors, sense_known
+from trackbench.sensing.detections import sense_hidden
+from trackbench.sensing.scans import Measurements, ideal_sensors, sense_known
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1,
@@ -28,14 +28,15 @@ def resting(positions: list[tuple[float, float]], steps: int = 1, speed: tuple[f
     return truth(np.arange(steps) / 10, x, y, vx, 0 * x, observer=fixed_observer(steps))
 
 
-def found(of: Truth, sensor: Sensor, runs: range = range(1)) -> HiddenMeasurements:
+def found(of: Truth, sensor: Sensor, runs: range = range(1)) -> Measurements:
     return sense_hidden(ideal_sensors(of, {"sensor": sensor}), 3, "detection", runs)
 
 
 def shares(of: Truth, sensor: Sensor, runs: int = 20) -> Array:
     """``(objects,)`` how often each object was detected, with known identities."""
     measurements = sense_known(ideal_sensors(of, {"sensor": sensor}), 3, "detection", range(runs))
-    return measurements.detections["sensor"].sum(axis=0) / (runs * len(of.time))
+    detected = np.sum([scan.valid.reshape(-1, runs).sum(axis=1) for scan in measurements.scans], axis=0)
+    return np.asarray(detected / (runs * len(of.time)))
 
 
 def test_half_at_the_half_value_range_and_as_the_radar_equation_says() -> None:
@@ -84,7 +85,7 @@ def test_an_effect_changes_no_other_draw(effect: dict[str, Any]) -> None:
         np.testing.assert_array_equal(scan[:, kept], rest[:, single])
 
 
-def _rows(measurements: HiddenMeasurements) -> list[tuple[Array, Any, Any]]:
+def _rows(measurements: Measurements) -> list[tuple[Array, Any, Any]]:
     triples = zip(measurements.scans, measurements.origins, measurements.merged, strict=True)
     return [(scan.measurement[..., 0], origins[:, 0], merged[:, 0]) for scan, origins, merged in triples]
 

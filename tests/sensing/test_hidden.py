@@ -8,7 +8,7 @@ from tests.support.scenes import truth
 
 from trackbench.base.types import scan_of_run
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.sensing.detections import PADDING, HiddenMeasurements, sense_hidden
+from trackbench.sensing.detections import PADDING, sense_hidden
 from trackbench.sensing.scans import IdealSensor, Measurements, ideal_sensors, sense_known
 
 SENSORS = {
@@ -31,7 +31,7 @@ def known(runs: range = range(1)) -> Measurements:
     return sense_known(ideal(), 1, "test", runs)
 
 
-def hidden(runs: range = range(1)) -> HiddenMeasurements:
+def hidden(runs: range = range(1)) -> Measurements:
     return sense_hidden(ideal(), 1, "test", runs)
 
 

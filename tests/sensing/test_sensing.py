@@ -160,12 +160,10 @@ def test_detections_come_with_their_probability(probability):
     of = resting([at(0), at(10)], steps=50)
     config = Lidar(detection_probability=probability, **LIDAR)
     measurements = sense_known(ideal_sensors(of, {"lidar": config}), 7, "test", range(100))
-    count = measurements.detections["lidar"]
-    assert count.shape == (50, 2)
+    count = sum(seen.valid.sum() for seen in measurements.scans)
     low, high = stats.binom.ppf([1e-4, 1 - 1e-4], 50 * 2 * 100, probability)
-    assert low <= count.sum() <= high
-    total = sum(seen.valid.sum() for seen in measurements.scans)
-    assert total == count.sum()
+    assert low <= count <= high
+    assert measurements.detected() == {"lidar": count}
 
 
 def test_a_sensor_is_silent_from_the_first_instant_of_a_dropout_to_before_its_last():

@@ -12,8 +12,8 @@ from tests.support.recorded_log import write_table
 from trackbench.base.types import Truth
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.sensing.detections import FALSE_ALARM, HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import ideal_sensors
+from trackbench.sensing.detections import FALSE_ALARM, sense_hidden
+from trackbench.sensing.scans import Measurements, ideal_sensors
 
 SCENARIO = """\
 name: exported
@@ -121,7 +121,7 @@ def write_truth(folder: Path, name: str, truth: Truth) -> None:
     write_table(folder / f"{name}_ego.csv", EGO, motion.T.tolist())
 
 
-def write_detections(file: Path, sensor: str, truth: Truth, hidden: HiddenMeasurements, *, labelled: bool) -> None:
+def write_detections(file: Path, sensor: str, truth: Truth, hidden: Measurements, *, labelled: bool) -> None:
     """The detections of a sensor, and an empty row for each scan without one; labels leave false alarms empty."""
     names = [*truth.ids, ""]
     rows: list[list[Any]] = []

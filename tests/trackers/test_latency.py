@@ -22,7 +22,7 @@ from trackbench.results import Result
 from trackbench.runner.tracker_entry import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import Measurements, arrivals, ideal_sensors, sense_known
 from trackbench.trackers.config import FilterConfig
 
@@ -110,7 +110,7 @@ def test_a_drawn_latency_is_the_same_in_every_run_and_between_its_ends(tiny: Pat
 
 @pytest.mark.parametrize("sensed", [sense_known, sense_hidden])
 def test_scans_say_their_place_among_those_of_one_time(
-    sensed: Callable[..., Measurements | HiddenMeasurements], tiny: Path
+    sensed: Callable[..., Measurements | Measurements], tiny: Path
 ) -> None:
     loaded = load_scenario(tiny)
     (truth,) = truths_of(loaded)

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from trackbench.runner.block import OnRecordedRun
 
 
-#: Where a run that goes on until its precision is reached stops even so.
-MAX_RUNS = 10_000
-
-
 @dataclass(frozen=True)
 class RunPlan:
     """How every scenario is run."""
@@ -43,8 +39,6 @@ class RunPlan:
     """How trackers that are not built in are kept apart from the bench."""
     engine: EngineName = "auto"
     """What computes."""
-    precision: tuple[float, int] | None = None
-    """The share and the largest number of runs, where the precision decides on their number."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)

@@ -36,19 +36,6 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
 
 
 def _checked(scenario: Scenario, plan: RunPlan, listener: Listener) -> Scenario:
-    if plan.precision is not None:
-        from trackbench.runner.run import first_look
-
-        if scenario.config.sensing.identities == "hidden":
-            problem = "stops by the position RMSE of labelled objects; with hidden identities give --runs"
-            raise InputError(problem, file=scenario.path, key="--runs-until")
-        scenario = first_look(scenario, plan.precision[1])
-        if len(scenario.config.truth.scenes()) > 1:
-            problem = "more runs of the same scenes do not narrow an interval over scenes; take more scenes"
-            raise InputError(problem, file=scenario.path, key="--runs-until")
-        if len(scenario.config.trackers) < 2:
-            problem = "needs two trackers, whose difference it is about"
-            raise InputError(problem, file=scenario.path, key="--runs-until")
     for note in check_plugins(scenario, plan.isolation):
         listener.note(note)
     return scenario

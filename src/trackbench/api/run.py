@@ -121,7 +121,7 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
         TrackbenchError: the processes that do the work died, or a folder cannot be written.
     """
     # The runner takes its time to import, which a mistake in a scenario need not wait for.
-    from trackbench.runner.run import PendingRun, run_until
+    from trackbench.runner.run import PendingRun
 
     # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
     one_by_one = (plan.workers == 1 and plan.cluster is None) or listener.observes
@@ -129,10 +129,8 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
     alone = len(prepared) == 1
 
     def start(item: Prepared) -> Callable[..., Result]:
-        by = plan.isolation, plan.engine
-        if plan.precision is not None:
-            return partial(run_until, item.scenario, item.truths, *plan.precision, executor, *by)
-        return PendingRun(item.scenario, item.truths, executor, *by, observed=listener.observes, alone=alone).collect
+        options = {"observed": listener.observes, "alone": alone}
+        return PendingRun(item.scenario, item.truths, executor, plan.isolation, plan.engine, **options).collect
 
     waiting, begun, unsaved = deque(prepared), deque[Callable[..., Result]](), deque[_Computed]()
     finished: list[Result] = []

@@ -116,22 +116,6 @@ class Finite(click.FloatRange):
         return super().convert(value, param, ctx)
 
 
-class Share(Finite):
-    """A share below a half, ``0.01``, or a percentage, ``1%``."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """As a share."""
-        text = str(value).strip()
-        share = stated_number(text.removesuffix("%").strip()) / (100 if text.endswith("%") else 1)
-        if not math.isfinite(share):
-            self.fail(f"{shortened_text(text, 40)!r} is not a share such as 0.01 or 1%", param, ctx)
-        if 0.5 <= share < 50 and not text.endswith("%"):
-            self.fail(f"{text} is a share of {100 * share:g} %; for {share:g} % write {share:g}%", param, ctx)
-        if not 0 < share < 0.5:
-            self.fail(f"{text} is not a share above 0 and below 0.5, such as 0.01 or 1%", param, ctx)
-        return share
-
-
 #: The command gets it as ``engine``.
 engine_option = click.option(
     "--engine",

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from trackbench import results
-from trackbench.api.plan import MAX_RUNS, RunPlan
+from trackbench.api.plan import RunPlan
 from trackbench.api.prepare import prepare
 from trackbench.api.run import run_prepared
 from trackbench.api.scenario import load_several
@@ -22,7 +22,6 @@ from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
     WORKERS,
-    Share,
     Whole,
     artifact_options,
     check_run_options,
@@ -52,7 +51,7 @@ with trackbench; several are also compared.
 \b
 Examples:
   trackbench run highway --runs 1000 --workers 2
-  trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
+  trackbench run scenarios/ --set score.settle_s=2
 
 \b
 Exit status: 0 expectations met, 1 one failed or undecided, or a bound was
@@ -63,13 +62,6 @@ beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 @click.command("run", help=_HELP)
 @scenarios_argument
 @click.option("--runs", type=Whole(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
-@click.option(
-    "--runs-until",
-    type=Share(0, 0.5, min_open=True, max_open=True),
-    metavar="SHARE",
-    help="Until the lead is known to this share: 0.01 or 1%.",
-)
-@click.option("--max-runs", type=Whole(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
 @click.option("--seed", type=Whole(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
 @click.option("--scenes", type=Whole(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
@@ -94,8 +86,6 @@ beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 def run_command(
     scenarios: tuple[Path, ...],
     runs: int | None,
-    runs_until: float | None,
-    max_runs: int | None,
     seed: int | None,
     scenes: int | None,
     trackers: str | None,
@@ -114,13 +104,8 @@ def run_command(
     **of_subjects: Any,
 ) -> None:
     """Score every tracker."""
-    if runs_until is not None and runs is not None:
-        raise InputError("give no --runs beside it", key="--runs-until")
-    if max_runs is not None and runs_until is None:
-        raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
-    precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
     only = None if trackers is None else names_in(trackers)
-    plan = RunPlan(out, workers, cluster, left_out, isolation, engine, precision)
+    plan = RunPlan(out, workers, cluster, left_out, isolation, engine)
     if junit is not None:
         results.require_file(junit, "--junit")
     files = files_of_scenarios(scenarios)

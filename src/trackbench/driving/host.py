@@ -20,7 +20,6 @@ from typing import Any, NoReturn
 from trackbench.base import notebook_classes
 from trackbench.driving.faults import error_message
 from trackbench.driving.frames import VERSION, answer_frame, message_frame, message_scan, read_message
-from trackbench.driving.printed import say_stray_errors
 from trackbench.driving.steppers import Stateful, Stepper, local, refuse_truth
 from trackbench.trackers.answers import is_random, shaped_estimate
 from trackbench.trackers.config import PluginConfig
@@ -136,7 +135,6 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
     options = parser.parse_args(arguments)
     requests, answers, own, leave = os.fdopen(os.dup(0), "rb"), os.dup(1), os.getpid(), os._exit
     _give_streams(answers)
-    say_stray_errors(options.tracker)
 
     def send(frame: bytes) -> None:
         if os.getpid() != own:

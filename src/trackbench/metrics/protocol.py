@@ -192,7 +192,7 @@ class SquaredErrors(NamedTuple):
 class Fault(Exception):
     """An estimate that cannot be scored."""
 
-    def __init__(self, cause: str, instant: int, member: int) -> None:
+    def __init__(self, cause: str, instant: int, member: int | None) -> None:
         super().__init__(cause)
         self.cause = cause
         self.instant = instant

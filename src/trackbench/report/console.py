@@ -23,7 +23,6 @@ from trackbench.report.sentences import (
     made_elsewhere,
     missing_estimates,
     others_ignored,
-    precision_reached,
     reused_identities,
     value_and_limit,
     verdict_of_run,
@@ -306,8 +305,6 @@ def _notes(result: Result) -> list[str]:
     ]
     if any(tracker.is_reference for tracker in trackers):
         notes.append("*: a smoother, which knows later measurements too; no competitor")
-    if summary.precision:
-        notes.append(precision_reached(summary.precision, summary.runs))
     notes += words_explained(trackers)
     for word, heading, of in named_verdicts({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
         # One tail, or three means, fit 80 columns.

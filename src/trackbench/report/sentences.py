@@ -8,7 +8,6 @@ from itertools import combinations
 
 from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
-from trackbench.driving.law import FEWEST
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.report.numbers import decimals, joined_names, meaningful, percent, rounded
 from trackbench.report.pairs import Pairs
@@ -18,7 +17,6 @@ from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,
     MetricValue,
-    PrecisionReached,
     Result,
     Summary,
     TrackerResult,
@@ -108,8 +106,7 @@ def reused_identities(result: Result) -> str:
 def drawing_random(result: Result) -> str:
     """Which trackers draw random numbers, and what follows; empty where none does."""
     names = [tracker.name for tracker in result.scored if tracker.random]
-    how = "random = True, so its errors are compared with those of each member alone"
-    return f"{joined_names(names)}: {how} (of fewer than {FEWEST} objects times runs nothing is)" if names else ""
+    return f"{joined_names(names)}: random = True, so it is not asked again" if names else ""
 
 
 def others_ignored(result: Result) -> list[str]:
@@ -209,15 +206,6 @@ def charged(metric: MetricValue, error: str) -> str:
     return (
         f"{percent(metric.charged_share)} of its squared {error} is charged for missing estimates ({without} without)"
     )
-
-
-def precision_reached(precision: PrecisionReached, runs: int) -> str:
-    """Whether the precision that the user wants was reached, and after how many runs."""
-    after, wanted = f"after {counted(runs, 'run')}", f"{percent(precision.target, 2)} wanted"
-    if precision.half_width is None:
-        return f"precision: no two trackers to compare {after}; {wanted}"
-    pair = f"{precision.best} against {precision.second} ±{percent(precision.half_width, 2)}"
-    return f"precision: {pair} {after}; {wanted}" + ("" if precision.reached else ", not reached")
 
 
 def expectations_met(expectations: Sequence[ExpectationResult]) -> str:

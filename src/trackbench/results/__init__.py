@@ -16,7 +16,7 @@ from trackbench.results.folder import (
 from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict, by_value
 from trackbench.results.result import MOST_DRAWN, Difference, Result, difference_table, merged_places, summary_of
 from trackbench.results.scenario_summary import TruthAudit, TruthSummary
-from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, PrecisionReached, Summary
+from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, Summary
 from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, FiledRows, Health, TrackerResult
 
 __all__ = [
@@ -34,7 +34,6 @@ __all__ = [
     "Health",
     "MetricValue",
     "PartVerdict",
-    "PrecisionReached",
     "Result",
     "Summary",
     "Tables",

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
+from trackbench.base.errors import nearest_choices
 from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import MetricsByPath, MetricValue, ResultModel, flat_metrics, nested_metrics
 from trackbench.results.scenario_summary import ReferenceSummary
 
 #: Error over the Cramer-Rao bound below which the bound is beaten: a biased estimator may be a little below it.
 LEAST_OVER_BOUND = 0.97
-#: Spread over runs, as a share of the standard deviation of the finest measurement, below which the measurements are
-#: not used. Weights that sum to one make it at least one over the root of their number: this is 10,000 of them.
-LEAST_SPREAD = 0.01
 BEATS_BOUND = "beats the Cramér-Rao bound: it knows more than its measurements say"
 #: How a tracker associates that knows the true origin of each detection.
 ORACLE = "oracle"
@@ -116,7 +114,43 @@ class FiledRows(ResultModel):
 
 
 class TrackerResult(ResultModel):
-    """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse.value``."""
+    """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse``."""
+
+    if TYPE_CHECKING:
+        # The built-in metrics; those of plug-ins are in ``metrics``, as are those of sensors and components.
+        position_rmse: ClassVar[MetricValue]
+        velocity_rmse: ClassVar[MetricValue]
+        course_rmse: ClassVar[MetricValue]
+        nees: ClassVar[MetricValue]
+        position_reference: ClassVar[MetricValue]
+        velocity_reference: ClassVar[MetricValue]
+        position_over_reference: ClassVar[MetricValue]
+        velocity_over_reference: ClassVar[MetricValue]
+        coverage: ClassVar[MetricValue]
+        position_p95: ClassVar[MetricValue]
+        velocity_p95: ClassVar[MetricValue]
+        start_delay: ClassVar[MetricValue]
+        start_position_rmse: ClassVar[MetricValue]
+        step_time: ClassVar[MetricValue]
+        tgospa: ClassVar[MetricValue]
+        gospa: ClassVar[MetricValue]
+        gospa_localisation: ClassVar[MetricValue]
+        gospa_missed: ClassVar[MetricValue]
+        gospa_false: ClassVar[MetricValue]
+        hota: ClassVar[MetricValue]
+        deta: ClassVar[MetricValue]
+        assa: ClassVar[MetricValue]
+        idf1: ClassVar[MetricValue]
+        mota: ClassVar[MetricValue]
+        motp: ClassVar[MetricValue]
+        id_switches: ClassVar[MetricValue]
+        fragmentations: ClassVar[MetricValue]
+        false_tracks: ClassVar[MetricValue]
+        confirm_latency: ClassVar[MetricValue]
+        never_confirmed: ClassVar[MetricValue]
+        lost_time_share: ClassVar[MetricValue]
+        nees_inside: ClassVar[MetricValue]
+        matched_share: ClassVar[MetricValue]
 
     name: str
     place: int | None = None
@@ -136,10 +170,7 @@ class TrackerResult(ResultModel):
     engine: ComputedBy | None = None
     """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
     random: bool = False
-    """Whether it says that it draws random numbers: when it is driven again, its errors are compared in law."""
-    run_spread: float | None = None
-    """Standard deviation of its positions over the runs of a scene, per axis, as a share of that of the finest
-    measurement; None of a built-in filter, and where no two runs have other noise."""
+    """Whether it says that it draws random numbers, so that it is not asked again."""
     offline: bool = False
     """Whether its tracks were made elsewhere: nothing shows that they were made without the measurements to come."""
     paired: bool = True
@@ -181,18 +212,6 @@ class TrackerResult(ResultModel):
         ratio = self.metrics.get("position_over_reference")
         return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
 
-    def why_suspect(self, reference: ReferenceSummary | None, runs: int) -> str:
-        """Why its estimates cannot come from its measurements alone; empty where nothing shows it.
-
-        Args:
-            reference: what errors are held against; None where identities are hidden.
-            runs: how many there are of each scene.
-        """
-        if self.run_spread is not None and self.run_spread < LEAST_SPREAD:
-            same = f"its estimates are the same in all {runs} runs, whose noise differs"
-            return f"{same}: it does not use the measurements, or averages over runs"
-        return f"it {BEATS_BOUND}" if self.beats_bound(reference) else ""
-
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
         """Whether it is no smoother, and shown to be below a Cramer-Rao bound of motion that no tracker can expect."""
         is_bound = reference is not None and reference.motion_is_drawn
@@ -204,11 +223,20 @@ class TrackerResult(ResultModel):
         words = self.reference_kind, "random" if self.random else "", "offline" if self.offline else ""
         return tuple(filter(None, words))
 
-    def __getattr__(self, name: str) -> MetricValue:
-        metrics = self.__dict__.get("metrics", {})
-        if name in metrics:
-            return metrics[name]  # type: ignore[no-any-return]
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}")
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> MetricValue:
+            metrics = self.__dict__.get("metrics", {})
+            if name in metrics:
+                return metrics[name]
+            hint = nearest_choices(name, metrics)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}; {hint}")
+
+    def __dir__(self) -> list[str]:
+        """Return the names of its metrics and fields, without the methods of pydantic."""
+        own = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
+        properties = [name for name, value in vars(type(self)).items() if isinstance(value, property)]
+        return [*(path for path in self.metrics if path.isidentifier()), *type(self).model_fields, *own, *properties]
 
     def of_sensors(self, metric: str) -> dict[str, MetricValue]:
         """A metric that each sensor has, such as ``nis``, by the sensor's name."""

@@ -35,7 +35,6 @@ from trackbench.results.scenario_summary import (
 )
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated, evaluated, judge
-from trackbench.runner.run_spread import run_spreads
 from trackbench.runner.tables import labelled_tables
 from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.traffic_tables import hidden_tables
@@ -81,22 +80,13 @@ def assemble(
     every_engine = joined_engines(engines.values())
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     random = frozenset[str]().union(*(block.random for block in blocks))
-    spreads = run_spreads(work, [(block.piece.scene, block.spreads) for block in blocks])
     trackers = [
-        tracker_entry(
-            work,
-            name,
-            scores,
-            engines.get(name),
-            place=place,
-            random=name in random,
-            run_spread=spreads.get(name),
-        )
+        tracker_entry(work, name, scores, engines.get(name), place=place, random=name in random)
         for name, place in loaded.places.items()
         if name in work.trackers
     ]
     reference = None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work)
-    suspect = {tracker.name for tracker in trackers if tracker.why_suspect(reference, work.runs)}
+    suspect = {tracker.name for tracker in trackers if tracker.beats_bound(reference)}
     scores = replace(scores, ranked=[name for name in scores.ranked if name not in suspect])
     references = {tracker.name for tracker in trackers if tracker.is_reference}
     baseline = scenario.score.baseline if scenario.score.baseline in scores.ranked else None
@@ -210,7 +200,7 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
     """The sensors by name, with their share of detections of the objects in view, over instants, objects and runs."""
     summaries = {}
     for number, sensor in enumerate(work.scenes[0].sensors):
-        detected = sum(block.detections.get(sensor.name, 0.0) for block in blocks)
+        detected = sum(block.detections.get(sensor.name, 0) for block in blocks)
         seen = sum(float(scene.sensors[number].visible.mean(axis=-1).sum() * work.runs) for scene in work.scenes)
         config = sensor.config
         summaries[sensor.name] = SensorSummary(

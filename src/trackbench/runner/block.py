@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from trackbench.base.types import Array, Scan, of_runs, scan_of_run
+from trackbench.base.types import Scan, of_runs, scan_of_run
 from trackbench.engine.equations import EngineUsed
-from trackbench.metrics.breakdown import sum_classes
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
-from trackbench.runner.filed_run import FiledRun
-from trackbench.runner.hidden_run import HiddenBatch, HiddenRun
-from trackbench.runner.labelled_run import LabelledRun
 from trackbench.runner.recorded import Outcome, RecordedEstimates, RecordedInstant, RecordedScans
 from trackbench.runner.start import SecondDrives
 from trackbench.runner.targets import Targets
-from trackbench.runner.tracker_run import TrackerRun
+from trackbench.runner.tracker_run import Batch, TrackerRun
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import HiddenMeasurements, scenes_side_by_side, sense_hidden
+from trackbench.sensing.detections import scenes_side_by_side, sense_hidden
 from trackbench.sensing.scans import Measurements, sense_known
 from trackbench.trackers.config import FilterConfig
 
@@ -37,7 +31,7 @@ class Block:
     piece: BlockRuns
     outcomes: dict[str, Outcome | Failure]
     """By tracker."""
-    detections: dict[str, float]
+    detections: dict[str, int]
     """By sensor, the number of detections of objects."""
     digests: list[bytes]
     """A fingerprint of each run's measurements."""
@@ -47,18 +41,14 @@ class Block:
     """Those of the recorded run, if it is in this block."""
     random: frozenset[str] = frozenset()
     """The plug-ins that say that they draw random numbers."""
-    spreads: dict[str, list[Array]] = field(default_factory=dict)
-    """Sums of ``RunSpread`` for each plug-in."""
 
-    def add(self, tracker: TrackerRun[Any], outcome: Outcome | Failure, engine: EngineUsed | None) -> None:
+    def add(self, tracker: TrackerRun, outcome: Outcome | Failure, engine: EngineUsed | None) -> None:
         """Add what a tracker leaves, what computed it, and what it says of itself."""
         self.outcomes[tracker.name] = outcome
         if engine is not None:
             self.engines[tracker.name] = engine
         if tracker.random:
             self.random |= {tracker.name}
-        if tracker.spread is not None and tracker.failure is None:
-            self.spreads[tracker.name] = tracker.spread.sums
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates | RecordedTracks]:
@@ -83,103 +73,73 @@ def failures_and_outcomes(
     return failures, outcomes
 
 
-class KnownBlocks:
-    """Blocks with known identities.
+class Blocks:
+    """A group of blocks, with their measurements.
+
+    With hidden identities built-in trackers take the runs of all blocks at once.
 
     Args:
         work: what all blocks share.
         group: the runs of each block.
-        on_recorded_run: called with the recorded run, if it is in one of these blocks.
+        on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
     """
 
     def __init__(self, work: Work, group: Sequence[BlockRuns], on_recorded_run: OnRecordedRun | None) -> None:
         self.blocks: list[Block] = []
-        self._work, self._observe = work, on_recorded_run
-        self._targets, self._second_drives = [], []
+        self._work, self._observe, self._batches = work, on_recorded_run, list[Batch]()
+        sense = sense_hidden if work.hidden else sense_known
         for piece in group:
-            sensors = work.scenes[piece.scene].sensors
-            measurements = sense_known(sensors, work.seed, work.noise_of(piece.scene), piece.runs)
-            block = _sensed_block(work, piece, measurements)
-            self.blocks.append(block)
-            self._targets.append(Targets(work, piece, measurements))
-            self._second_drives.append(_second_drives(work, [piece]))
-            if on_recorded_run is not None and block.recorded_scans is not None:
-                on_recorded_run(block.recorded_scans.scans)
+            seen = sense(work.scenes[piece.scene].sensors, work.seed, work.noise_of(piece.scene), piece.runs)
+            recorded = _recorded_scans(work, seen, piece)
+            self.blocks.append(Block(piece, {}, seen.detected(), seen.digests, {}, recorded))
+            self._batches.append(Batch([piece], seen, None if work.hidden else Targets(work, piece, seen)))
+            if on_recorded_run is not None and recorded is not None and not work.hidden:
+                on_recorded_run(recorded.scans)
+        self._together = self._batches
+        if work.hidden:
+            together = scenes_side_by_side([batch.measurements for batch in self._batches])
+            self._together = [Batch(group, together, None)]
+        self._second_drives = {
+            piece: SecondDrives(work, piece) for piece in group if piece == work.driven_twice and len(group) == 1
+        }
 
-    def tracker_runs(self, name: str) -> Iterator[LabelledRun]:
-        """The tracker, afresh for each block; a run is to be finished before the next one is asked for."""
-        for block, targets, second_drives in zip(self.blocks, self._targets, self._second_drives, strict=True):
-            run = LabelledRun(self._work, block.piece, name, targets, second_drives, self._observe)
-            yield run
-            outcome = run.close()
-            if isinstance(outcome, Outcome):
-                sum_classes(outcome.scores)
-            block.add(run, outcome, run.engine)
-
-
-class HiddenBlocks:
-    """Blocks with hidden identities; built-in trackers take the runs of all at once.
-
-    Args:
-        work: what all blocks share.
-        group: the runs of each block.
-    """
-
-    def __init__(self, work: Work, group: Sequence[BlockRuns], _: OnRecordedRun | None) -> None:
-        self.blocks: list[Block] = []
-        self._work, self._alone = work, list[HiddenBatch]()
-        for piece in group:
-            hidden = sense_hidden(work.scenes[piece.scene].sensors, work.seed, work.noise_of(piece.scene), piece.runs)
-            self._alone.append(HiddenBatch([piece], hidden))
-            self.blocks.append(_sensed_block(work, piece, hidden))
-        together = scenes_side_by_side([batch.measurements for batch in self._alone])
-        self._together = HiddenBatch(group, together)
-
-    def tracker_runs(self, name: str) -> Iterator[HiddenRun]:
+    def tracker_runs(self, name: str) -> Iterator[TrackerRun]:
         """The tracker, afresh for each batch; a run is to be finished before the next one is asked for."""
-        batches = [self._together] if isinstance(self._work.trackers[name], FilterConfig) else self._alone
-        for batch in batches:
+        built_in = isinstance(self._work.trackers[name], FilterConfig)
+        for batch in self._together if built_in else self._batches:
             run = self._run(name, batch)
             yield run
             if run.failure is not None and len(batch.pieces) > 1:
                 # Each scene says for itself how far the tracker came.
-                for own in self._alone:
+                for own in self._batches:
                     run = self._run(name, own)
                     yield run
                     self._add(run)
             else:
                 self._add(run)
 
-    def _run(self, name: str, batch: HiddenBatch) -> HiddenRun:
-        of = FiledRun if name in self._work.filed else HiddenRun
-        return of(self._work, batch, name, _second_drives(self._work, batch.pieces))
+    def _run(self, name: str, batch: Batch) -> TrackerRun:
+        second = self._second_drives.get(batch.pieces[0]) if len(batch.pieces) == 1 else None
+        return TrackerRun(self._work, batch, name, second, self._observe)
 
-    def _add(self, run: HiddenRun) -> None:
+    def _add(self, run: TrackerRun) -> None:
         outcomes = run.close()
-        for place, piece in enumerate(run.pieces):
+        for place, piece in enumerate(run.batch.pieces):
             outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
             engine = run.engine if run.engine is None or place == 0 else run.engine._replace(again=0)
             next(block for block in self.blocks if block.piece == piece).add(run, outcome, engine)
 
 
-def _second_drives(work: Work, pieces: Sequence[BlockRuns]) -> SecondDrives | None:
-    return SecondDrives(work, pieces[0]) if [*pieces] == [work.driven_twice] else None
-
-
-def _sensed_block(work: Work, piece: BlockRuns, measurements: Measurements | HiddenMeasurements) -> Block:
-    """A block that no tracker has gone through yet."""
-    kept = work.recorded_in(piece)
-    recorded = None if kept is None else _recorded_scans(work, measurements, kept)
-    return Block(piece, {}, _detections(measurements), measurements.digests, {}, recorded)
-
-
-def _recorded_scans(work: Work, measurements: Measurements | HiddenMeasurements, kept: int) -> RecordedScans:
-    scene = work.scenes[work.recorded_scene]
-    if isinstance(measurements, Measurements):
-        return RecordedScans([_of_run(scan, len(scene.truth.ids), kept) for scan in measurements.scans])
-    pairs = zip(measurements.scans, measurements.origins, strict=True)
+def _recorded_scans(work: Work, seen: Measurements, piece: BlockRuns) -> RecordedScans | None:
+    """Those of the recorded run, if it is one of these."""
+    kept, scene = work.recorded_in(piece), work.scenes[piece.scene]
+    if kept is None:
+        return None
+    if not work.hidden:
+        return RecordedScans([_of_run(scan, len(scene.truth.ids), kept) for scan in seen.scans])
+    pairs = zip(seen.scans, seen.origins, strict=True)
     return RecordedScans(
-        [scan_of_run(scan, kept) for scan in measurements.scans],
+        [scan_of_run(scan, kept) for scan in seen.scans],
         [origins[scan.valid[:, kept], kept] for scan, origins in pairs],
         of_runs(scene.due.status, range(work.recorded_run, work.recorded_run + 1))[..., 0],
     )
@@ -188,13 +148,3 @@ def _recorded_scans(work: Work, measurements: Measurements | HiddenMeasurements,
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:
     members = slice(run, None, scan.valid.size // objects)
     return scan._replace(measurement=scan.measurement[:, members].copy(), valid=scan.valid[members].copy())
-
-
-def _detections(measurements: Measurements | HiddenMeasurements) -> dict[str, float]:
-    """By sensor, the number of detections of objects."""
-    if isinstance(measurements, Measurements):
-        return {name: float(count.sum()) for name, count in measurements.detections.items()}
-    counts: dict[str, float] = {}
-    for scan, origins in zip(measurements.scans, measurements.origins, strict=True):
-        counts[scan.sensor] = counts.get(scan.sensor, 0.0) + float(np.count_nonzero(origins >= 0))
-    return counts

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,11 +10,11 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Truth
 from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of, correlation_time
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
-from trackbench.metrics.traffic.scorer import Histories, SceneRuns
+from trackbench.metrics.traffic.scorer import SceneRuns
 from trackbench.results import MetricValue
 from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
-from trackbench.runner.hidden_run import HiddenRun
-from trackbench.runner.recorded import Outcome
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.scans import Measurements
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
@@ -191,44 +190,49 @@ def _slope(sums: Array) -> Array:
     return np.asarray((xy - x * y / count) / (xx - x * x / count))[None]
 
 
-class FiledRun(HiddenRun):
-    """Tracks of a file: they are there before the first scan, and nothing is driven."""
+class FiledHistories:
+    """The tracks of a file at the instants of a scene's runs, with the truth at their time stamps.
 
-    def __enter__(self) -> Self:
-        return self
+    Args:
+        work: what all blocks share.
+        piece: the runs.
+        name: of the tracker.
+        measurements: of the runs, whose fingerprints the file may name.
+    """
 
-    def __iter__(self) -> Iterator[tuple[Any, ...]]:
-        return iter(())
-
-    def close(self) -> list[Outcome]:
-        """What it leaves of the piece."""
-        self._offsets: list[np.ndarray] = []
-        self._counts = np.zeros(3, dtype=np.intp)
-        (scored,) = self.scorer.close(self._histories())
-        return [Outcome(scored.sums, scored.recorded, offset=np.concatenate(self._offsets, axis=1), filed=self._counts)]
-
-    def _histories(self) -> Histories:
-        config = self._work.trackers[self.name]
+    def __init__(self, work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> None:
+        config, files = work.trackers[name], work.filed[name]
         assert isinstance(config, TracksConfig)
-        files = self._work.filed[self.name]
+        self._work, self._piece, self._measurements = work, piece, measurements
+        place = piece.scene if len(files) > 1 else 0
+        self._rows, self._offset = files[place], config.time_offset_s
+        self._file, self._key = files_in(config.path)[place], f"trackers.{name}"
+        self._pairs: list[Array] = []
+        self.counts = np.zeros(3, dtype=np.intp)
+        """Numbers of rows, of those within the time of the truth, and of runs without any."""
 
-        def histories(scene: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
-            number, truth = scene.runs.start + run, scene.truth
-            place = self._piece.scene if len(files) > 1 else 0
-            every = files[place]
-            shift = float(every.start - truth.start) + config.time_offset_s
-            rows = rows_of_run(every, self._piece.scene, number)
-            problem = why_other_scans(rows, self._hidden.digests[run].hex()[:16])
-            # Without a sensor there are no scans that the tracks could have been made of.
-            if problem is not None and self._hidden.scans:
-                where = f"scene {self._piece.scene}, run {number}"
-                raise InputError(f"{where}: {problem}", file=files_in(config.path)[place], key=f"trackers.{self.name}")
-            there = inside(rows, shift, truth.time[0], truth.time[-1])
-            self._counts += len(rows), there.sum(), not there.any()
-            history, stamp = tracks_at_instants(rows, self._time, shift)
-            pairs = offset_pairs(rows, truth, number, shift, self._work.cutoff or 0.0)
-            of_run = np.full((1, pairs.shape[1]), scene.number + run)
-            self._offsets.append(np.concatenate([of_run, pairs]))
-            return truth_at(truth, number, scene.truth_at(self._time, run), stamp), history
+    @property
+    def offsets(self) -> Array:
+        """``(5, P)`` of all runs so far: the run, and the rows of `offset_pairs`."""
+        return np.concatenate(self._pairs, axis=1)
 
-        return histories
+    def of_run(self, scene: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
+        """Return truth and tracks of a run, counted from the first of the scene.
+
+        Raises:
+            InputError: the tracks were made of other scans.
+        """
+        number, truth = scene.runs.start + run, scene.truth
+        shift = float(self._rows.start - truth.start) + self._offset
+        rows = rows_of_run(self._rows, self._piece.scene, number)
+        problem = why_other_scans(rows, self._measurements.digests[run].hex()[:16])
+        # Without a sensor there are no scans that the tracks could have been made of.
+        if problem is not None and self._measurements.scans:
+            raise InputError(f"scene {self._piece.scene}, run {number}: {problem}", file=self._file, key=self._key)
+        there = inside(rows, shift, truth.time[0], truth.time[-1])
+        self.counts += len(rows), there.sum(), not there.any()
+        time = truth.time[scene.due.steps]
+        history, stamp = tracks_at_instants(rows, time, shift)
+        pairs = offset_pairs(rows, truth, number, shift, self._work.cutoff or 0.0)
+        self._pairs.append(np.concatenate([np.full((1, pairs.shape[1]), scene.number + run), pairs]))
+        return truth_at(truth, number, scene.truth_at(time, run), stamp), history

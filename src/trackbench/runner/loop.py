@@ -8,7 +8,7 @@ from functools import cache
 
 from trackbench.base.types import Progress, no_progress
 from trackbench.engine.choice import users_kernels_compared
-from trackbench.runner.block import Block, HiddenBlocks, KnownBlocks, OnRecordedRun
+from trackbench.runner.block import Block, Blocks, OnRecordedRun
 from trackbench.runner.work import BlockRuns, Work
 
 #: Parameters of mallopt(3), from malloc.h.
@@ -43,7 +43,7 @@ def run_blocks(
     runs = sum(len(piece.runs) for piece in group)
     is_first = group[0].scene == group[0].runs.start == 0
     with users_kernels_compared(work.engine_here, is_first):
-        blocks = (HiddenBlocks if work.hidden else KnownBlocks)(work, group, on_recorded_run)
+        blocks = Blocks(work, group, on_recorded_run)
         for number, name in enumerate(work.trackers):
             for tracker_run in blocks.tracker_runs(name):
                 # What the tracker raises ends the context, and is kept as its failure.

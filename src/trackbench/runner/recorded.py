@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -63,6 +64,14 @@ class RecordedEstimates:
     """``(instants, objects)`` where an estimate is due, and scored."""
     nis: dict[str, list[Array]] = field(default_factory=dict)
     """Per sensor and measurement ``(objects,)``, NaN where there is none."""
+
+    @classmethod
+    def empty(cls, target: Target, run: int, measurements: Mapping[str, int]) -> RecordedEstimates:
+        """None yet, of a run of a block; ``measurements``: by sensor, how many it has."""
+        instants, objects = target.alive.shape
+        nis = {sensor: [np.full(objects, np.nan)] * count for sensor, count in measurements.items()}
+        mean, covariance = np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan)
+        return cls(mean, covariance, target.due[..., run], nis)
 
 
 class RecordedInstant(NamedTuple):

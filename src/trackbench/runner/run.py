@@ -1,40 +1,29 @@
-"""Run a scenario: with its number of runs, or as many as it takes to know the leading difference well enough."""
+"""Run a scenario: its blocks of runs through the executor, and the result of them all."""
 
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
-from trackbench.base.errors import InputError, counted
+from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
 from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.metrics.contrasts import paired
-from trackbench.results import PrecisionReached, Result
+from trackbench.results import Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun, failures_and_outcomes
-from trackbench.runner.evaluated import evaluated
 from trackbench.runner.loop import run_blocks
 from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
-from trackbench.scenario.truth import truths_of
 from trackbench.truth import LoadedTruth
 
 log = logging.getLogger(__name__)
-
-#: Fewer runs do not show their own spread well enough to stop by it.
-FIRST_RUNS = 50
-#: The next look is at the number that the spread so far asks for and a little more, but not at once at many times more.
-MARGIN = 1.05
-LARGEST_STEP = 4
-RUNS = "monte_carlo.runs"
 
 
 def run_scenario(
@@ -198,111 +187,3 @@ def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:
     log.info("%s: %s in %.1f s, %s", work.scenario, runs, seconds, counted(len(blocks), "block"))
     for name, outcomes in failures_and_outcomes(work.trackers, blocks)[1].items():
         log.info("%s: %s took %.2f s", work.scenario, name, sum(outcome.seconds for outcome in outcomes))
-
-
-def run_until(
-    loaded: Scenario,
-    truths: Sequence[LoadedTruth],
-    target: float,
-    max_runs: int,
-    executor: Executor | None = None,
-    isolation: Isolation = ISOLATED,
-    engine: EngineName = "auto",
-    *,
-    command: Callable[[Scenario], str],
-    progress: Progress = no_progress,
-    on_recorded_run: OnRecordedRun | None = None,
-) -> Result:
-    """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
-
-    Looking at the width of the interval, and not at whether it excludes zero, does not favour either tracker; the
-    interval that is stopped at is asymptotically a 95 % one (Chow and Robbins 1965, "On the asymptotic theory of
-    fixed-width sequential confidence intervals for the mean").
-
-    Args:
-        loaded: the scenario, with the number of runs of the first look.
-        truths: those of its scenes.
-        target: half-width of the 95 % interval of the leading difference, as a share of the best tracker's RMSE.
-        max_runs: where to stop whatever the precision.
-        executor: what makes the blocks of runs; this process unless given.
-        isolation: how trackers that are not built in are kept apart.
-        engine: what computes.
-        command: what reproduces the result of a scenario.
-        progress: called with the number of runs done and of those until the next look.
-        on_recorded_run: called with the recorded run while it is made, which is among those of the first look.
-    """
-    blocks: list[Block] = []
-    before: Work | None = None
-    while True:
-        work = work_of(loaded, truths, isolation, engine)
-        if before is not None and work.engine != before.engine:
-            # So many runs are computed by another engine.
-            blocks = []
-        before = work
-        # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
-        made = {block.piece: block for block in blocks}
-        missing = [piece for piece in work.pieces() if piece not in made]
-        pending = PendingBlocks(loaded, work, missing, executor or Executor(), observed=on_recorded_run is not None)
-        made |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
-        blocks = [made[piece] for piece in work.pieces()]
-        on_recorded_run = None
-        precision = _precision(work, blocks, target, max_runs)
-        if precision.reached or precision.half_width is None or work.runs >= max_runs:
-            break
-        loaded = _with_runs(loaded, _next(work.runs, precision.half_width, target, max_runs))
-        if loaded.config.truth.random:
-            # The reference of every run rests on the motion of all.
-            truths, blocks = truths_of(loaded, executor=executor), []
-    result = assemble(loaded, truths, work, blocks, command(loaded))
-    return result.updated(precision=precision)
-
-
-def first_look(loaded: Scenario, max_runs: int) -> Scenario:
-    """The scenario with the number of runs after which the precision is looked at first.
-
-    Raises:
-        InputError: it cannot have so many runs, or so many runs of random motion as there may be do not fit the memory.
-    """
-    most = loaded.config.truth.most_runs()
-    if most is not None and max_runs > most:
-        message = f"random motion is kept for all runs at once; at most {most} fit"
-        raise InputError(message, file=loaded.path, key="--max-runs")
-    recorded = loaded.config.recording.run
-    if recorded >= max_runs:
-        message = f"must be from 0 to {max_runs - 1}, because --max-runs is {max_runs}"
-        raise InputError(message, file=loaded.path, key="recording.run")
-    runs = min(max_runs, max(FIRST_RUNS, recorded + 1))
-    return _with_runs(loaded, runs)
-
-
-def _with_runs(loaded: Scenario, runs: int) -> Scenario:
-    """The same scenario with another number of runs."""
-    monte_carlo = loaded.config.monte_carlo.model_copy(update={"runs": runs})
-    config = loaded.config.model_copy(update={"monte_carlo": monte_carlo})
-    kept = [item for item in loaded.overrides if item.partition("=")[0].strip() != RUNS]
-    return replace(loaded, config=config, overrides=(*kept, f"{RUNS}={runs}"))
-
-
-def _precision(work: Work, blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:
-    """How well the leading difference is known after these blocks."""
-    scores = evaluated(work, blocks)
-    smoothers = {name for name, config in work.trackers.items() if getattr(config, "smoother", None)}
-    errors = {
-        name: scores.evaluations[name].intervals[work.headline] for name in scores.ranked if name not in smoothers
-    }
-    half_width = best = second = None
-    if len(errors) >= 2:
-        best, second = [*errors][:2]
-        ci95 = paired(errors[best], errors[second]).ci95
-        if ci95 is not None and errors[best].value != 0.0:
-            half_width = (ci95[1] - ci95[0]) / 2 / errors[best].value
-    reached = half_width is not None and half_width <= target
-    return PrecisionReached(
-        target=target, half_width=half_width, reached=reached, max_runs=max_runs, best=best, second=second
-    )
-
-
-def _next(runs: int, half_width: float, target: float, max_runs: int) -> int:
-    """The number of runs at the next look: the half-width falls with their square root."""
-    wanted = math.ceil(MARGIN * runs * (half_width / target) ** 2)
-    return min(max_runs, LARGEST_STEP * runs, wanted)

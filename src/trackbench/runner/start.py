@@ -12,7 +12,6 @@ from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
 from trackbench.driving.again import AskedAgain, OtherCompany, SecondDrive
 from trackbench.driving.isolation import plugged_in
-from trackbench.driving.law import COPIES, FEWEST, MOST, MembersAlone
 from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Offline, Stepper
 from trackbench.models.motion import Kinematics
@@ -103,14 +102,12 @@ class SecondDrives:
         """Wrap a plug-in so that it is asked again; return a built-in tracker as it is.
 
         A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
-        permuted. Any other gets two runs in reverse order, after one of another scene. Of one that draws random numbers
-        some members are driven alone; where there are too few, or no truth, it is not asked again.
+        permuted. Any other gets two runs in reverse order, after one of another scene. One that draws random numbers is
+        not asked again.
         """
-        if not plugged_in(config):
+        if not plugged_in(config) or stepper.traits.random:
             return stepper
-        traits = stepper.traits
-        second = self._alone(config) if traits.random else self._in_other_company(config, traits.batched)
-        return stepper if second is None else AskedAgain(stepper, second)
+        return AskedAgain(stepper, self._in_other_company(config, stepper.traits.batched))
 
     def _in_other_company(self, config: FilterConfig | PluginConfig, batched: bool) -> SecondDrive:
         work, runs, several = self._work, len(self._piece.runs), self._work.hidden
@@ -135,21 +132,6 @@ class SecondDrives:
         work, several = self._work, self._work.hidden
         with_engine = partial(replace, engine=work.engine_here)
         return start_stepper(config, work.folder, batch, with_engine, work.isolation, several, work.sensors)
-
-    def _alone(self, config: FilterConfig | PluginConfig) -> SecondDrive | None:
-        work, scene, runs = self._work, self._work.scenes[self._piece.scene], self._piece.runs
-        several = work.hidden
-        steps = work.scored_steps(scene)
-        truth = np.where(scene.truth.alive[steps, :, None], of_runs(scene.truth.state[:2, steps], runs), np.nan)
-        truth = np.broadcast_to(truth, (*truth.shape[:3], len(runs)))
-        if not several:
-            truth = truth.reshape(2, len(steps), 1, -1)
-        if truth.shape[-1] < FEWEST or not scene.truth.known:
-            return None
-        random = stream(work.seed, work.noise_of(self._piece.scene), runs.start, PURPOSE)
-        members = np.sort(random.permutation(truth.shape[-1])[:MOST])
-        start, time = partial(self._start, config, COPIES), scene.truth.time[steps]
-        return MembersAlone(start, members, time, truth[..., members], work.cutoff or np.inf)
 
     def _other_scans(self, count: int) -> list[Scan]:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""

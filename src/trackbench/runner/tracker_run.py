@@ -1,89 +1,101 @@
-"""One tracker's way through the measurements of a block of runs: what it is given, and what is kept of its answers."""
+"""One tracker's way through the measurements of a block of runs: what it is given, and what its answers are worth."""
 
 from __future__ import annotations
 
 import math
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 from types import TracebackType
-from typing import Any, Generic, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from trackbench.base.types import SAME_TIME, Array, Indices, Scan
+from trackbench.base.types import SAME_TIME, Indices, Scan
 from trackbench.driving.again import AskedAgain
-from trackbench.driving.drive import Answer, Delivery, DriveStep, deliveries
+from trackbench.driving.drive import Delivery, DriveStep, deliveries, scans_read
 from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.remote import start_stepper
 from trackbench.driving.steppers import Direct, DirectTracks, Offline, Stepper
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.protocol import Fault
 from trackbench.results import Failure
-from trackbench.runner.run_spread import spread_in
-from trackbench.runner.start import SecondDrives
+from trackbench.runner.recorded import Outcome
+from trackbench.runner.scored_estimates import EstimateScoring, Observe
+from trackbench.runner.scored_tracks import TrackScoring
+from trackbench.runner.start import SecondDrives, stepper_of
+from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.trackers.config import FilterConfig
+from trackbench.sensing.scans import Measurements
+from trackbench.trackers.multi import MultiObjectTracker
+
+#: Instants that are taken by one sequence of calls, at most.
+INSTANTS = 64
 
 
-class TrackerRun(ABC, Generic[Answer]):
+class Batch(NamedTuple):
+    """The runs that a tracker takes at once: of one scene, or of several whose sensors measure at the same times."""
+
+    pieces: Sequence[BlockRuns]
+    measurements: Measurements
+    """Of the runs of all pieces, one after the other."""
+    targets: Targets | None
+    """With known identities, what trackers are held against."""
+
+
+class TrackerRun:
     """A tracker of a block of runs.
 
     It is a context: inside, iterating gives the arguments of each step beside the state, and ``take`` gets the answer.
-    What the tracker raises ends the context, and is kept as ``failure``; what a metric raises is passed on.
+    What the tracker raises ends the context, and is kept as ``failure``; what a metric raises is passed on. Tracks that
+    were made elsewhere are not driven, and scored at the end.
 
     Args:
         work: what all blocks share.
-        piece: the runs of this block.
+        batch: the runs, and their measurements.
         name: of the tracker.
-        time: ``(instants,)`` s.
-        scans: in the order in which they were taken.
         second_drives: gives the second drive of a plug-in, if the block is the one that has them.
+        observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
 
     def __init__(
-        self,
-        work: Work,
-        piece: BlockRuns,
-        name: str,
-        time: Array,
-        scans: Sequence[Scan],
-        second_drives: SecondDrives | None,
+        self, work: Work, batch: Batch, name: str, second_drives: SecondDrives | None, observe: Observe | None = None
     ) -> None:
-        self.name = name
+        self.name, self.batch = name, batch
         self.tracker: Any = None
         """Has ``step(state, *arguments) -> (state, answer)``; inside the context."""
         self.state: Any = None
         """Of the tracker; None before the first step."""
-        self.scorer: Any = None
-        """Has ``take(step)`` and ``close()``."""
         self.failure: Failure | None = None
         self.engine: EngineUsed | None = None
         """Known once the context is left, of a built-in tracker."""
         self.random = False
         """Whether it says that it draws random numbers; known once it is started."""
-        self.spread = None if isinstance(work.trackers[name], FilterConfig) else spread_in(work, piece.scene)
-        """How much its positions differ between runs; None of a built-in filter."""
-        self._work, self._piece, self._time, self._scans = work, piece, time, scans
-        self._second_drives = second_drives
+        self._work, self._piece, self._second_drives = work, batch.pieces[0], second_drives
+        self._scene = work.scenes[self._piece.scene]
+        self._time = self._scene.truth.time[work.scored_steps(self._scene)]
+        self._scoring: EstimateScoring | TrackScoring
+        if batch.targets is not None:
+            self._scoring = EstimateScoring(work, self._piece, name, batch.targets, observe)
+        else:
+            self._scoring = TrackScoring(work, batch.pieces, name, batch.measurements)
         self._stepper: Stepper | None = None
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
+        self._step_by_step_until = 0
         self._of_metric: Exception | None = None
-
-    @property
-    def instants(self) -> int:
-        """Number of instants at which it is scored."""
-        return len(self._time)
 
     @property
     def done(self) -> float:
         """Share of the instants that it has been taken to."""
-        return 0.0 if self._delivery is None else (self._delivery[0] + 1) / max(self.instants, 1)
+        return 0.0 if self._delivery is None else (self._delivery[0] + 1) / max(len(self._time), 1)
 
     def __enter__(self) -> Self:
         try:
+            if self.name in self._work.filed:
+                return self
             self._stepper = stepper = self._start()
             if self._second_drives is not None:
                 self._stepper = stepper = self._second_drives.around(self._work.driven(self.name), stepper)
@@ -109,7 +121,7 @@ class TrackerRun(ABC, Generic[Answer]):
             disagreement = self._stepper.disagreement()
             if disagreement is not None:
                 fault, scan = disagreement
-                self.fail(fault, int(np.searchsorted(self._time, scan.time - SAME_TIME)), scan.sensor)
+                self._fail(fault, int(np.searchsorted(self._time, scan.time - SAME_TIME)), scan.sensor)
         return not passed_on
 
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
@@ -127,66 +139,96 @@ class TrackerRun(ABC, Generic[Answer]):
                 self._began = time.perf_counter() - seconds_on_kernels(self._work.engine_here)
                 yield arguments
 
-    def take(self, answer: Answer) -> None:
-        """Keep and score what the tracker says to the latest arguments."""
+    def take(self, answer: Any) -> None:
+        """Score and keep what the tracker says to the latest arguments."""
         assert self._delivery is not None
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
         instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self._stepper, Offline) else seconds
         step = DriveStep(instant, *delivery, answer, seconds, last)
+        tells = isinstance(self.tracker, MultiObjectTracker) and delivery.scan.arrival_time == delivery.scan.time
         try:
-            self._score(step)
+            self._scoring.score(step, partial(self.tracker.predicted, self.state) if tells else None)
         except Fault as fault:
-            self.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
+            self._fail_at(fault)
         except Exception as error:
             self._of_metric = error
             raise
-        self._take(step)
+        self._scoring.keep(step)
 
-    def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
-        """Note that and where the tracker cannot go on."""
-        object, run = self._place(fault.member)
-        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
-        self.failure = self._work.failure(self._piece, fault, run, **where)
+    def close(self) -> list[Outcome] | Failure:
+        """What it left behind of each piece, once the context is left."""
+        if self.failure is None:
+            try:
+                return self._scoring.close()
+            except Fault as fault:
+                self._fail_at(fault)
+        assert self.failure is not None
+        self._scoring.failed(self.failure.step or 0)
+        return self.failure
 
     @cached_property
     def _deliveries(self) -> list[list[Delivery]]:
         """What it is given at each instant."""
-        offline = isinstance(self._stepper, Offline)
-        scans = [scan.prompt() for scan in self._scans] if offline else self._scans
-        config = self._work.trackers[self.name]
-        return list(deliveries(scans, config.sensors_used, self._work.scenes[self._piece.scene].each_measurement))
+        if self._stepper is None:
+            return []
+        scans = self.batch.measurements.scans
+        if isinstance(self._stepper, Offline):
+            scans = [scan.prompt() for scan in scans]
+        used = self._work.trackers[self.name].sensors_used
+        return list(deliveries(scans, used, self._scene.each_measurement))
 
-    def _arguments(self, delivery: Delivery) -> tuple[Any, ...]:
-        """What a step is given beside the state."""
-        return (delivery.scan,)
-
-    def _taken_at_once(self, instant: int) -> int:
-        """Take the tracker through the instants from this one on without steps; return how many these are."""
-        return 0
-
-    def _note(self, error: BaseException) -> None:
-        instant, sensor = (0, None) if self._delivery is None else (self._delivery[0], self._delivery[1].scan.sensor)
-        self.fail(self._explained(fault_of(error)), instant, sensor)
-
-    @abstractmethod
     def _start(self) -> Stepper:
         """A fresh tracker."""
+        work, config = self._work, self._work.driven(self.name)
+        if not work.hidden:
+            scans = scans_read(self.batch.measurements.scans, config.sensors_used)
+            return stepper_of(work, self._piece, config, scans)
+        runs = sum(len(piece.runs) for piece in self.batch.pieces)
+        prepare = partial(replace, **work.tracker_options)
+        return start_stepper(config, work.folder, runs, prepare, work.isolation, True, work.sensors)
 
-    def _score(self, step: DriveStep[Answer]) -> None:
-        """Have the scorer take in what the tracker says."""
-        self.scorer.take(step)
+    def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
+        """The scan, with the objects that each detection and the second part of a merged one stem from where identities
+        are hidden and the tracker wants them."""
+        seen = self.batch.measurements
+        if not seen.origins or not getattr(self.tracker, "wants_origins", False):
+            return (delivery.scan,)
+        origins = np.stack([each[delivery.number or 0] for each in (seen.origins, seen.merged)])
+        return delivery.scan, origins if delivery.read and delivery.number is not None else origins[:, :0]
 
-    @abstractmethod
-    def _take(self, step: DriveStep[Answer]) -> None:
-        """Keep what the recorded run and the spread over runs have of what the tracker says."""
+    def _taken_at_once(self, instant: int) -> int:
+        """Take and score the instants from this one on by one sequence of calls; return how many these are."""
+        stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
+        if stepwise or not isinstance(self._stepper, Direct) or not isinstance(self._scoring, EstimateScoring):
+            return 0
+        if self._scoring.waits:
+            return 0
+        instants = self._deliveries[instant : instant + INSTANTS]
+        taken = self._scoring.take_sequence(self.tracker, self.state, instants, instant)
+        if taken is None:
+            # Most of the time it is because of a single instant.
+            self._step_by_step_until = instant + self._scoring.chunk
+            return 0
+        self.state, count = taken
+        return count
 
-    @abstractmethod
-    def _place(self, member: int | None) -> tuple[str | None, int | None]:
-        """The object, and the run counted from the first of the block, of a member of the batch."""
+    def _note(self, error: BaseException) -> None:
+        fault, begun = fault_of(error), self._delivery is not None
+        instant, sensor = (0, None) if self._delivery is None else (self._delivery[0], self._delivery[1].scan.sensor)
+        hint = self._scoring.hint(fault) if begun else ""
+        if hint:
+            fault = TrackFault(f"{fault.cause} ({hint})", fault.kind, fault.place, fault.member)
+        self._fail(fault, instant, sensor)
 
-    def _explained(self, fault: TrackFault) -> TrackFault:
-        return fault
+    def _fail_at(self, fault: Fault) -> None:
+        self._fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
+
+    def _fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
+        """Note that and where the tracker cannot go on."""
+        object, run = (None, None) if fault.member is None else self._scoring.place(fault.member)
+        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
+        self.failure = self._work.failure(self._piece, fault, run, **where)
 
 
 class _Foreign:

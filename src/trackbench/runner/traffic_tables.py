@@ -42,7 +42,7 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
     kept = {
         name: item for name, item in block.recorded.items() if name in evaluations and isinstance(item, RecordedTracks)
     }
-    sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.tracks.items()}
+    sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.outcomes.items()}
     records: Records = {
         "steps": [_gospa_record(name, blocks, work.longest_time) for name, blocks in sums.items()],
         "runs": _run_records(evaluations, work),

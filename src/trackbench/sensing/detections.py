@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from trackbench.models.sensors.detection import ClutterPlace
 from trackbench.models.sensors.effects import Sensed, answers
 from trackbench.sensing.scans import (
     IdealSensor,
+    Measurements,
     arrivals,
     as_given,
     effect_streams,
@@ -196,24 +196,7 @@ def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Genera
 PADDING = -2
 
 
-@dataclass(frozen=True)
-class HiddenMeasurements:
-    """The scans of a block of runs, in the order in which a tracker gets them, and what no tracker may know."""
-
-    scans: list[Scan]
-    """Sorted by time, then in the scenario's order of sensors; ``measurement`` ``(m, D, runs)`` and ``valid``
-    ``(D, runs)``: in each run its detections first, then columns of NaN that are not valid."""
-    origins: list[Indices]
-    """For each scan ``(D, runs)``: the number of the object that a detection stems from (of a merged one, the one with
-    the larger share), or ``FALSE_ALARM`` or ``PADDING``; ``UNKNOWN_ORIGIN`` where nothing says so. Where there is no
-    truth, the number of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
-    merged: list[Indices]
-    """For each scan ``(D, runs)``: the second object of a merged detection, else -1."""
-    digests: list[bytes]
-    """A fingerprint of each run's measurements."""
-
-
-def scenes_side_by_side(parts: Sequence[HiddenMeasurements]) -> HiddenMeasurements:
+def scenes_side_by_side(parts: Sequence[Measurements]) -> Measurements:
     """The measurements of runs of several scenes as those of one block, each run with the pose of its own sensor.
 
     Those of a single scene too: to the last bit a run is then the same with and without others.
@@ -244,7 +227,7 @@ def scenes_side_by_side(parts: Sequence[HiddenMeasurements]) -> HiddenMeasuremen
         scans.append(scan._replace(measurement=measurement, valid=valid, sensor_pose=pose, sensor_velocity=velocity))
         origins.append(padded([part.origins[number] for part in parts], PADDING))
         merged.append(padded([part.merged[number] for part in parts], -1))
-    return HiddenMeasurements(scans, origins, merged, [digest for part in parts for digest in part.digests])
+    return Measurements(scans, [digest for part in parts for digest in part.digests], origins, merged)
 
 
 class _Detections(NamedTuple):
@@ -262,7 +245,7 @@ class _Detections(NamedTuple):
     """``(n,)`` within the scan."""
 
 
-def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> HiddenMeasurements:
+def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
     """The detections of some of the runs, each run's the same whatever the others are.
 
     The noise of objects is drawn as with known identities; clutter and order have streams of their own, so that an
@@ -279,12 +262,8 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
         result += _scans(sensor, place, drawn, arrivals(sensor, seed, scenario))
     # Stable: sensors that fire together stay in the scenario's order.
     result.sort(key=lambda entry: entry[0].time)
-    return HiddenMeasurements(
-        [scan for scan, _, _ in result],
-        [origins for _, origins, _ in result],
-        [merged for _, _, merged in result],
-        [run.digest() for run in hashes],
-    )
+    scans, origins, merged = (list(part) for part in zip(*result, strict=True)) if result else ([], [], [])
+    return Measurements(scans, [run.digest() for run in hashes], origins, merged)
 
 
 def _detections(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[_Detections]:

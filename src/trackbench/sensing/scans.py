@@ -96,24 +96,36 @@ def ideal_sensors(
 
 @dataclass(frozen=True)
 class Measurements:
-    """The scans of a block of runs, in the order in which a tracker gets them."""
+    """The scans of a block of runs, in the order in which a tracker gets them, and what no tracker may know."""
 
     scans: list[Scan]
-    """Sorted by time, then in the scenario's order of sensors; batch axis ``(objects * runs,)``, objects slowest."""
-    detections: dict[str, Array]
-    """Per sensor ``(instants, objects)``: in how many runs of the block the object was detected."""
+    """Sorted by time, then in the scenario's order of sensors. With known identities the batch axis is
+    ``(objects * runs,)``, objects slowest; with hidden ones ``measurement`` is ``(m, D, runs)`` and ``valid``
+    ``(D, runs)``: in each run its detections first, then columns of NaN that are not valid."""
     digests: list[bytes]
     """A fingerprint of each run's measurements."""
+    origins: list[Indices] = field(default_factory=list)
+    """With hidden identities, for each scan ``(D, runs)``: the number of the object that a detection stems from (of a
+    merged one, the one with the larger share), or ``FALSE_ALARM`` or ``PADDING``; ``UNKNOWN_ORIGIN`` where nothing says
+    so. Where there is no truth, the number of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
+    merged: list[Indices] = field(default_factory=list)
+    """With hidden identities, for each scan ``(D, runs)``: the second object of a merged detection, else -1."""
+
+    def detected(self) -> dict[str, int]:
+        """Return by sensor the number of detections of objects, over all scans and runs."""
+        counts = dict.fromkeys((scan.sensor for scan in self.scans), 0)
+        of_objects = [origins >= 0 for origins in self.origins] or [scan.valid for scan in self.scans]
+        for scan, of_object in zip(self.scans, of_objects, strict=True):
+            counts[scan.sensor] += int(np.count_nonzero(of_object))
+        return counts
 
 
 def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
     """The measurements of some of the runs. A run's noise depends on nothing but its number and the seed."""
     scans: list[Scan] = []
     hashes = [hashlib.sha256() for _ in runs]
-    detections: dict[str, Array] = {}
     for place, sensor in enumerate(sensors):
         measurement, valid = _stacked(sensor, seed, scenario, runs, hashes)
-        detections[sensor.name] = valid.sum(axis=-1).astype(float)
         size, batch = len(sensor.noise_covariance), valid.shape[1] * valid.shape[2]
         make_read_only(measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity)
         scans += [
@@ -122,7 +134,7 @@ def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: 
         ]
     # Stable: sensors that fire together stay in the scenario's order.
     scans.sort(key=lambda scan: scan.time)
-    return Measurements(scans, detections, [run.digest() for run in hashes])
+    return Measurements(scans, [run.digest() for run in hashes])
 
 
 def scan_at(sensor: IdealSensor, k: int, place: int, arrival: float, measurement: Array, valid: Mask) -> Scan:

@@ -216,7 +216,7 @@ class FilterConfig(OptionsBeside):
             model = plugin_field(cls)[1].find(name, info)
         except PydanticCustomError:
             return data
-        stated, unused = {key: item for key, item in options.items() if key != "model"}, model.replaceable(options)
+        stated, unused = {key: item for key, item in options.items() if key != "model"}, model.driving_noise
         reason = "not used with process_noise_diag, which says it all; remove one of them"
         at: KeyPath = () if is_word else ("motion",)
         reject(cls.__name__, [Problem((*at, key), reason) for key in dict.fromkeys(unused) if key in stated])
@@ -309,10 +309,8 @@ def _name(motion: MotionModel) -> str:
 
 def _words(motion: MotionModel, unused: tuple[str, ...] = ()) -> list[str]:
     options = {name: getattr(motion, name) for name in type(motion).model_fields if name not in unused}
-    # A form of the noise is named where it is not the usual one, an option where it has a value.
-    usual = {name for name, value in options.items() if value is None or (name, str(value)) == ("noise", "piecewise")}
-    shown = {name: value for name, value in options.items() if name not in usual}
-    return [_name(motion), *(option_in_words(name, value) for name, value in shown.items())]
+    shown = (option_in_words(name, value) for name, value in options.items() if value is not None)
+    return [_name(motion), *shown]
 
 
 def _language(value: Any) -> str | None:

@@ -17,12 +17,8 @@ from tests.support.doctor import Part, mutant, mutant_under_test
 from tests.support.places import DOCS
 
 from trackbench.base.types import Estimate
-from trackbench.document import Paragraph, Section
 from trackbench.document.drawing import svg_in_page
-from trackbench.subjects.doctor.checks.covariance_update import covariance_update
-from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.prediction import motion_prediction
 from trackbench.subjects.doctor.exhibit_figures import exhibit_figure, outline
 from trackbench.subjects.doctor.exhibits import (
     STATE,
@@ -39,11 +35,7 @@ from trackbench.subjects.doctor.exhibits import (
     points_shown,
     predicted,
 )
-from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.subjects.doctor.output_checks import FaultyStep, asymmetry_shown, indefinite_shown
-from trackbench.subjects.doctor.probes import GENERAL
-from trackbench.subjects.doctor.report import Examination, examination_document, examination_text
-from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.findings import known_faults
 
 EXAMPLES = DOCS / "examples"
 FILES = ["examination.json", "recording.rrd", "report.html"]
@@ -144,37 +136,6 @@ def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
     assert len(reader.blueprints()) == 1
 
 
-@pytest.mark.slow
-def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
-    long = "a sentence of evidence with 12.5 numbers " * 8
-    examination = Examination(
-        "mine",
-        [
-            Finding("jacobian_wrong", 0.9, long, sensor="radar", factor=4.0),
-            Finding("r_too_small", 0.6, long, consequence_of="jacobian_wrong"),
-        ],
-        [
-            CheckResult("a", long, True, long),
-            CheckResult("b", "Why?", False, long, faults=("r_too_small",)),
-            CheckResult("c", long, None, "could not"),
-        ],
-    )
-    said, every = examination_text(examination), examination_text(examination, every_check=True)
-    assert max(len(line) for line in (said + every).splitlines()) <= 80
-    assert "mine: 1 fault found" in said
-    assert "jacobian_wrong: likely, explains 1 failed check, sensor radar, factor 4" in said
-    assert "  r_too_small (of jacobian_wrong): a sentence" in said
-    assert "Checks: 1 of 2 passed, failed:\n  b: Why?\n1 check not made:\n  c: could not" in said
-    assert "FAILED   b: Why?" in every
-    answer, _, _, *sections = examination_document(examination).blocks
-    assert answer == Paragraph(f"mine: 1 fault found: {known_faults()['jacobian_wrong'].title}", strong=True)
-    titles = [(block.title, block.folded) for block in sections if isinstance(block, Section)]
-    assert titles[0][0].startswith("1. ")
-    failed, not_made, passed = titles[-3:]
-    assert (failed, passed) == (("Checks that failed", False), ("Checks that passed", True))
-    assert not_made[0] == "Not made"
-
-
 BEFORE = StatedBelief("before", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
 TRACKER = StatedBelief("tracker", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
 RIGHT = StatedBelief("right", np.array([14.0, 7.0, 4.0, 2.0]), np.diag([1.0, 1.0, 1.0, 1.0]))
@@ -230,28 +191,6 @@ def test_a_matrix_is_drawn_with_its_numbers_names_and_units() -> None:
     assert titles == ["row azimuth, rad, column py, m: implied -0.25", "row azimuth, rad, column py, m: right 0.125"]
 
 
-def test_matrices_without_room_beside_each_other_stand_below() -> None:
-    wide, narrow = np.full((4, 4), -1.234e-5), np.ones((4, 4))
-    heights = [
-        exhibit_figure("a", Matrices("A", STATE, STATE, (Panel("a", values), Panel("b", values)), ())).height
-        for values in (wide, narrow)
-    ]
-    assert heights[0] > 1.8 * heights[1]
-
-
-def test_only_the_planes_that_differ_are_drawn() -> None:
-    assert (
-        "Position: tracker 10, 5 m; right 14, 7 m: 4.47 m apart."
-        in exhibit_figure("a", EXHIBITS["predictions"][0]).caption
-    )
-    svg = drawn(EXHIBITS["predictions"][0])
-    assert "vx, m/s" not in [text.text for text in svg.iter("text")]
-    slower = RIGHT._replace(mean=np.array([14.0, 7.0, 3.0, 2.0]))
-    svg = drawn(Predictions("A", None, slower, RIGHT))
-    said = [text.text for text in svg.iter("text")]
-    assert ("vx, m/s" in said, "px, m" in said) == (True, False)
-
-
 def test_an_ellipse_has_the_mahalanobis_distance_of_95_percent() -> None:
     mean, covariance = np.array([3.0, -2.0]), np.array([[2.0, 0.7], [0.7, 1.0]])
     apart = outline(mean, covariance) - mean[:, None]
@@ -259,13 +198,6 @@ def test_an_ellipse_has_the_mahalanobis_distance_of_95_percent() -> None:
     # -2 ln 0.05, the 95 % point of chi-square with 2 degrees of freedom.
     assert squares == pytest.approx(np.full(squares.size, -2.0 * np.log(0.05)))
     assert outline(mean, np.diag([1.0, -0.1])).shape == (2, 0)
-
-
-def test_the_caption_over_time_gives_the_means_of_the_marked_interval() -> None:
-    exhibit = OverTime(
-        "A", "time, s", TIME, (Course("error, m", np.where(TIME >= 5.0, 8.0, 1.0), np.full(101, 0.5)),), (5.0, 6.0)
-    )
-    assert exhibit_figure("a", exhibit).caption == "Error, m: mean from 5 to 6 s tracker 8, reference 0.5."
 
 
 def test_the_right_prediction_is_that_of_white_accelerations() -> None:
@@ -286,21 +218,6 @@ def test_sigma_points_have_the_covariances_that_are_drawn() -> None:
     assert points_shown(before, after, weights=1.1).weight == pytest.approx((1.1 / 8, 1 / 8))
 
 
-def test_the_entries_of_a_covariance_that_are_named_are_marked() -> None:
-    radar_scan = GENERAL[0].scan("radar", SENSORS["radar"], 0.0)
-    before, after = np.eye(4), np.eye(4)
-    after[0, 2] = 0.3
-    shown = asymmetry_shown(FaultyStep("update", radar_scan, before, after))
-    assert set(shown.marked) == {(0, 2), (2, 0)}
-    assert [panel.role for panel in shown.panels] == ["before", "tracker", "tracker"]
-    assert shown.panels[2].values[0, 2] == pytest.approx(0.3)
-    after = np.diag([1.0, -0.2, 1.0, 1.0])
-    assert indefinite_shown(FaultyStep("prediction", radar_scan, before, after)).marked == ((1, 1),)
-    after = np.eye(4)
-    after[1, 3] = after[3, 1] = 1.5
-    assert set(indefinite_shown(FaultyStep("prediction", radar_scan, before, after)).marked) == {(1, 3), (3, 1)}
-
-
 def exhibit_of(part: Part, name: str) -> Any:
     """That of the first finding of an injected fault."""
     found = part(mutant_under_test(name)).findings[0]
@@ -317,35 +234,3 @@ def test_a_wrong_entry_of_the_jacobian_is_marked_beside_the_right_one() -> None:
     assert i == 1
     assert implied[i, j] == pytest.approx(-right[i, j], rel=1e-3)
     assert implied[[0, 2]] == pytest.approx(right[[0, 2]], abs=1e-3)
-
-
-def test_a_prediction_that_is_not_made_is_drawn_at_the_state_before() -> None:
-    shown = exhibit_of(motion_prediction, "missed_scan_not_predicted/plain_ekf/skipped")
-    assert isinstance(shown, Predictions)
-    assert shown.before is not None
-    assert shown.tracker.mean == pytest.approx(shown.before.mean)
-    assert shown.right.mean[:2] == pytest.approx(shown.before.mean[:2] + 1.0 * shown.before.mean[2:])
-
-
-def test_a_covariance_that_is_not_reduced_is_drawn_as_it_was_before() -> None:
-    shown = exhibit_of(covariance_update, "covariance_not_reduced/plain_ekf/update")
-    assert isinstance(shown, Covariances)
-    assert shown.right is not None
-    assert shown.tracker.covariance == pytest.approx(shown.before.covariance)
-    assert np.trace(shown.right.covariance) < 0.9 * np.trace(shown.before.covariance)
-
-
-def test_a_measurement_that_is_predicted_wrongly_is_marked() -> None:
-    shown = exhibit_of(expectation, "scale_error/plain_ekf/range_1.02")
-    assert isinstance(shown, Matrices)
-    used, right = (panel.values[:, 0] for panel in shown.panels)
-    assert shown.marked == ((0, 0),)
-    assert right[0] / used[0] == pytest.approx(1.02, rel=1e-3)
-
-
-def test_of_a_long_time_what_is_around_the_marked_interval_is_drawn() -> None:
-    time = np.linspace(0.0, 100.0, 1001)
-    svg = drawn(OverTime("A", "time, s", time, (Course("error, m", np.full(1001, 0.5)),), (40.0, 41.0)))
-    said = {text.text for text in svg.iter("text")}
-    assert {"35", "40", "45"} <= said
-    assert not said & {"0", "20", "60", "100"}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.doctor.faults import CORRECT
-from tests.support.doctor import Make, Part, correct_under_test, mutant, mutant_under_test, under_test, with_causes
+from tests.support.doctor import Make, Part, correct_under_test, mutant, mutant_under_test, under_test
 from tests.support.scenes import NOISE, tracker
 
 from trackbench.base.types import Scan
@@ -24,7 +24,7 @@ from trackbench.subjects.doctor.checks.process_noise import growth_by_noise
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.velocity import velocity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
-from trackbench.subjects.doctor.findings import Finding, PartResult, rank_findings
+from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probes, simplified
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -137,17 +137,6 @@ def test_a_constant_covariance_is_none_of_a_filter_that_forgets_to_reduce_it() -
     assert integers(tracker).findings == []
 
 
-def test_a_named_fault_explains_what_the_drives_show() -> None:
-    seen = [Finding("too_far_off", 0.85, ""), Finding("covariance_unbelievable", 0.85, "")]
-    named = rank_findings([*seen, Finding("velocity_not_kept", 0.95, "")])
-    assert with_causes(named) == [
-        ("velocity_not_kept", None),
-        ("too_far_off", "velocity_not_kept"),
-        ("covariance_unbelievable", "velocity_not_kept"),
-    ]
-    assert with_causes(rank_findings(seen)) == [("too_far_off", None), ("covariance_unbelievable", "too_far_off")]
-
-
 LATE_SENSORS = {
     "radar": Radar(
         rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.2, latency_s=[0.05, 0.2]
@@ -220,9 +209,3 @@ def test_who_raises_is_told_so_and_has_no_fault() -> None:
 def test_only_sensors_that_are_late_are_tried() -> None:
     assert examined(Clamped).checks == []
     assert examined(RawTracker, lidar=0.1).findings == []
-
-
-def test_a_late_sensor_of_the_scenario_is_tried_at_its_latency() -> None:
-    assert LATE_SENSORS["radar"].latency == (0.05, 0.2)
-    assert simplified(LATE_SENSORS["radar"]).latency == (0.0, 0.0)
-    assert np.ptp(LATE_SENSORS["lidar"].latency) == 0

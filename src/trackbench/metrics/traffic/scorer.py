@@ -25,9 +25,8 @@ from trackbench.metrics.traffic.without_truth import (
     score_without_truth,
     scores_without_truth,
 )
-from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.due import Due, unscored
-from trackbench.sensing.scans import IdealSensor
+from trackbench.sensing.scans import IdealSensor, Measurements
 from trackbench.trackers.answers import NO_TRACK, tracks_of_run
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
@@ -107,7 +106,7 @@ class TrackScorer:
         self,
         tracker: str,
         time: Array,
-        measurements: HiddenMeasurements,
+        measurements: Measurements,
         scenes: Sequence[SceneRuns],
         metrics: Sequence[Metric],
         options: TrafficScoreOptions,

@@ -1,0 +1,111 @@
+"""The tracks of one tracker of several objects with hidden identities: scored, and kept of the recorded run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from trackbench.base.types import Tracks
+from trackbench.driving.drive import DriveStep
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.metrics.protocol import Fault
+from trackbench.metrics.traffic import TrafficScoreOptions
+from trackbench.metrics.traffic.scorer import SceneRuns, TrackScorer
+from trackbench.runner.filed_run import FiledHistories
+from trackbench.runner.recorded import Outcome
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.scans import Measurements
+from trackbench.trackers.answers import NO_TRACK, TrackerFault, require_covariances
+from trackbench.truth.recorded.cycles import stretch_of
+
+NO_TRACKS_YET = "it had given no tracks; is it of one object? With hidden identities a scan has detections of all"
+
+
+class TrackScoring:
+    """Scores the tracks of a tracker, run by run, when it has taken all scans; those of a file at once.
+
+    Args:
+        work: what all blocks share.
+        pieces: the runs of each scene that it takes at once.
+        name: of the tracker.
+        measurements: of the runs of all pieces, one after the other.
+    """
+
+    def __init__(self, work: Work, pieces: Sequence[BlockRuns], name: str, measurements: Measurements) -> None:
+        self._work, self._name, self._piece, self._measurements = work, name, pieces[0], measurements
+        scene = work.scenes[self._piece.scene]
+        self._time = scene.truth.time[scene.due.steps]
+        options = TrafficScoreOptions(work.cutoff or 5.0, work.switch_costs)
+        ends, counted = self._stretches()
+        self._scorer = TrackScorer(
+            name, self._time, measurements, _scene_runs(work, pieces), work.metrics, options, ends, counted
+        )
+
+    def score(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
+        """Take in what the tracker says to a scan; ``predicted``: of a built-in one, the tracks of a run before it."""
+        self._scorer.take(step, predicted)
+
+    def keep(self, _: DriveStep[Tracks]) -> None:
+        """Nothing: the scorer keeps all tracks."""
+
+    def close(self) -> list[Outcome]:
+        """What it left behind of each piece.
+
+        Raises:
+            Fault: a track of a built-in tracker, whose answers are not checked step by step, is not finite.
+        """
+        if self._name in self._work.filed:
+            filed = FiledHistories(self._work, self._piece, self._name, self._measurements)
+            (scored,) = self._scorer.close(filed.of_run)
+            return [Outcome(*scored, offset=filed.offsets, filed=filed.counts)]
+        for instant, tracks in enumerate(self._scorer.tracks_at):
+            there = tracks.ids != NO_TRACK
+            total = tracks.mean.sum(axis=0) + tracks.covariance.sum(axis=(0, 1))
+            if not np.isfinite(total[there]).all():
+                try:
+                    require_covariances(tracks.ids[there], tracks.mean[:, there], tracks.covariance[:, :, there])
+                except TrackerFault as error:
+                    raise Fault(fault_of(error).cause, instant, None) from error
+        return [Outcome(*scored) for scored in self._scorer.close()]
+
+    def failed(self, instant: int) -> None:
+        """Nothing: no observer is told of tracks."""
+
+    def hint(self, fault: TrackFault) -> str:
+        """What an error before the first track may come of; empty where nothing speaks for it."""
+        none_yet = not any(len(tracks.ids) for tracks in self._scorer.tracks_at)
+        return NO_TRACKS_YET if none_yet and fault.kind == "raised" else ""
+
+    def place(self, member: int) -> tuple[None, int]:
+        """No object, and the run that a member of the batch is."""
+        return None, member
+
+    def _stretches(self) -> tuple[list[int], list[int]]:
+        """The instants before which the stretches of a log end, and the numbers of those that count."""
+        if not self._work.stretches:
+            return [], []
+        number = stretch_of(self._time, self._work.stretches)
+        ends = np.searchsorted(number, np.arange(self._work.stretches), side="right").tolist()
+        return ends, [stretch for scene, stretch in self._work.counted_stretches if scene == self._piece.scene]
+
+
+def _scene_runs(work: Work, pieces: Sequence[BlockRuns]) -> list[SceneRuns]:
+    scenes, first = list[SceneRuns](), 0
+    for piece in pieces:
+        scene, recorded = work.scenes[piece.scene], work.recorded_run - piece.runs.start
+        scenes.append(
+            SceneRuns(
+                scene.truth,
+                scene.scored,
+                scene.due,
+                scene.sensors,
+                piece.runs,
+                first,
+                work.number(piece.scene, piece.runs.start),
+                recorded if recorded in range(len(piece.runs)) else None,
+                piece.scene == work.recorded_scene,
+            )
+        )
+        first += len(piece.runs)
+    return scenes
