@@ -104,7 +104,7 @@ recorded: $(VENV)/.installed
 	$(BIN)/python docs/projects/udacity.py
 
 docs/scenario-file.md: $(VENV)/.installed
-	$(BIN)/python -m trackbench.scenario.docs > $@
+	$(BIN)/python -m trackbench.scenario.docs docs
 
 docs/command-line.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.cli.docs > $@

@@ -61,7 +61,11 @@ def test_they_run_in_one_process_and_in_two_with_the_same_numbers(strange: Path,
     ("old", "new", "message"),
     [
         ("time_constant_s: 3", "time_constant_ms: 3000", "use time_constant_s (seconds): 3"),
-        ("acceleration_sigma_mps2: 2, ", "", "missing: motion {motion}:Singer needs acceleration_sigma_mps2"),
+        (
+            "acceleration_sigma_mps2: 2, ",
+            "",
+            "acceleration_sigma_mps2: missing; standard deviation of",
+        ),
         (":Singer", ":Singr", "trackers.ekf.motion: module '{motion}' has no 'Singr': did you mean 'Singer'?"),
         (":Sonar", ":linalg", "'{sensor}:linalg' is no sensor: it must be a subclass of trackbench.models.sensors."),
         ("cars: 4", "cars: 40", "truth.cars: 40 is not possible: it must be at most 20"),

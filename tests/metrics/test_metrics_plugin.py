@@ -353,7 +353,7 @@ def test_metrics_of_traffic_are_listed(cli: Callable[..., Any]) -> None:
     listed = " ".join(cli("list", "metrics").out.split())
     for path in (*TRACK_METRICS, *DETECTION_METRICS):
         assert path in listed
-    page = (ROOT / "docs/scenario-file.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/scenario-file/expect.md").read_text(encoding="utf-8")
     assert "| `gospa` | m | yes |" in page
     assert "| `nees_inside` | 1 |  |" in page
 

@@ -188,13 +188,13 @@ def test_new_objects_have_the_density_of_objects_uniform_in_view(measures: tuple
 @pytest.mark.parametrize(
     ("measures", "message"),
     [
-        (["range", "azimut"], "Input should be 'range', 'azimuth' or 'range_rate'"),
+        (["range", "azimut"], "'azimut' is not known; did you mean 'azimuth'?"),
         (["range", "range"], "range is named twice; remove one"),
-        ([], "List should have at least 1 item"),
-        ("range", "Input should be a valid list"),
-        (["range", 3], "Input should be 'range', 'azimuth' or 'range_rate'"),
-        ([["range"]], "Input should be 'range', 'azimuth' or 'range_rate'"),
-        (None, "Input should be a valid list"),
+        ([], "must not be empty"),
+        ("range", "a list is needed, not 'range'"),
+        (["range", 3], "must be a word, not 3; choose from: range, azimuth, range_rate"),
+        ([["range"]], "must be a word, not a list; choose from: range, azimuth, range_rate"),
+        (None, "a list is needed, not nothing"),
     ],
 )
 def test_what_cannot_be_measured_is_refused(measures: Any, message: str) -> None:

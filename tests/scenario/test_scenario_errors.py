@@ -277,7 +277,6 @@ BAD = [
         "motion: ca, acceleration_sigma_mps2: 3",
         [
             "21: trackers.ekf.acceleration_sigma_mps2: motion ca does not use this; it uses jerk_sigma_mps3",
-            "21: trackers.ekf.jerk_sigma_mps3: missing: motion ca needs jerk_sigma_mps3",
         ],
     ),
     (
