@@ -106,7 +106,6 @@ class ObserverColumns(MotionColumns):
 
     path: Paths | None = Field(None, description="The file, of the same format; the truth's rows unless given.")
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
-    frame: str | None = Field(None, description="mcap, required there: the frame of the observer.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
     yaw_rate: str | None = Field(None, description="Rate of change of the heading; from the heading unless given.")
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
@@ -124,7 +123,6 @@ class TruthColumns(MotionColumns):
     With hidden identities it may be left out; then it is that of the displacement.
     """
 
-    topic: str | None = Field(None, description="mcap: the topic of the boxes; needed only where several have some.")
     time: str = Field(description="Time.")
     object: str | None = Field(None, description="Name of the object; all rows are of one object unless given.")
     heading: str | None = Field(
@@ -158,7 +156,6 @@ class MeasurementColumns(Config):
     __pydantic_extra__: dict[str, str] = Field(init=False)
 
     path: Paths | None = Field(None, description="The file, of the same format; that of the truth unless given.")
-    topic: str | None = Field(None, description="mcap: the topic of the detections; needed where several have some.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
     object: str | None = Field(
         None,

@@ -16,7 +16,7 @@ from trackbench.base.config import LIST, WORD, chosen_by, text_or_list
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
 
 #: The ending of the files of each format.
-ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet", "mcap": ".mcap"}
+ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet"}
 
 FileName = Annotated[str, Field(min_length=1)]
 Paths = Annotated[

@@ -20,7 +20,7 @@ from trackbench.base.files import require_regular
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
 from trackbench.truth.config.logs import BAG
-from trackbench.truth.recorded.mcap import LogPart, chosen_topic
+from trackbench.truth.formats.mcap import chosen_topic
 from trackbench.truth.recorded.rows import FROM_ZERO_S
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
@@ -123,7 +123,7 @@ class RosBag(TrafficFormat):
         try:
             with AnyReader([named.parent if named.name == BAG else file], default_typestore=default) as bag:
                 types = {item.topic: item.msgtype for item in bag.connections if item.msgtype in READERS}
-                topic = chosen_topic(types, READERS, LogPart("tracks", self.topic), file)
+                topic = chosen_topic(types, READERS, self.topic, file)
                 own = [item for item in bag.connections if item.topic == topic]
                 if types[topic] not in bag.typestore.types:
                     message = f"the definitions of {self.typestore} have no {types[topic]}, and the bag has none"

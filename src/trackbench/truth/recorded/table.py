@@ -33,15 +33,14 @@ from trackbench.truth.recorded.drive import (
     rows_of_each,
     slope,
 )
-from trackbench.truth.recorded.mcap import LogPart, log_columns
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
-from trackbench.truth.recorded.rows import Labels, Rows, require_rows, rows_of_columns
+from trackbench.truth.recorded.rows import Labels, Rows
 from trackbench.truth.recorded.scans import (
     column_measurements,
     columns_of,
     scans_of,
 )
-from trackbench.truth.recorded.table_files import read_table, require_columns
+from trackbench.truth.recorded.table_files import read_table
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
@@ -62,7 +61,7 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
     wanted += [columns.kind, *ignore, *(observer.stated.values() if observer is not None and not observer.path else ())]
     file = find_log(config.path, folder, "truth.path")
-    table = read_log(file, config.format, wanted, LogPart("boxes", columns.topic))
+    table = read_table(file, config.format, wanted)
     clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
     start, zones = clock.first, [*clock.notes]
     seconds = clock.since(start)
@@ -131,25 +130,11 @@ def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: 
     return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections, notes=tuple(zones))
 
 
-def read_log(file: Path, form: str, wanted: Sequence[str | None], part: LogPart) -> Rows:
-    """Return the columns of a file that are wanted; of MCAP those of a part.
-
-    Raises:
-        InputError: the file cannot be read or has no such column, or no row.
-    """
-    if form != "mcap":
-        return read_table(file, form, wanted)
-    columns = log_columns(file, part)
-    names = [name for name in dict.fromkeys(wanted) if name is not None]
-    require_columns(names, list(columns), file, None)
-    return require_rows(rows_of_columns(file, {name: columns[name] for name in names}))
-
-
 def _detections_of_file(
     name: str, entry: MeasurementColumns, columns: Sequence[str | None], config: RecordingOptions, folder: Path
 ) -> Rows:
     file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
-    return read_log(file, config.format, columns, LogPart("detections", entry.topic))
+    return read_table(file, config.format, columns)
 
 
 def _observer_of_file(
@@ -158,7 +143,7 @@ def _observer_of_file(
     """The observer's motion from a file of its own, whose column of times is ``time``, and lines about these times."""
     key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
     file = find_log(columns.path or "", folder, key)
-    table = read_log(file, config.format, [time, *columns.stated.values()], LogPart("frame", columns.frame))
+    table = read_table(file, config.format, [time, *columns.stated.values()])
     clock = table.times(time, config.units.factor("time", columns.units.get("time")))
     return observer_motion(table, columns, clock.since(start), config.units), [*clock.notes]
 
