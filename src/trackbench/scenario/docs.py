@@ -41,7 +41,6 @@ HEADINGS = {
     "VehicleObserver": "`observer` of recorded traffic as a vehicle",
     "ObserverColumns": "`columns.observer`",
     "ReferenceOptions": "`reference` of recorded boxes and motion",
-    "BoxRegion": "`region` as a rectangle",
     "Radar": "Radar",
     "Lidar": "Lidar",
     "FilterConfig": "A built-in filter",

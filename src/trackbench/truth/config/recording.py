@@ -13,7 +13,6 @@ from trackbench.base.errors import counted
 from trackbench.models.sensors import sensor_type
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.columns import (
-    POINTS,
     MeasurementColumns,
     ObserverColumns,
     ReferenceOptions,
@@ -232,7 +231,7 @@ class RecordingOptions(ReferenceTruth):
                 yield Problem(at, message)
 
     def _with_truth(self) -> Iterator[Rule]:
-        columns, point, is_table = self.columns, self.reference.point, self.format in TABLES
+        columns, is_table = self.columns, self.format in TABLES
         yield (
             ("ego",),
             self.ego is not None,
@@ -248,11 +247,6 @@ class RecordingOptions(ReferenceTruth):
             yield (key,), is_stated, f"format {self.format} has fixed columns and units; remove this"
         if columns is None:
             return
-        what = f"missing: which point of the box {columns.px} and {columns.py} are: {' | '.join(POINTS)}"
-        is_unknown = columns.length is not None and point is None
-        yield ("reference", "point"), is_unknown, what
-        is_turned = point not in (None, "centre") and columns.heading is None
-        yield ("columns", "heading"), is_turned, f"missing: along it the {point} is moved to the centre"
         is_classed = bool(self.reference.classes) and columns.kind is None
         yield ("columns", "class"), is_classed, "missing: the column of the class, for reference.classes"
         has_two = is_table and columns.observer is not None and "observer" in self.model_fields_set

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.errors import nearest_choices
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
@@ -33,7 +33,7 @@ from trackbench.truth.recorded.drive import (
     rows_of_each,
     slope,
 )
-from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
+from trackbench.truth.recorded.reference import LARGEST_M
 from trackbench.truth.recorded.rows import Labels, Rows
 from trackbench.truth.recorded.scans import (
     column_measurements,
@@ -55,23 +55,18 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     assert config.columns is not None
     assert config.path is not None
     columns, units = config.columns, config.units
-    observer, ignore = columns.observer, config.reference.ignore
+    observer = columns.observer
     inside = [entry for entry in config.measurements.values() if entry.path is None]
     wanted = [columns.time, columns.object, *columns.stated.values()]
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
-    wanted += [columns.kind, *ignore, *(observer.stated.values() if observer is not None and not observer.path else ())]
+    wanted += [columns.kind, *(observer.stated.values() if observer is not None and not observer.path else ())]
     file = find_log(config.path, folder, "truth.path")
     table = read_table(file, config.format, wanted)
     clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
     start, zones = clock.first, [*clock.notes]
     seconds = clock.since(start)
     _require_not_long(table, columns.time, seconds)
-    dropped = ignored_rows(table, ignore)
-    if dropped.all():
-        raise InputError("every row is a don't-care box, so there is no object", key="truth.reference.ignore")
-    own = table.only(~dropped) if dropped.any() else table
-    motions, order = _motions(own, columns, seconds[~dropped], config)
-    boxes = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
+    motions, order = _motions(table, columns, seconds, config)
     moving = None
     if observer is not None and observer.path is not None:
         moving, added = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
@@ -82,7 +77,7 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     logs: dict[str, Log] = {}
     detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
-        source, unlabelled = own, config.unlabelled(name)
+        source, unlabelled = table, config.unlabelled(name)
         if entry.path is not None:
             needed = columns_of(entry) if unlabelled else _own(entry, columns)
             source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
@@ -98,13 +93,12 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
     classes: dict[str, str] = {}
     if columns.kind is not None:
-        names, number = _objects(own, columns)
+        names, number = _objects(table, columns)
         first = np.unique(number, return_index=True)[1].tolist()
-        kinds_of_rows = own.labels(columns.kind, optional=True)
+        kinds_of_rows = table.labels(columns.kind, optional=True)
         classes = {name: kinds_of_rows.names[kinds_of_rows.number[row]] for name, row in zip(names, first, strict=True)}
     read = {"file": table.file.name, "rows": len(table)}
-    frames = np.unique(seconds)
-    return Drive(motions, order, moving, logs, read, detections, frames, boxes, classes, start, tuple(zones))
+    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), classes, start, tuple(zones))
 
 
 def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
@@ -189,10 +183,7 @@ def _motions(
     kept, order = row_order(seconds, owner)
     members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
     value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
-    motions = {
-        name: moved_to_centre(Motion(seconds[own], **{key: v[own] for key, v in value.items()}), config)
-        for name, own in members.items()
-    }
+    motions = {name: Motion(seconds[own], **{key: v[own] for key, v in value.items()}) for name, own in members.items()}
     if columns.without_velocity:
         motions = {name: _by_displacement(motion) for name, motion in motions.items()}
     return motions, order
