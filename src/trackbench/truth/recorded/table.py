@@ -98,7 +98,18 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         kinds_of_rows = table.labels(columns.kind, optional=True)
         classes = {name: kinds_of_rows.names[kinds_of_rows.number[row]] for name, row in zip(names, first, strict=True)}
     read = {"file": table.file.name, "rows": len(table)}
-    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), classes, start, tuple(zones))
+    return Drive(
+        motions,
+        order,
+        moving,
+        logs,
+        read,
+        detections,
+        np.unique(seconds),
+        kinds=classes,
+        start=start,
+        notes=tuple(zones),
+    )
 
 
 def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
