@@ -229,20 +229,6 @@ def test_every_second_stretch_has_the_scores_that_it_has_among_all(tmp_path: Pat
     np.testing.assert_array_equal(sums(held_out), sums(truth)[1:])
 
 
-def test_a_pattern_names_logs_in_the_order_of_their_names(tmp_path: Path) -> None:
-    file = write(tmp_path)
-    for name in ("b", "a"):
-        for kind in ("boxes", "radar"):
-            (tmp_path / f"{name}_{kind}.csv").write_text((tmp_path / f"{kind}.csv").read_text())
-    text = file.read_text().replace("path: boxes.csv", "path: '*_boxes.csv'").replace("radar.csv", "'[ab]_radar.csv'")
-    file.write_text(text)
-    scenes = load_scenario(file).config.truth.scenes()
-    assert [scene.scene_name for scene in scenes] == ["a_boxes", "b_boxes"]
-    file.write_text(text.replace("*_boxes", "*_boxen"))
-    with pytest.raises(InputError, match=r"truth.path: .*where there must be|no file has a name like \*_boxen.csv"):
-        truths_of(load_scenario(file))
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

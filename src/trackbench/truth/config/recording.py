@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr
 
 from trackbench.base.config import Angle, Config, KeyPath, Name, Positive, Problem
 from trackbench.base.errors import counted
@@ -19,7 +18,7 @@ from trackbench.truth.config.columns import (
     TruthColumns,
     Units,
 )
-from trackbench.truth.config.logs import Paths, files_of, log_names
+from trackbench.truth.config.logs import Paths, log_names
 from trackbench.truth.jumps import Position, Velocity
 
 
@@ -84,9 +83,8 @@ class RecordingOptions(ReferenceTruth):
     )
     path: Paths | None = Field(
         None,
-        description="The file; of several logs a list of files, a folder whose files of the format are taken in the "
-        "order of their names, or a pattern such as logs/*_boxes.csv. Each log is a scene; other files are then lists, "
-        "folders or patterns too, one file for each log in the same order. A relative path starts in the scenario's "
+        description="The file; of several logs a list of files. Each log is a scene; other files are then lists "
+        "too, one file for each log in the same order. A relative path starts in the scenario's "
         "folder, or in the working directory; environment variables such as $TRACKBENCH_DATA are filled in. csv and "
         "parquet: may be left out where the identities are hidden; then there is no truth, and every sensor's "
         "measurements have a file of their own.",
@@ -106,21 +104,6 @@ class RecordingOptions(ReferenceTruth):
     _log_name: str = PrivateAttr("")
     _hidden: bool = PrivateAttr(False)
     _every: slice = PrivateAttr(slice(None))
-
-    @model_validator(mode="before")
-    @classmethod
-    def _folders(cls, data: Any, info: ValidationInfo) -> Any:
-        folder = (info.context or {}).get("folder", Path())
-        form = data.get("format") if isinstance(data, dict) else None
-
-        def opened(node: Any) -> Any:
-            if not isinstance(node, dict):
-                return node
-            return {
-                key: files_of(value, folder, form) if key == "path" else opened(value) for key, value in node.items()
-            }
-
-        return opened(data)
 
     @property
     def scene_name(self) -> str:
