@@ -13,7 +13,6 @@ from trackbench.base.types import Array, Mask, Truth
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.config.traffic import BoxesOptions
-from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import with_scored_region
@@ -86,9 +85,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
     if config.stretches is not None:
         require_long_enough(truth, {}, config.stretches)
-    contradiction = contradicted_velocity(rows)
-    notes = [*([", ".join(rows.notes)] if rows.notes else []), *([contradiction] if contradiction else [])]
-    return truth, tuple(f"truth: {note}" for note in notes)
+    return truth, (f"truth: {', '.join(rows.notes)}",) if rows.notes else ()
 
 
 def _without_rounding(time: Array) -> Array:

@@ -13,8 +13,6 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.report.sentences import made_elsewhere
 from trackbench.truth.formats.geographic import GeographicOrigin
-from trackbench.truth.own_velocity import contradicted_velocity
-from trackbench.truth.tracks import TrackRows
 
 
 def cars(seconds: float = 20) -> pd.DataFrame:
@@ -92,36 +90,6 @@ def test_tracks_of_other_traffic_are_of_this_recording(tmp_path: Path) -> None:
     result = scored(tmp_path, pd.concat([noisy(truth, 9), *others]), truth)
     assert result["tracks"].matched_share.value > 0.9
     assert remarks(result) == ()
-
-
-@pytest.mark.parametrize(
-    ("factor", "words"), [(3.6, "km/h"), (2.23694, "mph"), (0.2778, "check the units"), (3e3, "are x and y degrees")]
-)
-def test_speeds_that_are_not_those_of_the_positions(tmp_path: Path, factor: float, words: str) -> None:
-    rows = noisy(cars(), 3)
-    (remark,) = remarks(scored(tmp_path, rows.assign(vx=factor * rows.vx, vy=factor * rows.vy)))
-    assert words in remark
-
-
-def test_velocities_of_a_turned_frame(tmp_path: Path) -> None:
-    rows = noisy(cars(), 4)
-    (remark,) = remarks(scored(tmp_path, rows.assign(vx=-rows.vy, vy=rows.vx)))
-    assert "+90 degrees" in remark
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_noisy_tracks_contradict_nothing(seed: int) -> None:
-    rows = noisy(cars(), seed, sigma=1.5)
-    columns = (rows[name].to_numpy() for name in ("time", "x", "y", "vx", "vy"))
-    assert contradicted_velocity(TrackRows(rows.id.astype(str).tolist(), *columns)) is None
-
-
-def test_tracks_of_every_built_in_tracker_contradict_nothing(tmp_path: Path) -> None:
-    own = tb.run(tb.load("traffic/intersection", {"truth.duration_s": 20}, runs=1))
-    tracks = own.to_pandas("tracks")
-    for (name, _), rows in tracks.groupby(["tracker", "scene"]):
-        columns = (rows[key].to_numpy() for key in ("time_s", "px_m", "py_m", "vx_mps", "vy_mps"))
-        assert contradicted_velocity(TrackRows(rows.track.astype(str).tolist(), *columns)) is None, name
 
 
 def degrees(rows: pd.DataFrame, east: float = 0.0) -> pd.DataFrame:
