@@ -31,8 +31,8 @@ from trackbench.truth.tracks import (
 LARGEST = 20_000_000
 
 
-def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Truth, tuple[str, ...]]:
-    """Return the truth, and lines on how the file was read and on what contradicts itself in it.
+def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
+    """Return the truth that boxes are.
 
     Args:
         config: the ``truth`` of a scenario.
@@ -85,7 +85,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
     if config.stretches is not None:
         require_long_enough(truth, {}, config.stretches)
-    return truth, (f"truth: {', '.join(rows.notes)}",) if rows.notes else ()
+    return truth
 
 
 def _without_rounding(time: Array) -> Array:

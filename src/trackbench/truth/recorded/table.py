@@ -63,14 +63,13 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     file = find_log(config.path, folder, "truth.path")
     table = read_table(file, config.format, wanted)
     clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
-    start, zones = clock.first, [*clock.notes]
+    start = clock.first
     seconds = clock.since(start)
     _require_not_long(table, columns.time, seconds)
     motions, order = _motions(table, columns, seconds, config)
     moving = None
     if observer is not None and observer.path is not None:
-        moving, added = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
-        zones += added
+        moving = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
     elif observer is not None:
         _require_one_pose_a_time(table, observer, seconds)
         moving = observer_motion(table, observer, seconds, units)
@@ -83,7 +82,6 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
             source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
         unit = entry.units.get("time", columns.units.get("time"))
         measured = source.times(entry.time or columns.time, units.factor("time", unit))
-        zones += measured.notes if entry.path is not None else ()
         times = measured.since(start) + entry.time_offset_s
         if unlabelled:
             detections[name] = scans_of(source, entry, times, units, kinds[name])
@@ -98,18 +96,7 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         kinds_of_rows = table.labels(columns.kind, optional=True)
         classes = {name: kinds_of_rows.names[kinds_of_rows.number[row]] for name, row in zip(names, first, strict=True)}
     read = {"file": table.file.name, "rows": len(table)}
-    return Drive(
-        motions,
-        order,
-        moving,
-        logs,
-        read,
-        detections,
-        np.unique(seconds),
-        kinds=classes,
-        start=start,
-        notes=tuple(zones),
-    )
+    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), kinds=classes, start=start)
 
 
 def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
@@ -122,7 +109,6 @@ def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: 
     for name, entry in config.measurements.items():
         tables[name] = _detections_of_file(name, entry, columns_of(entry), config, folder)
         clocks[name] = tables[name].times(entry.time or "", config.units.factor("time", entry.units.get("time")))
-    zones = [note for clock in clocks.values() for note in clock.notes]
     start, moving = min(clock.first for clock in clocks.values()), None
     detections = {}
     for name, entry in config.measurements.items():
@@ -130,9 +116,8 @@ def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: 
         _require_not_long(tables[name], entry.time or "", seconds)
         detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, config.units, kinds[name])
     if config.ego is not None:
-        moving, added = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
-        zones += added
-    return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections, notes=tuple(zones))
+        moving = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
+    return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections)
 
 
 def _detections_of_file(
@@ -144,13 +129,13 @@ def _detections_of_file(
 
 def _observer_of_file(
     columns: ObserverColumns, time: str, config: RecordingOptions, folder: Path, start: Decimal
-) -> tuple[Motion, list[str]]:
-    """The observer's motion from a file of its own, whose column of times is ``time``, and lines about these times."""
+) -> Motion:
+    """The observer's motion from a file of its own, whose column of times is ``time``."""
     key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
     file = find_log(columns.path or "", folder, key)
     table = read_table(file, config.format, [time, *columns.stated.values()])
     clock = table.times(time, config.units.factor("time", columns.units.get("time")))
-    return observer_motion(table, columns, clock.since(start), config.units), [*clock.notes]
+    return observer_motion(table, columns, clock.since(start), config.units)
 
 
 def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
