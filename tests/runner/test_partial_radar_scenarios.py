@@ -291,7 +291,7 @@ def test_an_imm_and_a_pmb_on_a_log_score_as_on_the_simulation_it_is_of(tmp_path:
     file.write_text(yaml.safe_dump(hidden({"front": front}, trackers, 1)), encoding="utf-8")
     original = load_scenario(file)
     simulated = run_scenario(original, truths_of(original))
-    log = load_scenario(write_scenes(tmp_path, original, reference={"point": "centre"})[0])
+    log = load_scenario(write_scenes(tmp_path, original)[0])
     recorded = run_scenario(log, truths_of(log))
     for name in trackers:
         assert recorded[name].metrics["matched_share"].value > 0.95

@@ -125,7 +125,7 @@ def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
     if isinstance(truth, RecordingTruth) and truth.without_truth:
         yield Problem(("score", "point"), "there is no truth, of which a point could be scored")
     columns, assumed = getattr(truth, "columns", None), {"length_m", "width_m"} - truth.model_fields_set
-    if isinstance(truth, RecordingOptions) and truth.format != "mcap" and not truth.without_truth:
+    if isinstance(truth, RecordingOptions) and not truth.without_truth:
         missing = [name for name in sorted(assumed) if getattr(columns, name.removesuffix("_m"), None) is None]
         if missing:
             keys = " and ".join(f"truth.{name}" for name in missing)
