@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 from tests.subjects.envelope.conftest import SMALL
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.scenario.load import scenario_of
 from trackbench.subjects.envelope.axes import MapAxis, axes_of, between, overrides, point_distance, start_points
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
 from trackbench.subjects.envelope.mapping import refined
@@ -71,11 +68,6 @@ def test_between_is_half_way(a: float, b: float) -> None:
     else:
         assert point is not None
         assert LOG.share(point[0]) == pytest.approx((LOG.share(x) + LOG.share(y)) / 2, abs=1e-4)
-
-
-def test_nothing_lies_between_choices_or_values() -> None:
-    assert between([WORLDS], ("ideal",), ("human",), 0.01) is None
-    assert between([RATES], (5,), (20,), 0.01) is None
 
 
 def square(**block: Any) -> tuple[EnvelopeConfig, list[MapAxis]]:
@@ -152,11 +144,6 @@ def test_what_is_no_envelope_is_refused(block: dict[str, Any], key: str, message
     assert message in caught.value.message
 
 
-def test_an_axis_is_checked_by_itself() -> None:
-    with pytest.raises(ValidationError):
-        Axis.model_validate({"key": "a.b", "values": [1, 1]})
-
-
 SCENARIO = {
     "name": "small",
     "truth": {
@@ -200,10 +187,3 @@ def test_it_is_what_the_scenario_says_or_its_default(axis, own):
     loaded = tb.load(SCENARIO | {"envelope": {"axes": {"a": axis}}})
     (value,) = base_point(loaded, axes_of(loaded.config.envelope))
     assert value == own
-
-
-@pytest.mark.parametrize(("stated", "own"), [(None, "human"), ("typical", "typical")])
-def test_without_a_world_the_first_of_the_worlds_is_the_base(stated, own):
-    text = tb.load("envelope/sensor_quality").text.replace("choices: [ideal, human,", "choices: [human, ideal,")
-    loaded = scenario_of(text.replace("world: ideal\n", f"world: {stated}\n" if stated else ""), Path("x.yaml"), [])
-    assert base_point(loaded, axes_of(loaded.config.envelope)) == [own, 0.5, 10.0]
