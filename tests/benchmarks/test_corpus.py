@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
-import subprocess
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.faults.corpus import KINDS, SETS, Fault, Program, bases, faults, replaced, sound
+from benchmarks.faults.corpus import SETS, Program, bases, faults, sound
 
 from trackbench.base.types import FieldOfView, Scan
-from trackbench.subjects.doctor.findings import known_faults
 
 NAMES = sorted(file.parent.name for file in SETS.glob("*/faults.yaml"))
 #: Programs that fail after more than five scans.
@@ -71,32 +68,3 @@ def test_every_program_answers_five_scans_and_the_sound_ones_are_near_the_target
         assert last is not None or program.identities == "hidden", program.module
         if program.kind == "sound" and program.identities == "known":
             np.testing.assert_allclose(last[0][:2], [20.0, 5.0], atol=1.0, err_msg=program.module)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_fault_is_of_a_kind_and_its_names_are_known_or_marked(name: str) -> None:
-    known, text = known_faults(), (SETS / name / "faults.yaml").read_text(encoding="utf-8")
-    programs = faults(name)
-    for program in programs:
-        assert program.kind in KINDS
-        assert program.entry.source.startswith("https://"), program.module
-        assert program.lines, program.module
-        for fault in program.accept:
-            marked = re.search(rf"accept: .*\b{fault}\b.*#", text)
-            assert fault in known or marked, f"{program.module}: {fault} is not known, and has no comment"
-    modules = [program.module for program in [*programs, *sound(name), *bases(name)]]
-    assert len(set(modules)) == len(modules)
-
-
-def test_the_parts_are_found_where_only_the_folder_of_the_benchmarks_is_on_the_path(tmp_path: Path) -> None:
-    code = f"import sys; sys.path.insert(0, {str(SETS.parent)!r}); import faults.corpus; import benchmarks.faults.parts"
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
-
-
-def test_a_replacement_says_which_lines_differ_and_wants_its_text_once() -> None:
-    entry = Fault(
-        "x", "b", "single", "", "", [{"old": "c = 3", "new": "c = 4\nd = 5"}, {"old": "a", "new": "c = 3"}], []
-    )
-    assert replaced("a\nb\nc = 3\n", entry) == ("c = 3\nb\nc = 4\nd = 5\n", {1, 3, 4})
-    with pytest.raises(ValueError, match="has 2 times: a"):
-        replaced("a\na\nc = 3\n", entry)

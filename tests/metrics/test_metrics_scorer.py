@@ -1,6 +1,5 @@
 """Scores of hand-made estimates, and of blocks that are merged."""
 
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -235,20 +234,6 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, mon
         for sensor in SENSORS:
             a, b = found.nis[sensor].per_run, expected[name].scores.nis[sensor].per_run
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
-
-
-def test_of_what_a_step_computed_no_more_is_kept_than_is_scored():
-    of = target(np.zeros((4, 3, 1)), 2)
-    nowhere = np.zeros((2, 3, 1))
-    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3}, measured=lambda here: nowhere[:, here])
-    computed = np.zeros((9, 2))
-    left = weakref.ref(computed)
-    given = estimate(computed[:4], whitened_innovation=computed[4:6])
-    waits.scan(0, scan("lidar", 0.0, np.zeros((2, 2))), given)
-    waits.estimate(given)
-    del computed, given
-    assert left() is None
-    assert waits.waits
 
 
 def test_the_time_of_a_step_is_that_of_one_run():

@@ -125,13 +125,6 @@ def test_scenes_of_different_length_are_added_instant_by_instant():
     assert both.due.shape == (4,)
 
 
-def test_the_first_scene_may_be_the_shortest():
-    whole = scenes(2, 2)
-    both = merge([run_block(whole, piece).outcomes["raw"].scores for piece in whole.pieces()])
-    assert both.spread.shape == (2, len(whole.scenes[1].instants()))
-    assert np.isnan(both.spread[:, -1]).all()
-
-
 @pytest.mark.parametrize(("share", "alone", "better"), [(0.05, 0.3, "a"), (0.2, 0.15, "a"), (0.2, 0.05, None)], ids=str)
 def test_nobody_is_better_for_what_the_other_is_charged_with_alone(share, alone, better):
     spread = 1e-3 * (-1.0) ** np.arange(50)

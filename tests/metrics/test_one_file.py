@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.support.places import ROOT
 
 from trackbench.base.errors import InputError
 from trackbench.compare import compare_results, find_results
 from trackbench.compare.limits import Limit
-from trackbench.metrics import BUILT_IN
-from trackbench.metrics.built_in import metrics_in
 from trackbench.results import Result
 from trackbench.scenario import load_scenario
 
@@ -97,34 +93,6 @@ def test_it_can_be_tuned_for(
     found = json.loads(next(tmp_path.glob("*.json")).read_text(encoding="utf-8"))
     assert found["objective"] == name
     assert name in {item["metric"] for tracker in found["trackers"] for item in tracker["held_out"]}
-
-
-def test_the_list_and_the_reference_have_the_built_in_ones(cli: Callable[..., Any]) -> None:
-    listed = " ".join(cli("list", "metrics").out.split())
-    assert all(metric.meaning in listed for metric in BUILT_IN)
-
-
-def test_a_built_in_one_is_a_file_that_no_other_names() -> None:
-    source = ROOT / "src" / "trackbench"
-    own = source / "metrics" / "built_in" / "with_own_sums.py"
-    words = re.compile(r"position_p95|PositionP95|VelocityP95|built_in\.with_own_sums")
-    assert words.search(own.read_text(encoding="utf-8"))
-    others = [file for file in source.rglob("*.py") if file != own]
-    assert [file for file in others if words.search(file.read_text(encoding="utf-8"))] == []
-
-
-def test_a_file_in_the_folder_of_built_in_ones_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "strangers").mkdir()
-    (tmp_path / "strangers" / "__init__.py").touch()
-    (tmp_path / "strangers" / "nearness.py").write_text(CODE, encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    (metric,) = metrics_in([str(tmp_path / "strangers")], "strangers")
-    assert metric.name == "near"
-    assert [type(item).__module__.rpartition(".")[2] for item in BUILT_IN[-6:]] == [
-        "basic",
-        "step_time",
-        *["with_own_sums"] * 4,
-    ]
 
 
 TRACKS = """

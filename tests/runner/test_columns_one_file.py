@@ -71,15 +71,3 @@ def test_tracks_have_the_column(tmp_path: Path) -> None:
     (tmp_path / "lanes.yaml").write_text(SCENARIO, encoding="utf-8")
     tracks = tb.run(tmp_path / "lanes.yaml").to_pandas("tracks")
     np.testing.assert_array_equal(tracks["speed_mps"], np.hypot(tracks["vx_mps"], tracks["vy_mps"]))
-
-
-def test_units_are_those_in_which_the_names_end() -> None:
-    units = {column.name: column.unit for table in (*HIDDEN.values(), *LABELLED.values()) for column in table.columns}
-    assert {name: units[name] for name in ("time_s", "yaw_rate_radps", "acceleration_mps2", "course_rmse_deg")} == {
-        "time_s": "s",
-        "yaw_rate_radps": "rad/s",
-        "acceleration_mps2": "m/s^2",
-        "course_rmse_deg": "deg",
-    }
-    assert (units["p_00"], units["p_02"], units["p_33"], units["cost_m2"]) == ("m^2", "m^2/s", "m^2/s^2", "m^2")
-    assert (units["tracker"], units["count"]) == ("", "1")

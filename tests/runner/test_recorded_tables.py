@@ -153,15 +153,6 @@ def test_missing_column_names_the_nearest(file: Path) -> None:
     assert caught.value.file == file
 
 
-def test_file_without_rows_is_refused(file: Path) -> None:
-    if file.suffix == ".csv":
-        write(file, [])
-    else:
-        pq.write_table(pa.table({name: pa.array([], pa.float64()) for name in HEAD}), file)
-    with pytest.raises(InputError, match="no row of data"):
-        load(file)
-
-
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
@@ -180,20 +171,6 @@ def test_damaged_csv_is_refused_with_its_line(tmp_path: Path, text: str, line: i
     with pytest.raises(InputError, match=message) as caught:
         load(file, columns=names, readings={})
     assert (caught.value.file, caught.value.line) == (file, line)
-
-
-def test_file_that_is_not_parquet_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "log.parquet"
-    file.write_text("t_ms,who\n1,a\n")
-    with pytest.raises(InputError, match="not a Parquet file"):
-        load(file)
-
-
-def test_text_where_parquet_needs_numbers_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "log.parquet"
-    write(file, changed(0, "x_km", "north")[:1])
-    with pytest.raises(InputError, match="row 1: x_km is not a finite number: 'north'"):
-        load(file)
 
 
 @pytest.mark.parametrize(

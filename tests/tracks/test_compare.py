@@ -51,16 +51,6 @@ def test_a_result_is_the_same_as_itself(cli: Callable[..., Any], traffic_folder:
     assert "4 of 4 limits kept" in done.out
 
 
-def test_more_runs_of_the_same_change_nothing(traffic_result: Result, traffic_text: str, tmp_path: Path) -> None:
-    (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
-    more = tb.run(tb.load(tmp_path / "three_cars.yaml", runs=5))
-    for item in compare_results(
-        [traffic_result, more], metrics=["gospa", "hota", "id_switches", "position_rmse"]
-    ).differences:
-        assert item.paired_runs == 3
-        assert item.identical
-
-
 def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
     page = document_text(comparison_document(compare_results([[traffic_result, other]]), times=True))

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
 from tests.support.recorded_log import write_table
 
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
-from trackbench.cli.commands import cli
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS
 from trackbench.runner.loop import run_block
 from trackbench.runner.recorded import Outcome
@@ -145,12 +143,6 @@ def test_a_dont_care_box_is_of_no_object_and_lasts_half_way_to_the_next_rows(tmp
 def test_values_to_ignore_are_compared_as_numbers_where_they_are(tmp_path: Path, conf: Any) -> None:
     rows = [*boxes(TIMES), *(box(float(t), "", 79, 0, conf=conf) for t in TIMES)]
     assert statuses(write(tmp_path, rows, reference={"ignore": {"conf": [0]}}))["far"] == OPTIONAL
-
-
-def test_dont_care_rows_without_a_place_or_a_size_cover_nothing(tmp_path: Path) -> None:
-    extra = [[float(t), -1, "DontCare", 1, "", -1000, "", "", -10, -1, -1] for t in TIMES]
-    file = write(tmp_path, boxes(TIMES) + extra, reference={"ignore": {"type": ["DontCare"]}})
-    assert statuses(file) == dict.fromkeys(OBJECTS, DUE)
 
 
 def test_an_object_is_absent_in_a_gap(tmp_path: Path) -> None:
@@ -367,11 +359,6 @@ def test_a_log_most_of_which_is_outside_the_truth_is_refused(tmp_path: Path) -> 
         InputError, match=r"only \d+ of \d+ measurements of radar \(from 0 to 30 s\) lie within the time"
     ):
         truth_in(write(tmp_path, radar=slow))
-
-
-def test_what_worlds_cannot_do_is_one_line(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["run", str(write(tmp_path)), "--worlds", "typical"], standalone_mode=False)
-    assert "none, for its measurements are recorded" in str(done.exception) + done.output
 
 
 def test_within_a_polygon_that_is_not_convex() -> None:

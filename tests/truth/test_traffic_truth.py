@@ -182,11 +182,6 @@ def test_who_is_parked_has_no_heading_from_noise(tmp_path: Path) -> None:
     assert not truth.observer.yaw.any()
 
 
-def test_another_separator_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("time;id;x;y\n0;a;0;0\n0.1;a;1;0\n")
-    assert "separated by ';'" in refusal(tmp_path, format="csv", path="a.csv", observer={"vehicle": "a"})
-
-
 @pytest.mark.parametrize("smoothing", [None, SMOOTHING])
 def test_speeds_in_another_unit_are_refused(tmp_path: Path, smoothing: dict[str, Any] | None) -> None:
     table = pd.read_csv(write_csv(tmp_path))
@@ -323,11 +318,6 @@ def test_the_intervals_of_a_run_do(
         assert value.ci95[0] ** 2 == pytest.approx(max(before.ci95[0] ** 2 - added, 0))
     for path in ("gospa_missed", "hota", "gospa_switch") if identities == "hidden" else ():
         assert carried["ekf"].metrics[path] == exact["ekf"].metrics[path]
-
-
-def test_other_truths_are_exact() -> None:
-    """Their intervals are as they were."""
-    assert tb.truth("scripted/figure_eight").recorded_noise == EXACT
 
 
 def run_recorded(name: str, *overrides: str) -> Result:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.drivers import fit as fitting
-from benchmarks.drivers import page, recorded, statistics
+from benchmarks.drivers import recorded
 from benchmarks.drivers.recorded import Window
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
@@ -281,11 +281,6 @@ def test_steady_drivers_have_the_key_and_the_motion_that_they_had() -> None:
     assert truth.observer.py[-1] == pytest.approx(STEADY_OBSERVER_Y, abs=1e-9)
 
 
-def test_the_drivers_are_in_the_key() -> None:
-    files = {simulated.cache_file(changed("highway", drivers=each)) for each in ("steady", "human")}
-    assert len(files) == 2
-
-
 @pytest.mark.parametrize(
     ("truth", "message"),
     [
@@ -321,17 +316,6 @@ def shaken(acceleration_mps2: float, mean_mps: float = 5.0) -> Window:
     return Window(mean_mps + acceleration_mps2 * time, 0.1 * time)
 
 
-def test_accelerations_are_taken_away_from_the_ends_of_a_window() -> None:
-    random = np.random.default_rng(1)
-    weight = 0.01 / (recorded.DT**2 * sum(k**2 for k in range(-10, 11)))
-    noisy = [Window(0.1 * random.standard_normal(recorded.SAMPLES), None) for _ in range(400)]
-    slopes = np.array([statistics.acceleration(window) for window in noisy])
-    assert slopes.shape == (400, recorded.SAMPLES - 20)
-    # The variance of the slope of a line through 21 points; at an end of the window it would be 15 times as large.
-    assert slopes.var(axis=0) == pytest.approx(np.full(81, weight), rel=5 * math.sqrt(2 / 400))
-    assert statistics.of([shaken(0.4)])["rms"] == pytest.approx(0.4)
-
-
 def test_the_size_that_meets_the_recorded_rms_has_its_closed_form() -> None:
     ratio = fitting.SIMULATED[1]
     # RMS in proportion to the size: 0.2 m/s^2 at that of human.
@@ -351,21 +335,3 @@ def test_the_size_that_is_nearest_in_all_ranges_has_its_closed_form() -> None:
     assert found.size == pytest.approx(HUMAN.acceleration_rms_mps2 * math.sqrt(1.3))
     assert found.off == pytest.approx(math.log(1.3) / 2)
     assert found.value == HUMAN.acceleration_full_mps
-
-
-def test_the_interval_of_the_size_holds_that_of_single_seeds() -> None:
-    seeds = (0.1, 0.2, 0.3)
-    low, high = ([[shaken(times * rms)] for rms in seeds] for times in fitting.SIMULATED)
-    size = fitting.sizes([shaken(0.2)], (low, high), leaders=1)[0]
-    met = [0.2 / rms * HUMAN.acceleration_rms_mps2 for rms in (0.3, math.sqrt(np.mean(np.square(seeds))), 0.1)]
-    assert [size.least, size.value, size.most] == pytest.approx(met)
-
-
-def test_what_the_page_says_of_the_recorded_traffic_comes_from_the_files() -> None:
-    if not recorded.FOLDER.is_dir():
-        pytest.skip("needs TRACKBENCH_DATA")
-    fit = json.loads((ROOT / "results" / "drivers" / "fit.json").read_text(encoding="utf-8"))
-    for column, windows in (("I-80, fitted", recorded.i80(0)), ("I-80, held back", recorded.i80(1))):
-        assert page.rounded(statistics.of(windows)) == fit["statistics"][column]
-    assert page.rounded(statistics.of(recorded.us101())) == fit["statistics"]["US-101"]
-    assert recorded.overlaps() == fit["overlaps"]

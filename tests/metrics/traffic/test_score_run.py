@@ -27,12 +27,6 @@ def associations_of(truth: TruthHistory, tracks: TrackHistory, origin: object) -
     return Associations(np.arange(len(truth.time)), tracks.ids, np.asarray(origin), every)
 
 
-def test_every_metric_of_the_table_is_computed() -> None:
-    truth, tracks = random_histories(np.random.default_rng(0), 30, 4, 5, 20.0)
-    nothing = associations_of(truth, tracks, np.where(tracks.ids >= 0, FALSE_ALARM, NO_DETECTION))
-    assert set(score_run(truth, tracks, associations=nothing).values) == set(TRACK_METRICS)
-
-
 def test_perfect_tracks() -> None:
     truth = truth_of(np.tile([0.0, 20.0], (10, 1)))
     tracks = tracks_of(truth.state[0])
@@ -262,34 +256,6 @@ def test_events_account_for_all_that_gospa_finds_missed_and_false(seed: int, spr
     assert sum(event.kind == "fragmented" for event in scores.events) == scores.values["fragmentations"][0]
     assert sum(event.kind == "switched" for event in scores.events) == scores.values["id_switches"][0]
     assert [event.instant for event in scores.events] == sorted(event.instant for event in scores.events)
-
-
-def test_a_track_too_far_for_clear_and_near_enough_for_gospa_costs_nothing_as_an_event() -> None:
-    scores = score_run(truth_of([[0.0]] * 8), tracks_of([[0.0]] * 2 + [[3.0]] * 6))
-    assert {event.kind: event.cost for event in scores.events} == {"born": 0, "confirmed": 0, "lost": 0, "false": 0}
-    assert scores.values["gospa_localisation"][0] == pytest.approx(6 * 9.0)
-
-
-def test_of_two_tracks_on_an_object_the_one_that_clear_finds_false_has_the_cost() -> None:
-    # The first track keeps the object in CLEAR; in GOSPA the second one has it, which is nearer.
-    truth = truth_of([[0.0]] * 8)
-    scores = score_run(truth, tracks_of([[0.0, NAN]] * 2 + [[2.0, 0.5]] * 6))
-    (event,) = [event for event in scores.events if event.cost]
-    assert (event.kind, event.track, event.cost) == ("false", 1, 6 * 12.5)
-
-
-def test_what_gospa_alone_leaves_over_is_an_event_too() -> None:
-    # All tracks move on by 2.5 m, where the next object is: CLEAR keeps five pairs, GOSPA makes four without an error.
-    x = np.tile(np.arange(5) * 2.5, (6, 1))
-    moved = x + 2.5 * (np.arange(6) >= 3)[:, None]
-    scores = score_run(truth_of(x), tracks_of(moved))
-    assert scores.values["matched_share"] == (30, 30)
-    found = [(event.kind, event.object, event.track, event.cost, event.why) for event in scores.events if event.cost]
-    assert found == [
-        ("lost", 4, 4, 3 * 12.5, "GOSPA gives its track to another object"),
-        ("false", -1, 0, 3 * 12.5, "GOSPA gives its object to another track"),
-    ]
-    assert_costs_are_gospas(scores)
 
 
 def test_associations_are_judged_by_the_object_that_the_track_had_before() -> None:
