@@ -16,7 +16,6 @@ import trackbench as tb
 from trackbench.engine import choice
 from trackbench.engine.choice import chosen
 from trackbench.engine.equations import EngineUsed
-from trackbench.results import Result
 from trackbench.runner.loop import run_block
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
@@ -165,14 +164,3 @@ def test_a_tracker_of_ones_own_has_no_engine(
         "ekf": "numpy",
         "own": None,
     }
-
-
-def test_results_of_two_engines_are_compared_and_it_is_said(tiny_result: Result, cli: Cli) -> None:
-    other = replace(tiny_result, summary=tiny_result.summary.model_copy(update={"engine": "fused"}))
-    note = "new was computed by the fused engine, old by the numpy engine: equal values may differ in their last digits"
-    for folder, result in (("old", tiny_result), ("new", other)):
-        result.save(Path(folder) / "tiny", {})
-    done = cli("compare", "old", "new", "--fail-on-regression", "position_rmse:5")
-    assert done.status == 0, done.err
-    assert note in " ".join(done.out.split())
-    assert "engine" not in cli("compare", "old", "old").out

@@ -124,16 +124,6 @@ def test_a_damaged_file_is_made_again(count: list[str], tmp_path: Path, damage: 
     assert [item.name for item in tmp_path.iterdir()] == [file.name]
 
 
-@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may read and write everything")
-@pytest.mark.parametrize("mode", [0o000, 0o500])
-def test_a_folder_that_may_not_be_written_does_no_harm(count: list[str], tmp_path: Path, mode: int) -> None:
-    folder = tmp_path / "kernels"
-    folder.mkdir(mode=mode)
-    run(folder)
-    run(folder)
-    assert len(count) == 2
-
-
 @pytest.mark.parametrize("where", ["a file", "below a file", "full"])
 def test_where_nothing_can_be_written_nothing_is_kept(
     count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str

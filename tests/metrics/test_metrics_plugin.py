@@ -14,7 +14,6 @@ from trackbench.compare.comparability import stored_metric
 from trackbench.results import Result
 from trackbench.runner import work
 from trackbench.scenario import load_scenario
-from trackbench.trackers.published import check_tracker_options
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -263,49 +262,6 @@ class Odd(type(Metric)):
         load_scenario(tiny, [f"score.metrics=['{name}:Wrong']"])
     assert message in caught.value.message
     assert caught.value.key == "score.metrics.0"
-
-
-MODEL = """
-from trackbench.models.motion import ConstantVelocity
-class Own(ConstantVelocity):
-    {}
-"""
-
-
-@pytest.mark.parametrize(
-    ("body", "message"),
-    [
-        ("components = 5", "its components must be a tuple of names, not 5"),
-        ("components = 'px'", "its components must be a tuple of names, not 'px'"),
-        ("driving_noise = None", "its driving_noise must be a tuple of names, not None"),
-        ("angular = (9,)", "its angular must be a tuple of places in its components, not (9,)"),
-        ("angular = ([],)", "TypeError: unhashable type: 'list'"),
-        ("linear = 'no'", "its linear must be True or False, not 'no'"),
-        ("first_sigmas = None", "its first_sigmas must be a mapping of components to standard deviations, not None"),
-        ("first_sigmas = {'tilt': 'wide'}", "its first_sigmas say 'wide' of tilt, where a positive number is needed"),
-        ("def problems(self): raise RuntimeError('no luck')", "does not take these options: RuntimeError: no luck"),
-    ],
-)
-def test_a_motion_model_that_is_wrong_is_one_message(tiny: Path, write_module: Write, body: str, message: str) -> None:
-    name = write_module(tiny.parent, MODEL.format(body))
-    with pytest.raises(InputError) as caught:
-        load_scenario(tiny, [f"trackers.ekf.motion='{name}:Own'"])
-    assert message in caught.value.message
-    assert str(caught.value.key).startswith("trackers.ekf")
-
-
-def test_tracker_options_that_raise_are_one_message(tmp_path: Path, write_module: Write) -> None:
-    code = """
-from pydantic import BaseModel, model_validator
-class Own:
-    class Options(BaseModel):
-        @model_validator(mode="after")
-        def check(self): raise RuntimeError("no luck")
-    def step(self, state, scan): pass
-"""
-    name = write_module(tmp_path, code)
-    with pytest.raises(InputError, match="does not take these options: RuntimeError: no luck"):
-        check_tracker_options(f"{name}:Own", {}, tmp_path)
 
 
 TILTING = """

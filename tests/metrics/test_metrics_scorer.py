@@ -1,15 +1,13 @@
 """Scores of hand-made estimates, and of blocks that are merged."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from tests.support.scenes import TRACKERS, block_of, random_walk, scan, truth, values, work
 
 from trackbench.base.types import Estimate
-from trackbench.metrics import Fault, Scorer, Target, evaluate, health, scorer
+from trackbench.metrics import Fault, Scorer, Target, health, scorer
 from trackbench.metrics.breakdown import class_sums
-from trackbench.metrics.estimates import ESTIMATES, percentiles
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import Failure
@@ -103,19 +101,6 @@ def test_errors_by_hand():
     np.testing.assert_allclose(scores.spread[:, 0], np.percentile([5, 0], [10, 90]))
 
 
-def test_nees_with_a_full_covariance_agrees_with_numpy():
-    random = np.random.default_rng(0)
-    batch = 6
-    root = random.normal(size=(batch, 4, 4))
-    covariance = root @ np.swapaxes(root, 1, 2) + 0.5 * np.eye(4)
-    mean = random.normal(size=(4, batch))
-    state = np.array([0.5, -0.2, 3.0, 1.0]).reshape(4, 1, 1)
-    scores = scored(target(state, batch), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
-    error = mean.T - state[:, 0, 0]
-    expected = [e @ np.linalg.solve(p, e) for e, p in zip(error, covariance, strict=True)]
-    np.testing.assert_allclose(errors(scores).per_run[5], expected, rtol=1e-12)
-
-
 def test_the_course_of_an_object_at_rest_is_not_scored():
     state = np.zeros((4, 1, 2))
     state[2, 0, 1] = 5.0
@@ -130,19 +115,6 @@ def test_the_course_error_goes_the_short_way_round():
     state = np.array([0, 0, -10, 0.1]).reshape(4, 1, 1)
     scores = scored(target(state, 1), [([], estimate([[0], [0], [-10], [-0.1]]))])
     assert values(scores)["course_rmse"].value == pytest.approx(2 * np.rad2deg(np.arctan(0.01)))
-
-
-def test_percentiles_are_those_of_numpy_over_what_is_in_use():
-    random = np.random.default_rng(0)
-    values, use = (
-        np.abs(random.normal(size=(5, 40))),
-        random.random((5, 40)) < np.array([1.0, 0.8, 0.3, 0.05, 0.0])[:, None],
-    )
-    use[3] = np.arange(40) == 7
-    found = percentiles((0.1, 0.9), np.where(use, values**2, np.nan))
-    for k in range(4):
-        np.testing.assert_allclose(found[:, k], np.percentile(values[k][use[k]], [10, 90]))
-    assert np.isnan(found[:, 4]).all()
 
 
 def test_what_is_not_there_or_not_yet_due_is_not_scored():
@@ -214,11 +186,6 @@ def test_a_track_that_ends_is_charged_the_worse_of_its_last_estimate_and_the_mea
     assert health(scores).missing_estimates == 7
 
 
-def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
-    with pytest.raises(Fault, match=NOT_FINITE):
-        scored(target(np.zeros((4, 1, 1)), 1), [([], estimate(np.full((4, 1), np.inf)))])
-
-
 @pytest.mark.parametrize("batch", [1, 15], ids=["one by one", "in threes"])
 def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, monkeypatch):
     of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
@@ -234,13 +201,6 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, mon
         for sensor in SENSORS:
             a, b = found.nis[sensor].per_run, expected[name].scores.nis[sensor].per_run
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
-
-
-def test_the_time_of_a_step_is_that_of_one_run():
-    made = Scorer(target(np.zeros((4, 1, 1)), 2), np.zeros((1, 1, 1), dtype=np.int8), {"lidar": 1})
-    made.scan(0, scan("lidar", 0.0, np.zeros((2, 2))), estimate(np.zeros((4, 2))), seconds=0.002)
-    made.estimate(estimate(np.zeros((4, 2))))
-    assert evaluate(made.close(), np.zeros(2, dtype=np.intp)).values["step_time"].value == pytest.approx(1000.0)
 
 
 def test_innovations_by_hand():
@@ -367,21 +327,6 @@ def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over()
     first = np.argmax(valid, axis=0)
     # Thirty measurements, 0.1 s apart.
     np.testing.assert_array_equal(scores.due, np.maximum(30 - (first + 10), 0))
-
-
-def test_the_recorded_run_is_the_same_in_whichever_block_it_is():
-    of = random_walk(6, 30, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
-    whole = replace(work(of, SENSORS, TWO, 6), recorded_run=4)
-    one, other = block_of(whole, range(6)), block_of(whole, range(3, 6))
-    assert block_of(whole, range(3)).recorded_scans is None
-    for name in TWO:
-        np.testing.assert_allclose(one.recorded[name].mean, other.recorded[name].mean, rtol=1e-12)
-        np.testing.assert_allclose(
-            one.recorded[name].covariance, other.recorded[name].covariance, rtol=1e-12, atol=1e-12
-        )
-        assert one.recorded[name].mean.shape == (4, 30, 1)
-    for a, b in zip(one.recorded_scans.scans, other.recorded_scans.scans, strict=True):
-        np.testing.assert_array_equal(a.measurement, b.measurement)
 
 
 class Faulty:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -10,11 +9,9 @@ from typing import Any
 
 import pytest
 
-from trackbench.base.errors import InputError
 from trackbench.compare import compare_results, find_results
 from trackbench.compare.limits import Limit
 from trackbench.results import Result
-from trackbench.scenario import load_scenario
 
 CODE = """
 import numpy as np
@@ -68,15 +65,6 @@ def test_a_comparison_and_a_gate_know_it(folder: Path, name: str) -> None:
     assert (item.metric, item.entrant.tracker, item.verdict) == (name, "ekf", "better")
     gates = compare_results([find_results(folder), find_results(folder)], limits=[Limit(name, 1.0)]).gates
     assert {gate.outcome for gate in gates} == {"passed"}
-
-
-@NAMES
-def test_page_and_tables_have_a_column_of_it(folder: Path, tmp_path: Path, cli: Callable[..., Any], name: str) -> None:
-    assert cli("report", folder, "--format", "csv", "--out", tmp_path / "csv").status == 0
-    rows = [file.read_text(encoding="utf-8").splitlines() for file in (tmp_path / "csv").rglob("*.csv")]
-    assert any(heading.startswith(name) for table in rows for heading in next(csv.reader(table)))
-    assert cli("report", folder, "--format", "html", "--out", tmp_path).status == 0
-    assert any(name in page.read_text(encoding="utf-8") for page in tmp_path.glob("*.html"))
 
 
 @NAMES
@@ -148,8 +136,3 @@ def test_one_of_tracks_goes_the_same_way(
         assert done.status == 0, done.err
         found = json.loads((tmp_path / "tuned.json").read_text(encoding="utf-8"))
         assert objective in {item["metric"] for tracker in found["trackers"] for item in tracker["held_out"]}
-
-
-def test_one_of_tracks_needs_hidden_identities(tiny: Path, write_module: Callable[[Path, str], str]) -> None:
-    with pytest.raises(InputError, match="are of tracks"):
-        load_scenario(tiny, [f"score.metrics=['{write_module(tiny.parent, TRACKS)}:Tracks']"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,7 @@ import pytest
 
 from trackbench.results import Difference, Result, json_text
 from trackbench.runner import evaluated, work
-from trackbench.scenario import load_scenario
 from trackbench.scenario.keys import Expectation
-from trackbench.scenario.truth import truths_of
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -92,25 +89,6 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
                 assert other[field].to_pylist() == table[field].to_pylist(), field
             elif not field.startswith("position_p"):  # percentiles are those of the first block
                 np.testing.assert_allclose(column(other, field), column(table, field), rtol=1e-12, atol=1e-12)
-
-
-def test_more_runs_change_no_block_but_the_last(tiny: Path) -> None:
-    loaded = load_scenario(tiny)
-    truths = truths_of(loaded)
-    few, many = (replace(work.work_of(loaded, truths), runs=runs).pieces() for runs in (9000, 50_000))
-    assert [len(piece.runs) for piece in few] == [1000, 2000, 4000, 2000]
-    assert few[:-1] == many[: len(few) - 1]
-    assert max(len(piece.runs) for piece in many) == work.LARGEST_BATCH // 2
-    assert [run for piece in many for run in piece.runs] == list(range(50_000))
-
-
-def test_workers_change_nothing(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(work, "BATCH_SIZE", 4)
-    one, two = (run_tiny("monte_carlo.runs=5", workers=workers) for workers in (1, 2))
-    assert one.summary.fingerprint == two.summary.fingerprint
-    for name in ("raw", "ekf"):
-        assert numbers(tracker(one, name)) == numbers(tracker(two, name))
-    assert all(table.equals(two.tables[name]) for name, table in one.tables.items())
 
 
 def test_a_run_does_not_depend_on_the_others(run_tiny: Run) -> None:

@@ -176,17 +176,6 @@ def test_replay_of_several_objects_is_as_in_order(method: str) -> None:
     np.testing.assert_array_equal(taken(dropping, late)[-1].mean, taken(dropping, without)[-1].mean)
 
 
-def test_tracks_say_what_they_took_of_a_late_scan() -> None:
-    made = traffic(vehicles(3), 12, detection=1.0, clutter=0.0)
-    of = build_multi(
-        FilterConfig.model_validate({"filter": "ekf", "motion": "cv", **NOISE["cv"], "associate": {"method": "gnn"}})
-    )
-    scans = [*made.scans[:16], *made.scans[17:19], made.scans[16]]
-    said = taken(of, scans)[-1]
-    origins = made.origins[16][:, 0]
-    assert sorted(origins[said.used[:, 0]]) == [0, 1, 2]
-
-
 @pytest.mark.parametrize(
     ("keys", "message"),
     [

@@ -113,11 +113,6 @@ def test_scans_say_their_place_among_those_of_one_time(
     assert len({one.time for one in scans}) < len(scans)
 
 
-def test_latency_costs(run_tiny: Run) -> None:
-    prompt, late = (run_tiny(f"sensors.radar.latency_s={seconds}")["ekf"] for seconds in (0, 0.5))
-    assert late.metrics["position_rmse"].value > prompt.metrics["position_rmse"].value
-
-
 @pytest.mark.parametrize(
     ("value", "message"),
     [

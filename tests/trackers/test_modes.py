@@ -25,7 +25,6 @@ class Mine:
         mean = np.concatenate([position, np.zeros_like(position)])
         return position, tb.Estimate(mean, covariance, mode_probabilities=np.stack({probabilities}))
 '''
-HALVES = "[np.full(batch, 0.25), np.full(batch, 0.75)]"
 
 
 def of(tmp_path: Path, code: str | None = None, runs: int = 3) -> tb.Result:
@@ -75,12 +74,6 @@ def test_the_mean_is_that_of_single_runs(tmp_path, result):
         singles.append(one.tables.recorded_modes.to_pandas()["probability"])
     mean = result.tables.modes.to_pandas()["probability"]
     np.testing.assert_allclose(np.mean(singles, axis=0), mean, rtol=1e-12)
-
-
-def test_a_run_without_modes_has_no_such_tables(tmp_path):
-    code = MINE.format(batched=True, probabilities=HALVES).replace("mode_probabilities=", "state=")
-    found = of(tmp_path, code)
-    assert "modes" not in found.tables
 
 
 @pytest.mark.parametrize("probabilities", ["[np.full(batch, 0.5), np.full(batch, 0.6)]", "[np.ones(7)]"])

@@ -152,27 +152,3 @@ def test_what_cannot_be_read_is_one_line(car: Callable[..., str], changes: dict[
         tb.truth(car(**changes))
     assert problem in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        ("observer: {frame: body}", "observer: {}", "truth.columns.observer.frame: missing: the frame of the observer"),
-        (
-            "format: mcap\n  path: log.mcap\n  columns: {class: kind, observer: {frame: body}}",
-            "format: csv\n  path: a.csv\n  columns: {time: t, px: x, py: y, topic: /a, class: kind, "
-            "observer: {frame: body, px: x, py: y, yaw: yaw}}",
-            "truth.columns.observer.frame: csv has no frames; remove\n",
-        ),
-        ("{x: x, y: y}", "{x: x, y: y, topic: /lidars}", "there is no topic '/lidars' with detections; did you mean"),
-        ("path: log.mcap", "path: log.mcap\n  unit: {}", "unit"),
-        ("  readings: {lidar: {x: x, y: y}}", "  readings: [1]", "readings"),
-        ("columns: {class: kind, observer: {frame: body}}", "columns: 3", "columns"),
-    ],
-)
-def test_what_a_scenario_may_say(car: Callable[..., str], old: str, new: str, problem: str) -> None:
-    text = car()
-    assert old in text
-    with pytest.raises(InputError) as caught:
-        tb.truth(text.replace(old, new))
-    assert problem in str(caught.value)

@@ -347,13 +347,6 @@ def test_the_shipped_scenarios_run(name: str, recorded_traffic: Path, monkeypatc
     assert errors[0] == pytest.approx(errors[1], rel=0.02)
 
 
-def test_the_scenarios_of_i80_need_no_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("TRACKBENCH_DATA", raising=False)
-    monkeypatch.chdir(tmp_path)
-    for name in ("recorded/i80", "recorded/i80_hidden"):
-        check(load_scenario(name))
-
-
 @pytest.mark.parametrize("action", [truths_of, check])
 def test_a_sensor_is_no_faster_than_the_recording(action: Callable[[tb.Scenario], object]) -> None:
     with pytest.raises(InputError, match=r"20 Hz is more than the truth has, which is recorded at 10 Hz; use 10"):

@@ -11,9 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.drivers import fit as fitting
-from benchmarks.drivers import recorded
-from benchmarks.drivers.recorded import Window
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
 from tests.support.places import ROOT
@@ -308,30 +305,3 @@ def test_human_is_what_was_compared_and_meets_i80_within_the_interval() -> None:
     value, least, most = fit["sizes"]["I-80, all"][0]
     assert least < HUMAN.acceleration_rms_mps2 < most
     assert least < value < most
-
-
-def shaken(acceleration_mps2: float, mean_mps: float = 5.0) -> Window:
-    """A window of constant acceleration about a mean speed."""
-    time = (np.arange(recorded.SAMPLES) - recorded.SAMPLES // 2) * recorded.DT
-    return Window(mean_mps + acceleration_mps2 * time, 0.1 * time)
-
-
-def test_the_size_that_meets_the_recorded_rms_has_its_closed_form() -> None:
-    ratio = fitting.SIMULATED[1]
-    # RMS in proportion to the size: 0.2 m/s^2 at that of human.
-    low, high = ([[shaken(times * 0.2)] for _ in range(4)] for times in (1.0, ratio))
-    size, *ranges = fitting.sizes([shaken(0.26), shaken(-0.26)], (low, high), leaders=2)
-    assert size == pytest.approx([1.3 * HUMAN.acceleration_rms_mps2] * 3)
-    assert ranges[1] == pytest.approx(size)
-    assert math.isnan(ranges[0].value)
-
-
-def test_the_size_that_is_nearest_in_all_ranges_has_its_closed_form() -> None:
-    # Simulated 0.2 m/s^2 times the size in each range; recorded 1.3 times that in half of the windows.
-    ranges = (5.0, 7.0, 9.0, 12.0)
-    low, high = ([[shaken(0.2 * times, speed) for speed in ranges]] for times in fitting.SIMULATED)
-    alike = [shaken(0.26)] * 3 + [shaken(0.2, speed) for speed in ranges[1:]]
-    found = fitting.full_size_trial(HUMAN, [*alike, shaken(2.0, 3.0)], (low, high))
-    assert found.size == pytest.approx(HUMAN.acceleration_rms_mps2 * math.sqrt(1.3))
-    assert found.off == pytest.approx(math.log(1.3) / 2)
-    assert found.value == HUMAN.acceleration_full_mps

@@ -66,12 +66,6 @@ def test_nothing_to_score_gives_no_value_and_no_fault(objects: int, columns: int
     assert not {"hota", "idf1", "mota", "matched_share", "id_switches", "confirm_latency"} & set(found)
 
 
-def test_one_instant_has_no_duration() -> None:
-    found = ratios(score_run(truth_of([[0.0]]), tracks_of([[1.0]])))
-    assert found["gospa"] == found["position_rmse"] == found["motp"] == 1.0
-    assert "id_switches" not in found
-
-
 def test_a_track_on_an_optional_object_is_neither_right_nor_wrong() -> None:
     x = np.tile([0.0, 30.0, 60.0], (12, 1))
     status = np.tile([DUE, OPTIONAL, ABSENT], (12, 1))
@@ -331,10 +325,3 @@ def test_a_mean_that_is_not_finite_is_on_no_object() -> None:
     found = ratios(score_run(truth, tracks))
     assert found["gospa_false"] == pytest.approx(12.5**0.5)
     assert found["position_rmse"] == 0
-
-
-def test_an_id_that_two_tracks_share_is_scored_like_any() -> None:
-    truth = truth_of([[0.0, 30.0]] * 6)
-    found = ratios(score_run(truth, tracks_of(truth.state[0], ids=[[4, 4]] * 6)))
-    assert (found["gospa"], found["mota"], found["matched_share"]) == (0, 1, 1)
-    assert found["track_purity"] == 0.5
