@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.calibration import subjects
-from benchmarks.calibration.claim import FAILS, HOLDS, STATED, UNDECIDED, power, rate
+from benchmarks.calibration.claim import rate
 
 #: What does not hold, with which results/calibration.md begins; the last two are beyond what is
 #: wanted by less than their own error.
@@ -42,15 +42,3 @@ def test_a_rate_holds_between_its_limits_and_states_its_own_error() -> None:
     assert rate("x", hits, 0.93, 0.97)[1:3] == ("94.0 ± 1.5 % of 1,000", "93 to 97 %")
     assert rate("x", ~hits, 0.0, 0.05).wanted == "at most 5 %"
     assert rate("x", hits, 0.95, 1.0).wanted == "at least 95 %"
-
-
-def test_a_rate_is_decided_where_no_limit_is_within_its_own_error() -> None:
-    hits = np.arange(1000) < 945
-    assert rate("x", hits, 0.93, 0.97).outcome == HOLDS
-    assert rate("x", hits, 0.94, 1.0).outcome == UNDECIDED
-    assert rate("x", hits, 0.95, 1.0).outcome == UNDECIDED
-    assert rate("x", hits, 0.96, 1.0).outcome == FAILS
-    # None of thirty says little of one in twenty.
-    assert rate("x", np.zeros(30), 0.0, 0.05).outcome == UNDECIDED
-    assert rate("x", np.zeros(100), 0.0, 0.05).outcome == HOLDS
-    assert power("x", hits).outcome == STATED

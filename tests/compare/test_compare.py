@@ -310,17 +310,6 @@ def test_a_table_of_another_run_is_noticed(keep: Keep, tmp_path: Path) -> None:
         compare_results([find_results(folder)])
 
 
-@pytest.mark.parametrize("name", ["runs", "truth"])
-def test_a_missing_or_damaged_table_is_told(keep: Keep, tmp_path: Path, name: str) -> None:
-    folder = changed(keep(), tmp_path / "run")
-    (folder / f"{name}.parquet").write_bytes(b"PAR1")
-    with pytest.raises(InputError, match=rf"{name}\.parquet: not a readable table"):
-        compare_results([keep(), find_results(folder)])
-    (folder / f"{name}.parquet").unlink()
-    with pytest.raises(InputError, match=rf"no {name}\.parquet beside result\.json"):
-        compare_results([keep(), find_results(folder)])
-
-
 def judged(sets: list[ResultSet], percent: float, trackers: list[str] | None = None) -> dict[str, str]:
     found = compare_results(sets, trackers=trackers, limits=[Limit("position_rmse", percent)])
     return {item.entrant.tracker: item.outcome for item in found.gates}
@@ -530,19 +519,6 @@ def test_plugins_of_metrics_are_not_needed_to_compare(
     assert "within" in done.stdout
 
 
-def test_a_plugin_of_the_truth_must_be_there(ran: Run) -> None:
-    result = ran()
-    scenario = result.summary.scenario
-    gone = scenario.model_copy(update={"overrides": ["sensors.radar.type=not_here:Radar"]})
-    later = result.updated(scenario=gone)
-    with pytest.raises(InputError) as caught:
-        compare_results([result, later])
-    assert str(caught.value).startswith(
-        "results 2: sensors.radar.type: a plug-in of its truth and sensors must be importable here: "
-        "cannot import 'not_here:Radar': no module named 'not_here'"
-    )
-
-
 def test_a_metric_with_other_options_is_another_metric(with_metric: Callable[[float], ResultSet]) -> None:
     base, later = with_metric(0.5), with_metric(0.1)
     assert compare_results([base, later]).differences
@@ -590,25 +566,3 @@ def test_estimates_that_come_later_fail_a_gate_by_what_they_cost(keep: Keep) -> 
     (note,) = found.notes
     assert note.startswith("ekf gave 7")
     assert note.endswith("% of the estimates due in tiny, ekf 95 %")
-
-
-def test_what_turns_without_what_is_charged_is_not_called_better_and_it_is_said_why(keep: Keep, tmp_path: Path) -> None:
-    base = keep()
-    best, rest = compare_results([base]).differences[0], base.entries[0].result.json()["trackers"]
-    name, other = best.entrant.tracker, best.against.tracker
-    assert best.verdict == "better"
-    for entry in rest:
-        error = entry["metrics"]["position_rmse"]
-        if entry["name"] == other:
-            error |= {"charged_share": 0.9, "without_charged": 0.01}
-        coverage = {"value": 0.96 if entry["name"] == other else 1.0, "unit": "1"}
-        entry["metrics"] |= {"position_rmse": error, "coverage": coverage}
-    found = compare_results([find_results(changed(base, tmp_path / "silent", trackers=rest))])
-    (item,) = found.differences
-    assert item.verdict == "smaller"
-    assert item.difference == best.difference
-    (note,) = found.notes
-    assert note.startswith(f"{name} gave 100 % of the estimates due in tiny, {other} 96 %")
-    assert note.endswith(
-        "; without what is charged for missing estimates the difference turns, and neither is called better"
-    )

@@ -279,36 +279,12 @@ def test_a_function_that_changes_its_input_is_left_to_numpy(kernels: Kernels, ch
     assert equations.key in kernels.untraced
 
 
-@pytest.mark.parametrize("said", [3.0, 3, True, (1.0,), np.float64(2.0), None])
-def test_a_number_as_output_is_that_of_all_members(kernels: Kernels, said: Any) -> None:
-    equations = equations_of(lambda v: {"y": v["x"], "odd": said}, {"x": 1})
-    found = kernels(equations, given())
-    assert equations.key not in kernels.untraced
-    if said is None:
-        assert "odd" not in found
-    else:
-        np.testing.assert_array_equal(found["odd"], np.broadcast_to(said, 19))
-
-
 @pytest.mark.parametrize("said", [[1.0, 2.0], np.zeros((0, 19)), np.ones(19), np.ones((19, 1)), np.ones(0)])
 def test_an_output_without_the_batch_axes_is_left_to_numpy(kernels: Kernels, said: Any) -> None:
     equations = equations_of(lambda v: {"y": v["x"], "odd": said}, {"x": 1})
     found = kernels(equations, given((3, 5)))["odd"]
     assert found is said
     assert "does not end with the batch axes" in kernels.untraced[equations.key][1]
-
-
-@pytest.mark.parametrize("said", [[1.0], 2.0, None, "text"])
-def test_what_gives_no_named_arrays_fails_as_it_does_by_numpy(kernels: Kernels, said: Any) -> None:
-    with pytest.raises((TypeError, ValueError)):
-        kernels(equations_of(lambda _: said, {"x": 1}), given())
-
-
-@pytest.mark.parametrize("said", ["text", object(), [[1.0], [1.0, 2.0]], np.array([None])])
-def test_outputs_that_are_no_numbers_are_left_to_numpy(kernels: Kernels, said: Any) -> None:
-    equations = equations_of(lambda v: {"y": v["x"], "odd": said}, {"x": 1})
-    assert kernels(equations, given())["odd"] is said
-    assert equations.key in kernels.untraced
 
 
 def test_an_error_is_that_of_numpy(kernels: Kernels) -> None:

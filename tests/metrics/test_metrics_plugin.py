@@ -264,32 +264,6 @@ class Odd(type(Metric)):
     assert caught.value.key == "score.metrics.0"
 
 
-TILTING = """
-import numpy as np
-from trackbench.models.motion import ConstantVelocity
-class Own(ConstantVelocity):
-    components = ("px", "py", "vx", "vy", "tilt")
-    first_sigmas = {"tilt": 0.3}
-    def transition(self, x, dt):
-        return np.concatenate([super().transition(x[:4], dt), x[4:]])
-    def jacobian(self, x, dt):
-        f = np.eye(5)
-        f[:4, :4] = super().jacobian(x[:4], dt)
-        return f
-    def noise_gain(self, x, dt):
-        return np.concatenate([super().noise_gain(x[:4], dt), np.zeros((1, 2))])
-"""
-
-
-def test_a_stated_process_noise_leaves_the_model_its_first_sigmas(
-    run_tiny: Run, tmp_path: Path, write_module: Write
-) -> None:
-    name = write_module(tmp_path, TILTING)
-    tracker = f"{{filter: ekf, motion: '{name}:Own', process_noise_diag: [0.1, 0.1, 0.1, 0.1, 0.1], initial: truth}}"
-    result = run_tiny(f"trackers.own={tracker}", folder=tmp_path)
-    assert result["own"].position_rmse.value < 1.0
-
-
 WRITES = [
     ("chunk", "chunk.error[:] = 0"),
     ("chunk", "chunk.mean[:] = 0"),

@@ -227,26 +227,6 @@ def test_innovations_by_hand():
     assert white.bounds95 == pytest.approx([-1.96 / 2, 1.96 / 2])
 
 
-def test_a_tracker_that_gives_no_innovation_has_no_nis():
-    seen = scan("lidar", 0.0, np.zeros((2, 2)))
-    scores = scored(target(np.zeros((4, 1, 1)), 2), [([seen], estimate(np.zeros((4, 2))))], {"lidar": 1})
-    found = values(scores)
-    assert found["nis.lidar"].mean is None
-    assert "no innovation" in found["nis.lidar"].reason
-    assert found["whiteness.lidar"].value is None
-
-
-def test_repairs_are_counted_where_the_object_is_scored():
-    seen = scan("lidar", 0.0, np.zeros((2, 4)))
-    given = estimate(np.zeros((4, 4)), repaired=np.array([True, False, True, True]))
-    of = target(np.zeros((4, 2, 2)), 2, alive=[[True, True], [True, False]])
-    scores = scored(of, [([seen], given), ([seen], given)], {"lidar": 2})
-    # Members are object 0 runs 0 and 1, object 1 runs 0 and 1.
-    np.testing.assert_array_equal(scores.repaired, [3, 1])
-    assert health(scores).repaired_covariances == 4
-    assert health(scores).repaired_runs == 2
-
-
 def test_the_error_is_taken_over_that_of_the_reference():
     of = target(np.zeros((4, 1, 1)), 2, reference=(1.5**2, 4.0**2))
     found = values(scored(of, [([], estimate([[3, 3], [0, 0], [2, 2], [0, 0]]))]))

@@ -126,21 +126,6 @@ def test_verdicts_in_words(page: Page) -> None:
     assert "v3 jumps by 1.4 m at 15.00 s" in page.text
 
 
-def test_errors_by_manoeuvre_and_range_are_in_tables() -> None:
-    result = make_result()
-    tables = {table.name: table for table in result_document(result).tables}
-    breakdown = result["ekf_cv"].breakdown
-    assert breakdown is not None
-    for way, scores in (("manoeuvre", breakdown.manoeuvre), ("range", breakdown.range)):
-        table = tables[f"position-rmse-by-{way}"]
-        assert [column.heading for column in table.columns] == ["tracker", *scores]
-        (row,) = (row for row in table.rows if row[0].text == "ekf_cv")
-        for cell, item in zip(row[1:], scores.values(), strict=True):
-            assert item.position_rmse is not None
-            assert float(cell.text) == pytest.approx(item.position_rmse.value, abs=6e-4)
-            assert len(cell.details) == (item.position_rmse.ci95 is not None)
-
-
 def test_a_metric_of_a_plug_in_has_its_column() -> None:
     summary = make_summary()
     for i, entry in enumerate(summary["trackers"][:-1]):
@@ -190,19 +175,6 @@ def test_every_tracker_failed() -> None:
     assert "mine failed; no tracker is ranked" in page.text
     assert "is singular" in page.text
     assert [figure["id"] for figure in page.all("figure")] == ["map"]
-
-
-def test_one_run_gives_no_intervals() -> None:
-    summary = make_summary()
-    for entry in summary["trackers"]:
-        for value in entry["metrics"].values():
-            if isinstance(value, dict) and "ci95" in value:
-                value["ci95"] = None
-    unshown = {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
-    pairs = [item.model_copy(update=unshown) for item in make_differences()]
-    page = Page(render(with_differences(Result.from_json(summary, make_tables()), pairs)))
-    assert {row[3] for row in ranked_rows(page).values()} == {"a", "diverged"}
-    assert "95 % interval 0" not in page.text
 
 
 def test_what_is_charged_for_missing_estimates_is_told() -> None:

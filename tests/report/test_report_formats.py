@@ -6,7 +6,6 @@ import csv
 import io
 import re
 from functools import cache
-from xml.etree import ElementTree
 
 import pytest
 from matplotlib.figure import Figure as Canvas
@@ -164,12 +163,6 @@ def test_latex_is_balanced_and_escaped() -> None:
     assert not balanced(main.replace(r"\end{enumerate}", "", 1))
 
 
-def test_the_whole_report_of_a_run_is_balanced_latex(of_run: Document) -> None:
-    for name, content in files(of_run, "latex"):
-        if name.endswith(".tex"):
-            assert balanced(content().decode()), name
-
-
 @pytest.mark.parametrize(
     ("plain", "expected"),
     [
@@ -183,16 +176,6 @@ def test_the_whole_report_of_a_run_is_balanced_latex(of_run: Document) -> None:
 )
 def test_latex_escapes(plain: str, expected: str) -> None:
     assert escape_latex(plain) == expected
-
-
-def test_svg_files_parse_and_hold_their_colours_and_legend() -> None:
-    (content,) = made("svg")[0].values()
-    svg = ElementTree.fromstring(content)
-    assert svg.tag == "{http://www.w3.org/2000/svg}svg"
-    assert svg.attrib["aria-label"] == "The error grows from 2 to 3."
-    assert "the noise" in "".join(svg.itertext())
-    assert STYLE.colour in content.decode()
-    assert "trackbench:" not in content.decode()
 
 
 def test_pdf_files_are_pdf_without_a_date() -> None:

@@ -322,18 +322,6 @@ def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
     assert column(result.tables["steps"], "count", tracker="ekf").max() == 4
 
 
-def test_nothing_is_ever_seen(run_tiny: Run) -> None:
-    result = run_tiny("sensors.radar.max_range_m=0.1", "sensors.lidar.max_range_m=0.1")
-    json.loads(json_text(result.json()), parse_constant=pytest.fail)
-    assert result.json()["ranking"] == ["raw", "ekf"]
-    for entry in result.json()["trackers"]:
-        assert entry["failed"] is None
-        assert entry["metrics"]["position_rmse"]["value"] is None
-        assert entry["metrics"]["position_rmse"]["reason"]
-        assert entry["metrics"]["coverage"]["value"] is None
-    assert result.json()["sensors"]["radar"]["detection_rate"] is None
-
-
 def test_objects_that_stand_still(run_tiny: Run) -> None:
     """Parked cars: their course means nothing, and a standing observer sees no range rate."""
     result = run_tiny(
@@ -350,20 +338,6 @@ def test_objects_that_stand_still(run_tiny: Run) -> None:
             "reason": "there is no estimate of an object that moves to score",
         }
     assert tracker(result, "ekf")["metrics"]["position_rmse"]["value"] < 1
-
-
-def test_a_tracker_that_never_is_wrong_by_its_own_account(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
-    """Innovations of zero have no correlation to speak of; the result stays JSON."""
-    code = (
-        "import numpy as np\nfrom trackbench.base.types import Estimate\nclass T:\n    def step(self, state, scan):\n"
-        "        size = len(scan.measurement)\n"
-        "        return 1, Estimate(np.ones(4), np.eye(4), None, None, np.zeros(size), np.eye(size))\n"
-    )
-    result = run_tiny(f"trackers.mine.use={write_module(tmp_path, code)}:T", folder=tmp_path)
-    json.loads(json_text(result.json()), parse_constant=pytest.fail)
-    metrics = tracker(result, "mine")["metrics"]
-    assert metrics["whiteness"]["radar"]["reason"] == "every innovation is zero"
-    assert metrics["nis"]["radar"]["verdict"] == "pessimistic"
 
 
 def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:

@@ -77,19 +77,6 @@ def test_schema_refuses(old: str, new: str) -> None:
     assert errors(EXAMPLE.replace(old, new, 1))
 
 
-def test_schema_accepts_what_a_preset_supplies() -> None:
-    without = "    position_sigma_m: 0.15   # a key that is written wins over the preset\n"
-
-    assert without in EXAMPLE
-    assert errors(EXAMPLE.replace(without, "")) == []
-
-
-def test_schema_accepts_any_option_of_an_own_motion_model() -> None:
-    own = EXAMPLE.replace("motion: cv\n    acceleration_sigma_mps2: 3", "motion: 'mine:Model'\n    gain: 3")
-    assert own != EXAMPLE
-    assert errors(own) == []
-
-
 def test_the_page_is_up_to_date() -> None:
     page = (DOCS / "scenario-file.md").read_text(encoding="utf-8")
 

@@ -14,8 +14,6 @@ from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_
 from trackbench.models.sensors.effects import gauss_markov
 from trackbench.models.sensors.effects.processes import CORRELATION_TIME, smooth_process
 from trackbench.models.sensors.effects.signal import SignalRange, received_power
-from trackbench.scenario import load_scenario
-from trackbench.scenario.check import check
 from trackbench.sensing.detections import draw_false_alarms, sense_hidden
 from trackbench.sensing.scans import affected, ideal_sensors, sense_known
 
@@ -431,20 +429,6 @@ def test_the_range_rate_of_a_ghost_is_the_derivative_of_its_range(wall, mount):
     np.testing.assert_allclose(rate[inside], central, rtol=0, atol=5e-3)
 
 
-@pytest.mark.parametrize(("wall", "mount"), WALLS)
-def test_the_wall_stays_where_it_is_while_the_observer_swerves(wall, mount):
-    """Halfway between a vehicle and its ghost there is a point of the wall's line, wherever the observer looks."""
-    sensor, vehicle = swerving(ghosts(wall, 0.9), mount)
-    alarms = alarms_of(sensor, 0)
-    distance, azimuth, _ = alarms.measurement
-    x, y, yaw = sensor.pose[:, alarms.instant]
-    ghost = np.stack([x + distance * np.cos(azimuth + yaw), y + distance * np.sin(azimuth + yaw)])
-    start, end = map(np.array, wall)
-    left = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
-    middle = (ghost + vehicle[:, alarms.instant]) / 2
-    np.testing.assert_allclose(left @ (middle - start[:, None]), 0, atol=1e-4)
-
-
 def test_a_ghost_is_only_seen_in_the_wall_and_from_the_side_where_its_cause_is():
     behind = ideal(Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), **EXACT), position=(20.0, 9.0))
     assert len(alarms_of(behind, 0).instant) == 0
@@ -484,15 +468,3 @@ def test_a_run_is_the_same_to_the_last_bit_whatever_the_others_are(effects):
     together, alone = (sense_hidden([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
     assert together[9] == alone[0]
     assert len(set(together)) == 12
-
-
-@pytest.mark.parametrize(
-    ("identities", "effect", "said"), [("known", 1, True), ("hidden", 1, False), ("known", 0, False)]
-)
-def test_a_check_says_which_effects_do_nothing(tiny, identities, effect, said):
-    ghosts = ["{type: bias, sigmas: {range_m: 1}}", "{type: ghosts, wall: [[0, 6], [90, 6]], probability: 0.4}"][effect]
-    filters = "{ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}}}"
-    hidden = ["sensing={identities: hidden}", f"trackers={filters}", "score={}"] if identities == "hidden" else []
-    notes = check(load_scenario(tiny, [f"sensors.radar.effects=[{ghosts}]", *hidden]))
-    expected = "sensors.radar.effects: ghosts does nothing: known identities have no false alarms"
-    assert (expected in notes) is said

@@ -6,13 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from matplotlib.path import Path as Outline
 
 import trackbench as tb
-from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.traffic import timeline
@@ -87,17 +84,6 @@ def test_the_events_that_are_kept_are_the_dearest(
         assert others == every[:2]
 
 
-def test_a_table_of_another_run_is_refused(traffic_folder: Path, tmp_path: Path) -> None:
-    for file in traffic_folder.iterdir():
-        if file.suffix in (".parquet", ".json"):
-            (tmp_path / file.name).write_bytes(file.read_bytes())
-    events = pq.read_table(tmp_path / "events.parquet")
-    names = pa.array(["other" for _ in range(len(events))])
-    pq.write_table(events.set_column(0, "tracker", names), tmp_path / "events.parquet")
-    with pytest.raises(InputError, match="tracker 'other' is none of this run"):
-        _ = Result.load(tmp_path).tables.events
-
-
 def test_the_edge_is_where_the_distance_is_the_threshold() -> None:
     noise, turn = np.diag([0.04, 0.09]), 0.3
     pose = np.array([1.0, 2.0, turn])
@@ -127,10 +113,6 @@ def test_a_detection_that_was_taken_is_in_its_gate(traffic_result: Result, track
     assert len(found) > 50
     # The corners cut off a fiftieth of the gate's reach.
     assert np.mean(found) > 0.99
-
-
-def test_one_that_knows_the_origins_has_no_gate(traffic_result: Result) -> None:
-    assert set(traffic_result.to_pandas("gates")["tracker"]) == {"gnn", "pmb", "naive"}
 
 
 def _own(table: Any, tracker: str) -> Any:

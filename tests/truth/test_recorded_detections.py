@@ -220,20 +220,6 @@ def test_the_result_says_what_can_be_told_and_what_cannot(tmp_path: Path) -> Non
     assert 0 <= (metrics["nis"].value or 0) < 0.05
 
 
-def test_breaks_are_counted_on_the_side_that_breaks(tmp_path: Path) -> None:
-    # The sensor begins a track anew while ours goes on: once in the two times 197 scans of our tracks.
-    metrics = result(write(tmp_path, scenario(), drive(renewed=50)))["gnn"].metrics
-    minutes = 2 * 197 * 0.05 / 60
-    assert metrics["own_track_breaks"].value == pytest.approx(1 / minutes)
-    assert metrics["track_breaks"].value == 0
-    # Ours ends after 0.3 s without a detection while the sensor's goes on: the near one's slot was empty for 0.55 s.
-    content = scenario()
-    content["trackers"]["gnn"] = {**GNN, "associate": {"method": "gnn", "delete_after_s": 0.3}}
-    metrics = result(write(tmp_path, content, drive(lost=range(50, 60))))["gnn"].metrics
-    assert metrics["track_breaks"].value == pytest.approx(1 / (2 * 199 * 0.05 / 60))
-    assert metrics["own_track_breaks"].value == 0
-
-
 def test_nis_is_one_where_the_noise_is_as_stated(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
     rows = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +13,12 @@ from tests.support.recorded_log import write_table
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
-from trackbench.metrics.traffic import TRACK_METRICS, TRACKS
-from trackbench.runner.loop import run_block
-from trackbench.runner.recorded import Outcome
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.due import unscored, within_polygon
-from trackbench.subjects.tuning.held_out import number_of_parts
-from trackbench.truth.sources import RecordingTruth
 
 HEAD = ["t", "who", "type", "conf", "x", "y", "vx", "vy", "yaw", "l", "w"]
 COLUMNS = {
@@ -246,37 +241,6 @@ def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
     assert len({*cut.summary.fingerprints}) == cut.summary.runs == 2
     runs = cut.to_pandas("runs").query("tracker == 'gnn'")
     assert runs.gospa_total.sum() / runs.gospa_count.sum() == pytest.approx(values["gospa"] ** 2)
-
-
-def test_every_second_stretch_has_the_scores_that_it_has_among_all(tmp_path: Path) -> None:
-    loaded = load_scenario(write(tmp_path, radar=GAP, truth={"stretches": 2}))
-
-    def sums(source: Any) -> Array:
-        own = replace(loaded, config=loaded.config.model_copy(update={"truth": source}))
-        work = work_of(own, truths_of(own))
-        outcome = run_block(work, work.pieces()[0]).outcomes["gnn"]
-        assert isinstance(outcome, Outcome)
-        return np.asarray(outcome.sums[TRACKS.name])
-
-    truth = loaded.config.truth
-    assert isinstance(truth, RecordingTruth)
-    held_out = truth.every_second(1)
-    assert number_of_parts(loaded.config.model_copy(update={"truth": held_out})) == 1
-    np.testing.assert_array_equal(sums(held_out), sums(truth)[1:])
-
-
-def test_a_pattern_names_logs_in_the_order_of_their_names(tmp_path: Path) -> None:
-    file = write(tmp_path)
-    for name in ("b", "a"):
-        for kind in ("boxes", "radar"):
-            (tmp_path / f"{name}_{kind}.csv").write_text((tmp_path / f"{kind}.csv").read_text())
-    text = file.read_text().replace("path: boxes.csv", "path: '*_boxes.csv'").replace("radar.csv", "'[ab]_radar.csv'")
-    file.write_text(text)
-    scenes = load_scenario(file).config.truth.scenes()
-    assert [scene.scene_name for scene in scenes] == ["a_boxes", "b_boxes"]
-    file.write_text(text.replace("*_boxes", "*_boxen"))
-    with pytest.raises(InputError, match=r"truth.path: .*where there must be|no file has a name like \*_boxen.csv"):
-        truths_of(load_scenario(file))
 
 
 @pytest.mark.parametrize(

@@ -358,16 +358,3 @@ def test_old_scenarios_have_the_measurements_that_they_had() -> None:
     first = next(iter(tb.sense("scripted/own_model", runs=range(1))))
     expected = [59.94169401046622, -20.130341244344542]
     np.testing.assert_allclose(first.measurement.ravel()[:2], expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("vehicles", "interval"), [(("13", "36", "51"), False), (("13", "36", "51", "60", "66"), True)]
-)
-def test_fewer_than_five_scenes_give_no_interval(vehicles: tuple[str, ...], interval: bool) -> None:
-    named = "[" + ", ".join(f'"{name}"' for name in vehicles) + "]"
-    loaded = load_scenario(
-        "recorded/i80", ["monte_carlo.runs=2", f"truth.observer.vehicle={named}", "truth.targets={nearest: 2}"]
-    )
-    error = run_scenario(loaded, truths_of(loaded))["ekf_cv"].position_rmse
-    assert (error.ci95 is not None) == interval
-    assert interval or "fewer than 5 scenes" in (error.reason or "")

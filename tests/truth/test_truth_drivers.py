@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
-from tests.support.places import ROOT
 
 import trackbench as tb
 from trackbench.base.errors import InputError
@@ -22,8 +21,6 @@ from trackbench.scenario import load_scenario
 from trackbench.truth import highway, simulated
 from trackbench.truth.drivers import (
     HUMAN,
-    STEERING_RATE_DEGPS,
-    Driver,
     Drivers,
     GaussMarkov,
     Traffic,
@@ -83,17 +80,6 @@ def test_a_process_has_its_deviation_and_correlation_at_any_step(dt: float) -> N
     for lag in (1, 2, 3):
         correlation = float(np.mean(values[0] * values[lag])) / sigma**2
         assert correlation == pytest.approx(math.exp(-lag * dt / time_s), abs=error * math.sqrt(2))
-
-
-def test_a_driver_is_the_same_whoever_else_drives() -> None:
-    first, again, other, elsewhere = (Driver(HUMAN, DT, *who) for who in ((1, 3), (1, 3), (1, 4), (2, 3)))
-    drawn = [
-        (d.speed_factor, d.headway, *(d.acceleration.advance() for _ in range(9)), d.wander.advance())
-        for d in (first, again, other, elsewhere)
-    ]
-    assert drawn[0] == drawn[1]
-    assert not set(drawn[0]) & set(drawn[2])
-    assert not set(drawn[0]) & set(drawn[3])
 
 
 def test_the_draws_of_the_environment_are_left_alone() -> None:
@@ -296,12 +282,3 @@ def test_mistakes_are_named(truth: dict[str, Any], message: str) -> None:
     }
     with pytest.raises(InputError, match=message):
         tb.truth(content)
-
-
-def test_human_is_what_was_compared_and_meets_i80_within_the_interval() -> None:
-    fit = json.loads((ROOT / "results" / "drivers" / "fit.json").read_text(encoding="utf-8"))
-    values = asdict(HUMAN) | {"steering_rate_degps": STEERING_RATE_DEGPS}
-    assert json.loads(json.dumps(values)) == fit["drivers"]
-    value, least, most = fit["sizes"]["I-80, all"][0]
-    assert least < HUMAN.acceleration_rms_mps2 < most
-    assert least < value < most

@@ -22,15 +22,8 @@ from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.exhibit_figures import exhibit_figure, outline
 from trackbench.subjects.doctor.exhibits import (
     STATE,
-    Course,
-    Covariances,
     Exhibit,
     Matrices,
-    OverTime,
-    Panel,
-    Points,
-    Predictions,
-    Ring,
     StatedBelief,
     points_shown,
     predicted,
@@ -137,58 +130,10 @@ def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
 
 
 BEFORE = StatedBelief("before", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
-TRACKER = StatedBelief("tracker", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
-RIGHT = StatedBelief("right", np.array([14.0, 7.0, 4.0, 2.0]), np.diag([1.0, 1.0, 1.0, 1.0]))
-TIME = np.linspace(0.0, 10.0, 101)
-
-EXHIBITS: dict[str, tuple[Exhibit, set[str]]] = {
-    "matrices": (
-        Matrices(
-            "A", ("a, m",), STATE, (Panel("t", np.ones((1, 4))), Panel("r", np.zeros((1, 4)), "right")), ((0, 2),)
-        ),
-        {"marked-0-0-2", "marked-1-0-2"},
-    ),
-    "predictions": (Predictions("A", BEFORE, TRACKER, RIGHT), {"shown-before", "shown-tracker", "shown-right"}),
-    "covariances": (Covariances("A", BEFORE, TRACKER, RIGHT), {"shown-before", "shown-tracker", "shown-right"}),
-    "over time": (
-        OverTime("A", "time, s", TIME, (Course("error, m", TIME + 1.0, TIME / 2 + 1.0),), (5.0, 6.0)),
-        {"shown-tracker", "shown-right", "marked"},
-    ),
-    "points": (
-        Points(
-            "A",
-            ("px, m", "py, m"),
-            "tracker",
-            np.array([[1.0, -1.0], [0.0, 0.0]]),
-            None,
-            Ring("ring", np.zeros(2), np.eye(2), 2.0),
-            np.array([[2.0, -2.0], [0.0, 0.0]]),
-            "right",
-        ),
-        {"shown-tracker", "shown-right"},
-    ),
-}
 
 
 def drawn(exhibit: Exhibit) -> ElementTree.Element:
     return ElementTree.fromstring(svg_in_page(exhibit_figure("finding-1", exhibit)))
-
-
-@pytest.mark.parametrize("kind", EXHIBITS)
-def test_what_is_wrong_and_what_is_right_are_both_drawn(kind: str) -> None:
-    exhibit, parts = EXHIBITS[kind]
-    assert {element.get("class") for element in drawn(exhibit).iter()} >= parts
-
-
-def test_a_matrix_is_drawn_with_its_numbers_names_and_units() -> None:
-    panels = (Panel("implied", np.array([[0.5, -0.25, 1e-17, 0.0]])), Panel("right", np.full((1, 4), 0.125), "right"))
-    svg = drawn(Matrices("Jacobian", ("azimuth, rad",), STATE, panels, ((0, 1),)))
-    said = [text.text for text in svg.iter("text")]
-    assert said.count("azimuth, rad") == 1
-    counts = {"px, m": 2, "vy, m/s": 2, "0.5": 1, "\N{MINUS SIGN}0.25": 1, "0": 2, "0.125": 4}
-    assert {one: said.count(one) for one in counts} == counts
-    titles = [title.text for title in svg.iter("title")]
-    assert titles == ["row azimuth, rad, column py, m: implied -0.25", "row azimuth, rad, column py, m: right 0.125"]
 
 
 def test_an_ellipse_has_the_mahalanobis_distance_of_95_percent() -> None:

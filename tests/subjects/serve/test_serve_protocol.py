@@ -172,16 +172,6 @@ def test_a_sensor_that_the_scenario_lacks_is_passed_over(tmp_path):
     assert [answer == MANUAL for answer in answers] == [line[0] == "R" for line in LINES]
 
 
-def test_a_dropout_of_the_scenario_holds(tmp_path):
-    file = write_scenario(tmp_path)
-    text = file.read_text().replace("{type: radar,", "{type: radar, dropouts: [{from_s: 0, to_s: 100}],")
-    file.write_text(text)
-    # A sensor that is silent still tells the time.
-    told = load_scenario(file, ["trackers.ekf_lidar.advance_at=all_scans"])
-    asked, lidar = (Client(served(told, name), "client 1") for name in ("ekf", "ekf_lidar"))
-    assert [asked.answer(telemetry(line)) for line in LINES] == [lidar.answer(telemetry(line)) for line in LINES]
-
-
 def test_an_azimuth_beyond_a_half_turn_is_the_same_direction(client):
     """The recording reaches 3.19 rad."""
     column = next(line for line in LINES if line[0] == "R").split("\t")
