@@ -75,12 +75,6 @@ def test_tracks_come_back_bit_for_bit(tmp_path: Path) -> None:
     assert (back.id, back.scene, back.run, back.fingerprint) == (rows.id, rows.scene, rows.run, rows.fingerprint)
 
 
-def test_what_is_optional_may_be_left_out(tmp_path: Path) -> None:
-    message = {"time_s": 0.5, "tracks": [{"id": 3, "mean": [1, 2, 3, 4]}]}
-    rows = Mcap().rows(file_of(tmp_path, [("/t", "trackbench.Tracks", message)]))
-    assert (rows.id, rows.px.tolist(), rows.covariance, rows.existence, rows.run) == (["3"], [1], None, None, None)
-
-
 def test_boxes_have_the_time_of_their_entity_and_of_the_clock(tmp_path: Path) -> None:
     rows = Mcap().rows(file_of(tmp_path, [boxes(entity(1_700_000_000.25)), boxes(entity(1_700_000_001.5, yaw=2.5))]))
     assert rows.start == Decimal(1_700_000_000)
@@ -147,19 +141,3 @@ def test_what_is_wrong_with_tracks(message: dict[str, Any], problem: str, tmp_pa
     with pytest.raises(InputError) as caught:
         Mcap().rows(file_of(tmp_path, [("/tracks", "trackbench.Tracks", message)]))
     assert problem in str(caught.value)
-
-
-def test_another_encoding_and_a_file_without_tracks_are_named(tmp_path: Path) -> None:
-    from mcap.writer import Writer
-
-    file = tmp_path / "other.mcap"
-    for schema, problem in (("foxglove.SceneUpdate", "encoding 'protobuf'; only json is read"), ("a.B", "no tracks")):
-        with file.open("wb") as stream:
-            writer = Writer(stream)
-            writer.start()
-            number = writer.register_schema(name=schema, encoding="protobuf", data=b"")
-            channel = writer.register_channel("/x", message_encoding="protobuf", schema_id=number)
-            writer.add_message(channel, log_time=0, data=b"\x01", publish_time=0)
-            writer.finish()
-        with pytest.raises(InputError, match=problem):
-            Mcap().rows(file)

@@ -103,15 +103,6 @@ def test_files_that_do_not_go_together_are_refused(tmp_path: Path, change: dict,
     assert "logs.yaml" in str(error.value)
 
 
-def test_an_error_in_a_log_names_its_file_and_line(tmp_path: Path) -> None:
-    for name in ("monday", "tuesday"):
-        tables(tmp_path, name, 40)
-    damaged = tmp_path / "truth" / "tuesday.csv"
-    damaged.write_text(damaged.read_text().replace("\n0.2,", "\nsoon,"))
-    with pytest.raises(InputError, match=r"tuesday\.csv:4: .*soon"):
-        tb.run(scenario(tmp_path, TABLES, LIDAR))
-
-
 def test_logs_without_a_truth_are_scenes_too(tmp_path: Path) -> None:
     for name in ("monday", "tuesday"):
         tables(tmp_path, name, 40)
@@ -128,10 +119,3 @@ def test_logs_are_named_by_what_tells_them_apart() -> None:
     assert log_names(["logs/a.csv", "logs/b.csv"]) == ["a", "b"]
     assert log_names(["monday/truth.csv", "tuesday/truth.csv"]) == ["monday", "tuesday"]
     assert log_names(["x/truth.csv", "x/x/truth.csv"]) == ["x/truth.csv", "x/x/truth.csv"]
-
-
-def test_an_audit_asks_for_a_single_log(tmp_path: Path) -> None:
-    for name in ("monday", "tuesday"):
-        tables(tmp_path, name, 40)
-    with pytest.raises(InputError, match=r"truth\.path: an audit looks at one log, and these are 2"):
-        tb.audit(scenario(tmp_path, TABLES, LIDAR))

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
 from tests.support.recorded_log import write_table
 
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
-from trackbench.cli.commands import cli
-from trackbench.metrics.traffic import TRACK_METRICS, TRACKS
-from trackbench.runner.loop import run_block
-from trackbench.runner.recorded import Outcome
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
-from trackbench.subjects.tuning.held_out import number_of_parts
-from trackbench.truth.sources import RecordingTruth
 
 HEAD = ["t", "who", "type", "conf", "x", "y", "vx", "vy", "yaw", "l", "w"]
 COLUMNS = {
@@ -212,23 +205,6 @@ def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
     assert runs.gospa_total.sum() / runs.gospa_count.sum() == pytest.approx(values["gospa"] ** 2)
 
 
-def test_every_second_stretch_has_the_scores_that_it_has_among_all(tmp_path: Path) -> None:
-    loaded = load_scenario(write(tmp_path, radar=GAP, truth={"stretches": 2}))
-
-    def sums(source: Any) -> Array:
-        own = replace(loaded, config=loaded.config.model_copy(update={"truth": source}))
-        work = work_of(own, truths_of(own))
-        outcome = run_block(work, work.pieces()[0]).outcomes["gnn"]
-        assert isinstance(outcome, Outcome)
-        return np.asarray(outcome.sums[TRACKS.name])
-
-    truth = loaded.config.truth
-    assert isinstance(truth, RecordingTruth)
-    held_out = truth.every_second(1)
-    assert number_of_parts(loaded.config.model_copy(update={"truth": held_out})) == 1
-    np.testing.assert_array_equal(sums(held_out), sums(truth)[1:])
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -295,8 +271,3 @@ def test_a_log_most_of_which_is_outside_the_truth_is_refused(tmp_path: Path) -> 
         InputError, match=r"only \d+ of \d+ measurements of radar \(from 0 to 30 s\) lie within the time"
     ):
         truth_in(write(tmp_path, radar=slow))
-
-
-def test_what_worlds_cannot_do_is_one_line(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["run", str(write(tmp_path)), "--worlds", "typical"], standalone_mode=False)
-    assert "none, for its measurements are recorded" in str(done.exception) + done.output

@@ -111,13 +111,6 @@ def test_mixed_time_stamps_are_refused_with_their_line(tmp_path: Path, stamps: l
     assert caught.value.line == 3
 
 
-def test_a_missing_time_stamp_of_parquet_is_refused(tmp_path: Path) -> None:
-    times = pd.to_datetime(["2024-05-01T12:00:00Z", None])
-    pd.DataFrame({"time": times, "id": 1, "x": 0.0, "y": 0.0}).to_parquet(tmp_path / "a.parquet")
-    with pytest.raises(InputError, match="row 2: time is empty"):
-        Parquet().rows(tmp_path / "a.parquet")
-
-
 def test_boxes_tracks_and_logs_of_time_stamps_run(tmp_path: Path, cli: Callable[..., Any]) -> None:
     """Boxes in local time, tracks in UTC that are 40 ms late, and a log whose radar has seconds since 1970."""
     seconds = np.arange(120) / 10

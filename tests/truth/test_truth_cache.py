@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from trackbench.base import files
-from trackbench.base.files import cache_folder
 from trackbench.base.types import Progress, Truth
 from trackbench.truth import Draw, LoadedTruth, highway, simulated
 from trackbench.truth.sources import HighwayTruth
@@ -145,12 +144,3 @@ def test_driver_class_of_the_users_own_is_never_cached(
     assert not load(config).cached
     assert not load(config).cached
     assert not folder.exists()
-
-
-def test_cache_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("TRACKBENCH_CACHE", raising=False)
-    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
-    assert cache_folder() == Path("/somewhere/trackbench")
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setenv("HOME", "/home/someone")
-    assert cache_folder() == Path("/home/someone/.cache/trackbench")
