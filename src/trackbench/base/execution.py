@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import ExitStack, contextmanager
 from functools import cache, partial
-from itertools import starmap
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -67,8 +66,6 @@ class Executor:
         Raises:
             TrackbenchError: another process ended, or a plug-in failed there.
         """
-        if self._start is None:
-            return starmap(function, [(*call, *observers) for call in calls])
         waiting = deque(calls)
         return self._results(self._sent(function, waiting, folder), waiting, function, folder, observers)
 
@@ -76,8 +73,7 @@ class Executor:
         self, sent: deque[Future[Any]], waiting: deque[Any], function: Callable[..., Any], folder: Any, observers: Any
     ) -> Iterator[Any]:
         while sent or waiting:
-            sent = sent or self._sent(function, waiting, folder)
-            if sent:
+            if sent := sent or self._sent(function, waiting, folder):
                 with _deaths_explained():
                     result = sent.popleft().result()
             else:
