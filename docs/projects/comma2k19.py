@@ -225,8 +225,6 @@ def trackers_table(result: Result) -> str:
         "tracks": ("track_count", 1.0, 2), "length, s": ("track_length", 1.0, 2),
         "new per min": ("new_tracks", 1.0, 1),
         "used, %": ("used_share", 100.0, 1), "NIS / 3": ("nis", 1.0, 2),
-        "track breaks per min": ("track_breaks", 1.0, 2),
-        "own track breaks per min": ("own_track_breaks", 1.0, 2), "swaps per min": ("track_swaps", 1.0, 2),
         "prediction score, nats": ("prediction_score", 1.0, 2),
     }  # fmt: skip
     rows = []

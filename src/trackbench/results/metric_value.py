@@ -106,7 +106,11 @@ class ConditionVerdict(ResultModel):
 
 
 class MetricValue(ResultModel):
-    """A value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well."""
+    """A value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well.
+
+    It is a number: ``float(value)``, ``f"{value:.3f}"`` and ``value < 0.1`` work, and ``str`` gives the value with its
+    interval, "0.0971 m (0.090 to 0.118)". Without a value they raise an InputError that says why there is none.
+    """
 
     value: float | None = None
     """None where there is none; ``reason`` says why. In JSON the value of a chi-square statistic is its ``mean``."""
@@ -153,6 +157,40 @@ class MetricValue(ResultModel):
     def mean(self) -> float | None:
         """The value of a statistic that is a mean."""
         return self.value
+
+    def __float__(self) -> float:
+        if self.value is None:
+            raise InputError(f"there is no value: {self.reason or 'none was computed'}")
+        return self.value
+
+    def __lt__(self, other: float | MetricValue) -> bool:
+        return float(self) < float(other)
+
+    def __le__(self, other: float | MetricValue) -> bool:
+        return float(self) <= float(other)
+
+    def __gt__(self, other: float | MetricValue) -> bool:
+        return float(self) > float(other)
+
+    def __ge__(self, other: float | MetricValue) -> bool:
+        return float(self) >= float(other)
+
+    def __format__(self, spec: str) -> str:
+        return format(float(self), spec) if spec else str(self)
+
+    def __str__(self) -> str:
+        if self.value is None:
+            return f"no value: {self.reason or 'none was computed'}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.ci95 is None or not self.ci95[0] < self.ci95[1]:
+            return f"{self.value:.4g}{unit}"
+        low, high = self.ci95
+        # Two significant digits of the width, and one more of the value.
+        places = max(0, 1 - math.floor(math.log10(high - low)))
+        return f"{self.value:.{places + 1}f}{unit} ({low:.{places}f} to {high:.{places}f})"
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
 
     @property
     def words(self) -> str:
@@ -213,9 +251,3 @@ def by_value(values: Mapping[K, float]) -> list[K]:
         first = first if math.isclose(values[key], value, rel_tol=ROUNDING) else values[key]
         least[key], value = first, values[key]
     return sorted(values, key=least.__getitem__)
-
-
-def value_columns(value: MetricValue) -> Json:
-    """A metric as columns of a data frame."""
-    low, high = value.ci95 or (None, None)
-    return {"value": value.value, "low": low, "high": high, "unit": value.unit, "reason": value.reason}

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
+from trackbench.base.errors import nearest_choices
 from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import MetricsByPath, MetricValue, ResultModel, flat_metrics, nested_metrics
 from trackbench.results.scenario_summary import ReferenceSummary
@@ -113,7 +114,43 @@ class FiledRows(ResultModel):
 
 
 class TrackerResult(ResultModel):
-    """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse.value``."""
+    """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse``."""
+
+    if TYPE_CHECKING:
+        # The built-in metrics; those of plug-ins are in ``metrics``, as are those of sensors and components.
+        position_rmse: ClassVar[MetricValue]
+        velocity_rmse: ClassVar[MetricValue]
+        course_rmse: ClassVar[MetricValue]
+        nees: ClassVar[MetricValue]
+        position_reference: ClassVar[MetricValue]
+        velocity_reference: ClassVar[MetricValue]
+        position_over_reference: ClassVar[MetricValue]
+        velocity_over_reference: ClassVar[MetricValue]
+        coverage: ClassVar[MetricValue]
+        position_p95: ClassVar[MetricValue]
+        velocity_p95: ClassVar[MetricValue]
+        start_delay: ClassVar[MetricValue]
+        start_position_rmse: ClassVar[MetricValue]
+        step_time: ClassVar[MetricValue]
+        tgospa: ClassVar[MetricValue]
+        gospa: ClassVar[MetricValue]
+        gospa_localisation: ClassVar[MetricValue]
+        gospa_missed: ClassVar[MetricValue]
+        gospa_false: ClassVar[MetricValue]
+        hota: ClassVar[MetricValue]
+        deta: ClassVar[MetricValue]
+        assa: ClassVar[MetricValue]
+        idf1: ClassVar[MetricValue]
+        mota: ClassVar[MetricValue]
+        motp: ClassVar[MetricValue]
+        id_switches: ClassVar[MetricValue]
+        fragmentations: ClassVar[MetricValue]
+        false_tracks: ClassVar[MetricValue]
+        confirm_latency: ClassVar[MetricValue]
+        never_confirmed: ClassVar[MetricValue]
+        lost_time_share: ClassVar[MetricValue]
+        nees_inside: ClassVar[MetricValue]
+        matched_share: ClassVar[MetricValue]
 
     name: str
     place: int | None = None
@@ -186,11 +223,20 @@ class TrackerResult(ResultModel):
         words = self.reference_kind, "random" if self.random else "", "offline" if self.offline else ""
         return tuple(filter(None, words))
 
-    def __getattr__(self, name: str) -> MetricValue:
-        metrics = self.__dict__.get("metrics", {})
-        if name in metrics:
-            return metrics[name]  # type: ignore[no-any-return]
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}")
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> MetricValue:
+            metrics = self.__dict__.get("metrics", {})
+            if name in metrics:
+                return metrics[name]
+            hint = nearest_choices(name, metrics)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}; {hint}")
+
+    def __dir__(self) -> list[str]:
+        """Return the names of its metrics and fields, without the methods of pydantic."""
+        own = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
+        properties = [name for name, value in vars(type(self)).items() if isinstance(value, property)]
+        return [*(path for path in self.metrics if path.isidentifier()), *type(self).model_fields, *own, *properties]
 
     def of_sensors(self, metric: str) -> dict[str, MetricValue]:
         """A metric that each sensor has, such as ``nis``, by the sensor's name."""

@@ -27,9 +27,7 @@ LEFT_OUT = {
     "confidence",
     "continuity",
     "growth_by_noise",
-    "gate_reopens",
     "drive_innovations",
-    "late_measurements",
     "drives",
 }
 #: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic
