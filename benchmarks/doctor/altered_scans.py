@@ -36,8 +36,6 @@ def scaled(kind: str, index: int | slice, factor: float) -> Alter:
     return component(kind, index, lambda value: factor * value)
 
 
-
-
 def azimuth(change: Callable[[Array], Array]) -> Alter:
     return component("radar", AZIMUTH, lambda angle: wrap_angle(change(angle)))
 

@@ -83,8 +83,6 @@ class Single:
         return state, (answer[0][..., 0], answer[1][..., 0])
 
 
-
-
 class MissedSkipped(Single):
     """At a missed scan the last answer is given again; its time counts at the next measurement, or is lost."""
 

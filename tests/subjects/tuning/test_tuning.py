@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -310,17 +308,6 @@ def test_no_file_of_a_study_stays_open(tmp_path: Path) -> None:
     left = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
     assert len(study.trials) == 8
     assert not [file for file in left if file.is_relative_to(tmp_path)]
-
-
-def test_a_storage_with_a_view_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "study.db"
-    searched(file, trials=8)
-    with closing(sqlite3.connect(file)) as database:
-        endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
-        database.execute("DROP TABLE version_info")
-        database.execute(f"CREATE VIEW version_info AS {endless} SELECT i AS version_info_id FROM n WHERE i < 0")
-    with pytest.raises(InputError, match=r"no study that can be written: 'version_info' is a view of this database"):
-        searched(file, trials=8)
 
 
 def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
