@@ -76,8 +76,6 @@ class _Summing:
         self._repaired += chunk.repaired
         here, scored, values = chunk.instants, chunk.scored, chunk.values
         self._note_divergence(chunk.squares[0], scored & chunk.given)
-        if (chunk.starting & ~scored).any():
-            values = np.where(scored, values, 0.0)
         self._per_step[:, here] = values.sum(axis=-1)
         self._add_by_class(values, self._class[here])
         self._count_beyond(values[ERROR["nees"]], self._class[here])
