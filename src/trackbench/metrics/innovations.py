@@ -8,7 +8,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.metrics.consistency import point95
-from trackbench.metrics.sums import NIS, NIS_FIELDS, OVERFLOW, NisScores
+from trackbench.metrics.sums import NIS, NIS_FIELDS, OVERFLOW, NisScores, added
 
 #: How many measurements are summed at a time.
 CHUNK = 32
@@ -118,10 +118,14 @@ class Innovations:
         self._measurement += len(white)
         self._first = self._next
 
-    def scores(self) -> NisScores:
-        """The sums of everything taken in."""
+    def scores(self, stretches: int = 0) -> NisScores:
+        """Return the sums of everything taken in; ``stretches``: the number of parts of a single run, else 0."""
         self.flush()
-        return NisScores(self._dof, self._per_step, self._per_run)
+        per_part = self._per_run
+        if stretches:
+            count = self._per_step.shape[1]
+            per_part = added(self._per_step, np.arange(count) * stretches // max(count, 1))
+        return NisScores(self._dof, self._per_step, self._per_run, per_part)
 
 
 def _clear(white: Array, used: Mask) -> None:
