@@ -373,7 +373,7 @@ BAD = [
         ["19: sensors.roof.phase_s: must be a multiple of the truth step, which is 0.05 s; use 0.05"],
     ),
     ("settle_s: 2", "settle_s: 20", ["25: score.settle_s: must be shorter than truth.duration_s, which is 20"]),
-    ("run: 0", "run: 100", ["28: recording.run: must be from 0 to 99, because monte_carlo.runs is 100"]),
+    ("run: 0", "run: 100", ["28: recording.run: must be from 0 to 99, of 100 runs"]),
     # Expectations.
     ("tracker: ekf", "tracker: efk", ["27: expect.0.tracker: the scenario has no tracker 'efk'; did you mean 'ekf'?"]),
     (
