@@ -232,12 +232,18 @@ _TAGS = {
 _KEY_ALONE = re.compile(r"^( *)(?:- )?([\w.-]+) *(?:[{[]|\n\1 +[\w.-]+ *:)", re.MULTILINE)
 
 
+#: A key whose colon the value follows without a space.
+_NO_SPACE = re.compile(r"^ *(?:- )?([\w.-]+):[^\s/:]", re.MULTILINE)
+
+
 def _syntax(error: yaml.MarkedYAMLError, around: str) -> str:
     """What is wrong; ``around``: the line and its neighbours."""
     problem = error.problem or "syntax error"
     colon = "mapping values are not allowed" in problem or "could not find expected ':'" in problem
     if colon and (key := _KEY_ALONE.search(around)):
         return f"not valid YAML: a colon is missing after {key[2]!r}"
+    if colon and (key := _NO_SPACE.search(around)):
+        return f"not valid YAML: a space is missing after the colon of {key[1]!r}"
     if "'\\t'" in problem:
         return "a tab where YAML needs spaces"
     if "mapping values are not allowed" in problem:
