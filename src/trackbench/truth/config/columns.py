@@ -24,7 +24,7 @@ MOTION_QUANTITIES = {
     "time": "time",
     **dict.fromkeys(("px", "py", "length", "width"), "length"),
     **dict.fromkeys(("vx", "vy", "speed"), "speed"),
-    **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
+    **dict.fromkeys(("yaw", "course", "heading"), "angle"),
 }
 COMPONENT_QUANTITIES = {"m": "length", "m/s": "speed", "rad": "angle"}
 #: The two ways to state a position in a sensor's frame.
@@ -106,7 +106,6 @@ class ObserverColumns(MotionColumns):
     path: Paths | None = Field(None, description="The file, of the same format; the truth's rows unless given.")
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
-    yaw_rate: str | None = Field(None, description="Rate of change of the heading; from the heading unless given.")
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
 
     def problems(self) -> Iterator[Problem]:
@@ -126,9 +125,6 @@ class TruthColumns(MotionColumns):
     object: str | None = Field(None, description="Name of the object; all rows are of one object unless given.")
     heading: str | None = Field(
         None, description="Direction in which the body points, counter-clockwise from x; the course unless given."
-    )
-    yaw_rate: str | None = Field(
-        None, description="Rate of change of the heading; from the differences of the heading unless given."
     )
     length: str | None = Field(None, description="Length of the object's box; truth.length_m unless given.")
     width: str | None = Field(None, description="Width of the object's box; truth.width_m unless given.")
