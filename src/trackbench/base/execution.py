@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import ExitStack, contextmanager
 from functools import cache, partial
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -66,6 +67,8 @@ class Executor:
         Raises:
             TrackbenchError: another process ended, or a plug-in failed there.
         """
+        if self._start is None:
+            return starmap(function, [(*call, *observers) for call in calls])
         waiting = deque(calls)
         return self._results(self._sent(function, waiting, folder), waiting, function, folder, observers)
 

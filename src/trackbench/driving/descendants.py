@@ -1,4 +1,4 @@
-"""The processes that descend from this one, on Linux. Elsewhere none are known, and these functions do nothing."""
+"""Processes that descend from another one, on Linux. Elsewhere none are known, and these functions do nothing."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def end_with_parent(parent: int, number: signal.Signals) -> None:
 
 
 def children(process: int) -> list[int]:
-    """The processes that one has started or adopted, those that ended and were not waited for among them."""
+    """Return the processes that one has started or adopted, also those that ended and were not waited for."""
     numbers: list[int] = []
     # The process may end meanwhile, or one of its threads.
     with suppress(OSError):
@@ -42,7 +42,7 @@ def children(process: int) -> list[int]:
 
 
 def descendants(process: int) -> Iterator[int]:
-    """The children of a process, theirs, and so on."""
+    """Yield the children of a process, their children, and so on."""
     for child in children(process):
         yield child
         yield from descendants(child)

@@ -1,4 +1,4 @@
-"""Which trackers get a process of their own."""
+"""The trackers that get a process of their own, and the limits of it."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class Isolation:
     """How trackers that are not built in are kept apart from the bench."""
 
     in_process: bool = False
-    """Whether they are not: for a debugger."""
+    """Whether such trackers run in the process of the bench, for a debugger."""
     timeout: float = 300.0
-    """The longest that one may take for a step, s."""
+    """Longest time for a step, s."""
     memory: float | None = None
-    """The most that one may take, GB, resident and with all that it starts; a quarter of the container's unless set."""
+    """Most resident memory of a tracker with all that it starts, GB; a quarter of the container's unless set."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= LONGEST:
@@ -53,7 +53,7 @@ class Isolation:
         return is_program(config) or (plugged_in(config) and not self.in_process and not lacking())
 
     def missing(self, name: str, config: FilterConfig | PluginConfig) -> str:
-        """A line where this system cannot give a tracker the process of its own that it should have; else empty."""
+        """Return a line where this system cannot give a tracker the process that it should have; else an empty one."""
         if self.in_process or not plugged_in(config) or is_program(config) or not lacking():
             return ""
         return (
@@ -63,12 +63,12 @@ class Isolation:
 
     @property
     def bytes(self) -> int:
-        """The most memory that one may take on this machine."""
+        """Most memory of a tracker on this machine, bytes."""
         return int(SHARE * container_memory() if self.memory is None else self.memory * GIGABYTE)
 
 
 def lacking() -> str:
-    """What this system lacks for processes of trackers, such as "os.fork"; empty where it has all, as Linux has."""
+    """Return what this system lacks for processes of trackers, such as "os.fork"; empty where it lacks nothing."""
     needed = [(os, "fork"), (os, "setsid"), (signal, "SIGKILL"), (signal, "pthread_sigmask"), (socket, "send_fds")]
     return next((f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)), "")
 

@@ -15,7 +15,7 @@ import time
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 from uuid import uuid4
 
 from trackbench.base import notebook_classes
@@ -45,18 +45,6 @@ READ = 1 << 16
 MAPS, SHOWN = frozenset([*range(0x80, 0x90), 0xDE, 0xDF]), 60
 #: What Python's faulthandler writes of each call, and the most bytes of it that are read.
 DUMPED, LONGEST_DUMP = b'  File "', 1 << 20
-
-
-class Launch(NamedTuple):
-    """Process of a tracker that is to be started."""
-
-    command: list[str]
-    """Program and arguments."""
-    folder: str
-    """Working directory."""
-    path: list[str]
-    """Module path of a tracker in Python."""
-    environment: dict[str, str]
 
 
 class ForkServer:
@@ -91,9 +79,9 @@ class ForkServer:
         Raises:
             TrackbenchError: the server does not take it.
         """
-        launch = Launch(command, folder, sys.path, self._environment())
+        launch = {"command": command, "folder": folder, "path": sys.path, "environment": self._environment()}
         try:
-            socket.send_fds(self._control, [message_frame(launch._asdict())], [*descriptors, *_outputs[-1:]])
+            socket.send_fds(self._control, [message_frame(launch)], [*descriptors, *_outputs[-1:]])
         except OSError as error:
             raise TrackbenchError(NOT_STARTED) from error
 
