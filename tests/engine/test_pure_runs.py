@@ -13,7 +13,6 @@ import trackbench as tb
 from trackbench.base.types import Array
 from trackbench.engine import kernels as kernels_module
 from trackbench.engine.choice import Engine
-from trackbench.engine.filters import kernels as kernels_of_this_process
 from trackbench.runner import work
 
 ENGINES: tuple[Engine, ...] = ("fused", "numpy")
@@ -139,17 +138,3 @@ def test_the_terminal_says_it_without_being_asked(scenario: Callable[..., Path],
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr.startswith("mine: mine was computed by NumPy: step by ")
     assert done.stderr.count("\n") == 1
-
-
-def test_a_tuning_with_a_model_that_differs_is_numpys(
-    scenario: Callable[..., Path], caplog: pytest.LogCaptureFixture
-) -> None:
-    file = scenario(NOT_PURE["branch on the batch"])
-    tuned = [tb.tune(file, ["mine"], trials=4, engine=engine)["mine"].trials for engine in ENGINES]
-    assert "Mine says pure = True, but machine code" in caplog.text
-    assert tuned[0] == tuned[1]
-
-
-def test_after_a_run_kernels_are_compared_again(scenario: Callable[..., Path]) -> None:
-    mine(scenario(), "fused")
-    assert kernels_of_this_process().compares

@@ -99,14 +99,6 @@ def test_scans_at_which_it_is_only_asked(given: Drive) -> None:
     compared(both("ekf-imm", given, None), scans, agreement.LIMIT)
 
 
-def test_a_scan_of_nothing(given: Drive) -> None:
-    scans = list(given.scans)
-    for k in (0, 7, 8):
-        none = np.zeros_like(scans[k].valid)
-        scans[k] = scans[k]._replace(valid=none, measurement=np.full_like(scans[k].measurement, np.nan))
-    compared(both("ekf-cv", given, FIRST), scans, agreement.LIMIT)
-
-
 def test_tracks_that_lose_their_course() -> None:
     """Objects that stop: their tracks go on with position and velocity, and find their course again."""
     moving, at = drive(40, 12, ["lidar"], speeds=(3.0, 4.0)), 15
@@ -156,14 +148,6 @@ def test_copies_go_on_where_the_tracker_is(how: str, name: str, given: Drive) ->
             assert (one is None) == (two is None)
             assert one is None or one.tobytes() == two.tobytes()
     assert other.engine_used[:3] == fused.engine_used[:3] == ("fused", "", 0)
-
-
-def test_a_single_object(given: Drive) -> None:
-    """Without a batch axis."""
-    scans = [scan._replace(measurement=scan.measurement[:, 0], valid=scan.valid[0]) for scan in given.scans]
-    for name in ("ekf-cv", "ukf-ca", "kf-imm"):
-        of = tracker(**agreement.FILTERS[name], initial=FIRST)
-        compared((of, replace(of, engine="fused")), scans, ROUGH_LIMIT)
 
 
 def test_several_batch_axes(given: Drive) -> None:

@@ -84,16 +84,6 @@ def test_a_batch_is_the_loop_over_its_members(keys, initial):
 
 
 @every_tracker
-def test_batch_axes_of_any_shape(keys):
-    scans = list(measurements(6, 8, seed=5, detection=1.0))
-    flat = through(tracker(**keys), scans)[-1]
-    square = [s._replace(measurement=s.measurement.reshape(-1, 2, 3), valid=s.valid.reshape(2, 3)) for s in scans]
-    found = through(tracker(**keys), square)[-1]
-    np.testing.assert_allclose(found.mean.reshape(4, 6), flat.mean, rtol=1e-12)
-    np.testing.assert_allclose(found.covariance.reshape(4, 4, 6), flat.covariance, rtol=1e-12, atol=1e-12)
-
-
-@every_tracker
 @pytest.mark.parametrize("initial", ["first_measurement", "two_measurements"])
 def test_covariances_stay_symmetric_and_positive_definite(keys, initial):
     """Of 40 objects at 25 scans, whose times and sensors are drawn twice, and others for each tracker."""

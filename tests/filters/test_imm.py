@@ -205,15 +205,6 @@ def test_without_a_measurement_the_modes_are_left_to_the_chain():
     np.testing.assert_array_equal(update.innovation == 0.0, [[False, True]] * 3)
 
 
-def test_over_no_time_the_modes_stay_as_they_are():
-    filter = imm(ExtendedKalmanFilter, MODELS["cv"], MODELS["ctrv"])
-    belief = run(filter, begun(filter), scans(steps=3))[-1].belief
-    after = filter.predict(belief, 0.0)
-    np.testing.assert_array_equal(after.probability, belief.probability)
-    for a, b in zip(after.modes, belief.modes, strict=True):
-        np.testing.assert_allclose(a.mean, b.mean, atol=1e-13)
-
-
 @every_kind
 def test_probabilities_sum_to_one_after_very_unlikely_measurements(kind):
     filter = imm(kind, QUIET, LIVELY, stay=(1e9, 1e9))

@@ -131,9 +131,3 @@ def test_a_batch_is_the_loop_over_its_members(kind):
         for a, b in zip(together, alone, strict=True):
             np.testing.assert_allclose(a.mean[:, i], b.mean, rtol=1e-10, atol=1e-10)
             np.testing.assert_allclose(a.covariance[..., i], b.covariance, rtol=1e-10, atol=1e-10)
-
-
-def test_of_one_belief_nothing_changes():
-    belief = Belief(np.ones(4), np.eye(4))
-    (found,) = smoothed(ExtendedKalmanFilter(MODELS["cv"]), [belief], [])
-    assert found.mean is belief.mean

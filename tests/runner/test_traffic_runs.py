@@ -107,22 +107,6 @@ def test_association_by_column_is_chance(scenario: Path, write_module: Any) -> N
     assert found.summary.ranking[-1] == "column"
 
 
-@pytest.mark.slow
-def test_the_same_bits_in_one_process_and_in_two(scenario: Path) -> None:
-    # More runs than a block of three objects takes.
-    text = SCENARIO.replace("duration_s: 6", "duration_s: 1").replace("for_s: 6", "for_s: 1")
-    scenario.write_text(text.replace("runs: 4", "runs: 700"), encoding="utf-8")
-    one, two = (result(scenario, workers=workers) for workers in (1, 2))
-    assert one.summary.fingerprints == two.summary.fingerprints
-    for name in one.tables:
-        for column in one.tables[name].column_names:
-            found, wanted = (each.tables[name][column].to_pandas() for each in (one, two))
-            if found.dtype == float:
-                np.testing.assert_array_equal(found, wanted)
-            else:
-                assert list(found) == list(wanted)
-
-
 def test_a_run_does_not_depend_on_the_others(scenario: Path) -> None:
     few, many = result(scenario, "monte_carlo.runs=2"), result(scenario, "monte_carlo.runs=5")
     assert many.summary.fingerprints[:2] == few.summary.fingerprints

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from trackbench.api.scenario import load_several
-from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.check import check
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -79,13 +79,6 @@ def test_byte_order_mark_and_windows_lines(tmp_path: Path) -> None:
     assert load_scenario(path).config.name == "example"
 
 
-def test_frozen(tmp_path: Path) -> None:
-    scenario = load(tmp_path, GOOD).config
-
-    with pytest.raises(ValueError, match="frozen"):
-        scenario.name = "other"
-
-
 def test_overrides(tmp_path: Path) -> None:
     scenario = load(
         tmp_path,
@@ -117,15 +110,6 @@ def test_locate_puts_file_and_line_to_a_key(tmp_path: Path) -> None:
     assert place("truth.env.no.such") == "FILE:2: truth.env.no.such: wrong"
     assert place("truth.config.lanes_count") == "--set truth.config.lanes_count=0: truth.config.lanes_count: wrong"
     assert place(None) == "FILE:1: wrong"
-
-
-def test_locate_leaves_a_known_place_alone(tmp_path: Path) -> None:
-    loaded = load(tmp_path, GOOD)
-    elsewhere = InputError("wrong", key="name", file="other.yaml", line=4)
-
-    both = loaded.locate(InputErrors([elsewhere, InputError("bad", key="name")]))
-
-    assert str(both) == f"other.yaml:4: name: wrong\n{loaded.path}:1: name: bad"
 
 
 def test_check_accepts(tmp_path: Path) -> None:

@@ -81,11 +81,6 @@ def test_what_needs_hidden_identities(check: Callable[[str], str], sensor: str, 
     assert check(text.replace("hidden", "known")) == f"6: {message}\n"
 
 
-def test_what_works_with_known_identities(check: Callable[[str], str]) -> None:
-    text = with_option("front", "occlusion: true, detection: {half_range_m: 90}")
-    assert check(text.replace("hidden", "known")) == ""
-
-
 def test_a_limit_of_the_scene_needs_hidden_identities(check: Callable[[str], str]) -> None:
     text = SCENARIO.replace("duration_s: 2", "duration_s: 2, others_within_m: 50")
     assert check(text) == ""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from scipy import integrate, stats
 from tests.support.late_scans import late_tracker
 from tests.support.scenes import fixed_observer, scan, tracker, truth
@@ -21,12 +19,10 @@ from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.signal import SignalRange
-from trackbench.results import Result
 from trackbench.scenario import load_scenario
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import SmoothedTracker
 
 SIGNAL = {"half_range_m": 140, "stated_at_m": 60, "constant_share": 0.5}
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1}
@@ -104,11 +100,6 @@ def test_the_nis_is_right_at_all_ranges_where_the_noise_by_range_is_assumed() ->
     assert all(within(values, 3.0) for values in assuming.values())
     assert stated[10].mean() < 2.4
     assert stated[100].mean() > 9.0
-
-
-def test_the_description_of_a_tracker_names_what_it_assumes(run_tiny: Callable[..., Result]) -> None:
-    result = run_tiny("trackers.ekf.assume.radar.signal_to_noise={half_range_m: 140, stated_at_m: 60}")
-    assert "radar with signal to noise assumed" in result["ekf"].describe
 
 
 def assuming(tiny: Path, filter: str, entry: str) -> None:
@@ -235,18 +226,6 @@ def test_who_assumes_slow_errors_and_a_bias_is_consistent_and_who_does_not_is_op
     assert not any(np.any(estimate.repaired) for estimate in knowing if estimate.repaired is not None)
 
 
-@pytest.mark.parametrize("sensor", [Radar, Lidar])
-def test_who_assumes_slow_errors_that_are_there_is_more_accurate(sensor: Any) -> None:
-    slow = {"type": "correlated_errors", "share": 0.8, "time_s": 1.0}
-    affected = sensor(**(RADAR if sensor is Radar else LIDAR), effects=[slow])
-    x, scans = simulated(affected, (30.0, 5.0, 4.0, 1.0), 80, 400)
-    components = SLOW_RADAR if sensor.kind() == "radar" else SLOW
-    knowing = followed(scans, filter="ekf", assume={sensor.kind(): {"correlated_errors": components}})
-    stated = followed(scans, filter="ekf")
-    for part in (slice(0, 2), slice(2, 4)):
-        assert rmse(knowing, x, part) < rmse(stated, x, part)
-
-
 @pytest.mark.parametrize("filter", ["ekf", "ukf", "ckf"])
 @pytest.mark.parametrize(
     "effects",
@@ -262,16 +241,6 @@ def test_errors_of_no_size_or_no_duration_change_nothing(filter: str, effects: d
     for assuming, plain in pairs:
         np.testing.assert_allclose(assuming.mean, plain.mean, rtol=1e-9)
         np.testing.assert_allclose(assuming.covariance, plain.covariance, rtol=1e-8, atol=1e-10)
-
-
-def test_the_smoother_knows_the_errors_too() -> None:
-    effects = [{"type": "correlated_errors", "share": 0.8, "time_s": 1.0}]
-    x, scans = simulated(Radar(**RADAR, effects=effects), (30.0, 5.0, 4.0, 1.0), steps=60, runs=400)
-    keys = {"filter": "ekf", "assume": {"radar": {"correlated_errors": SLOW_RADAR}}}
-    smoothed = SmoothedTracker(tracker(**CV, **keys)).estimates(scans)
-    low, high = stats.chi2.ppf([0.0005, 0.9995], 4 * 400) / 400
-    assert low < nees(smoothed[30], x[30]).mean() < high
-    assert rmse(smoothed, x, slice(0, 2)) < 0.95 * rmse(followed(scans, **keys), x, slice(0, 2))
 
 
 def test_an_imm_of_the_same_model_twice_is_the_filter_alone() -> None:
@@ -327,29 +296,6 @@ def test_the_fused_engine_computes_the_same(filter: str) -> None:
             np.testing.assert_allclose(estimate.mean, expected.mean, rtol=1e-9)
             np.testing.assert_allclose(estimate.covariance, expected.covariance, rtol=1e-8, atol=1e-10)
         assert fused.engine_used.engine == "fused", fused.engine_used
-
-
-@pytest.mark.parametrize(
-    ("keys", "at", "message"),
-    [
-        (
-            {"motion": "ctrv", "yaw_acceleration_sigma_radps2": 1},
-            "assume.radar.bias",
-            "a track of ctrv starts by position",
-        ),
-        ({"initial": "two_measurements"}, "initial.from", "a track starts from its first measurement"),
-        ({"initial": {"covariance_diag": [1, 1, 1, 1]}}, "initial.covariance_diag", "not used with errors as states"),
-        (
-            {"associate": {"method": "gnn"}, "assume": {"radar": {"signal_to_noise": SIGNAL, **KNOWN}}},
-            "assume.radar.correlated_errors",
-            "remove it, or signal_to_noise",
-        ),
-    ],
-)
-def test_where_errors_are_no_states_is_said(keys: dict[str, Any], at: str, message: str) -> None:
-    with pytest.raises(ValidationError) as caught:
-        FilterConfig.model_validate({"filter": "ekf", **CV, "assume": {"radar": BIASED}, **keys})
-    assert message in str(caught.value)
 
 
 def test_kf_has_no_errors_as_states(tiny: Path) -> None:

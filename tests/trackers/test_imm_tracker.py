@@ -14,7 +14,6 @@ from trackbench.base.errors import TrackbenchError
 from trackbench.models.motion import Kinematics
 from trackbench.results import Result
 from trackbench.runner.run import run_scenario
-from trackbench.runner.tracker_entry import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -93,12 +92,6 @@ def test_a_scenario_runs_it_and_it_is_better_than_either_model(tmp_path):
     result: Result = run_scenario(scenario, truths_of(scenario))
     error = {one.name: one.metrics["position_rmse"].value for one in result.summary.trackers}
     assert error["imm"] < 0.95 * min(error["straight"], error["turning"]), error
-
-
-def test_it_is_described_in_words(tmp_path):
-    assert describe_tracker(loaded(tmp_path).config.trackers["imm"], ()).startswith(
-        "ekf, imm of cv, acceleration sigma 0.3 m/s^2 for 5 s and ctrv, acceleration sigma 0.3 m/s^2"
-    )
 
 
 def test_its_first_probabilities_are_those_that_the_chain_comes_to():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -60,16 +59,6 @@ def test_replay_takes_scans_of_one_time_in_the_order_of_the_sensors() -> None:
     expected = taken(made, scans)[-1].mean
     for late in (swapped(scans, 4, 10), [*scans[:4], *scans[5:9], scans[4], *scans[9:]]):
         np.testing.assert_allclose(taken(made, late)[-1].mean, expected, rtol=1e-12, atol=1e-12)
-
-
-def test_replayed_traffic_takes_scans_of_one_time_in_the_order_of_the_sensors() -> None:
-    made = traffic(vehicles(4), 12)
-    scans = [one._replace(time=0.05 * (k // 2), place=k % 2) for k, one in enumerate(made.scans)]
-    config = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "associate": {"method": "gnn"}}
-    of = build_multi(FilterConfig.model_validate(config))
-    one, other = taken(of, scans)[-1], taken(of, swapped(scans, 4, 16))[-1]
-    np.testing.assert_array_equal(other.ids, one.ids)
-    np.testing.assert_allclose(other.mean, one.mean, rtol=1e-12)
 
 
 def test_a_late_scan_shows_the_innovation_of_its_own_time() -> None:
@@ -148,29 +137,6 @@ def test_log_likelihoods_in_the_order_of_arrival_add_up_to_the_joint_density() -
         np.testing.assert_allclose(total_log_likelihood(taken(linear("replay", 2), arrived), arrived), joint, atol=1e-9)
 
 
-def test_a_late_scan_that_finds_no_track_has_no_log_likelihood() -> None:
-    first, second = lidar_scans(2, batch=2)
-    first = first._replace(valid=np.array([True, False]))
-    second = second._replace(valid=np.array([False, True]))
-    said = taken(linear("replay"), [second, first])[-1].log_likelihood
-    # The first object is seen in the late scan alone, the second in the other alone.
-    assert np.isnan(said).all()
-
-
-def test_a_copied_state_shares_what_is_over_and_goes_on_by_itself() -> None:
-    scans = lidar_scans()
-    made, state = linear("replay"), None
-    for one in [*scans[:4], *scans[5:8]]:
-        state, _ = made.step(state, one)
-    assert state is not None
-    copied = deepcopy(state)
-    assert all(one is other for one, other in zip(copied.history, state.history, strict=True))
-    assert copied.own.belief.mean is not state.own.belief.mean
-    copied.own.belief.mean[:] = np.nan
-    expected = taken(made, [*scans[:4], *scans[5:8], scans[4]])[-1].mean
-    np.testing.assert_array_equal(made.step(state, scans[4])[1].mean, expected)
-
-
 def test_what_is_dropped_changes_nothing() -> None:
     scans = lidar_scans()
     without, late = scans[:4] + scans[5:], swapped(scans, 4)
@@ -196,20 +162,6 @@ def test_as_new_lags_by_the_way_that_the_object_goes_in_the_latency() -> None:
         np.testing.assert_allclose(estimate.mean[2:], velocity, atol=1e-6)
 
 
-@pytest.mark.parametrize("advance", ["own_scans", "all_scans"])
-def test_what_is_answered_is_not_kept(advance: str) -> None:
-    scans = lidar_scans()
-    made = late_tracker(filter="ukf", motion="ctrv", advance_at=advance, **NOISE["ctrv"])
-    state, asked_state = None, None
-    asked_state, _ = made.step(asked_state, scans[0]._replace(time=-0.5, valid=scans[0].valid & False, asked=True))
-    for one in scans:
-        state, plain = made.step(state, one)
-        ask = one._replace(time=one.time + 0.05, valid=one.valid & False, asked=True)
-        asked_state, asked = made.step(asked_state, one)
-        asked_state, _ = made.step(asked_state, ask)
-        np.testing.assert_array_equal(asked.mean, plain.mean)
-
-
 @pytest.mark.parametrize("method", ["gnn", "jpda", "pmb"])
 def test_replay_of_several_objects_is_as_in_order(method: str) -> None:
     made = traffic(vehicles(4), 12, runs=2)
@@ -223,17 +175,6 @@ def test_replay_of_several_objects_is_as_in_order(method: str) -> None:
     dropping = build_multi(FilterConfig.model_validate({**config, "late": "drop"}))
     without = [one for k, one in enumerate(late) if k not in (3, 18)]
     np.testing.assert_array_equal(taken(dropping, late)[-1].mean, taken(dropping, without)[-1].mean)
-
-
-def test_tracks_say_what_they_took_of_a_late_scan() -> None:
-    made = traffic(vehicles(3), 12, detection=1.0, clutter=0.0)
-    of = build_multi(
-        FilterConfig.model_validate({"filter": "ekf", "motion": "cv", **NOISE["cv"], "associate": {"method": "gnn"}})
-    )
-    scans = [*made.scans[:16], *made.scans[17:19], made.scans[16]]
-    said = taken(of, scans)[-1]
-    origins = made.origins[16][:, 0]
-    assert sorted(origins[said.used[:, 0]]) == [0, 1, 2]
 
 
 @pytest.mark.parametrize(

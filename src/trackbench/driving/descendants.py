@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -65,17 +65,12 @@ def end_marked(mark: str) -> None:
 def end_descendants() -> None:
     """Kill all that descends from this process, which adopts orphans, and wait for it."""
     while processes := children(os.getpid()):
-        end_children(processes, signal.SIGKILL)
-
-
-def end_children(processes: Collection[int], number: signal.Signals) -> None:
-    """Send children of this process a signal to end, and wait for them."""
-    for process in processes:
-        with suppress(ProcessLookupError):
-            os.kill(process, number)
-    for process in processes:
-        with suppress(ChildProcessError):
-            os.waitpid(process, 0)
+        for process in processes:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        for process in processes:
+            with suppress(ChildProcessError):
+                os.waitpid(process, 0)
 
 
 def _resident(process: int) -> int:

@@ -6,10 +6,8 @@ import os
 import platform
 import signal
 import socket
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 from trackbench.base.errors import InputError
@@ -17,10 +15,8 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import Command
 from trackbench.trackers.published import built_in
 
-#: A day, s.
-LONGEST = 86_400.0
-#: Of the memory of the container, unless another number of bytes is stated.
-SHARE = 0.25
+#: Longest time for an answer, s, and share of the container's memory that a tracker may take unless it is stated.
+LONGEST, SHARE = 86_400.0, 0.25
 GIGABYTE = 10**9
 
 
@@ -74,28 +70,16 @@ class Isolation:
 def lacking() -> str:
     """What this system lacks for processes of trackers, such as "os.fork"; empty where it has all, as Linux has."""
     needed = [(os, "fork"), (os, "setsid"), (signal, "SIGKILL"), (signal, "pthread_sigmask"), (socket, "send_fds")]
-    names = [f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)]
-    return " or ".join([*names[:1], *(["resource"] if not names and find_spec("resource") is None else [])])
+    return next((f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)), "")
 
 
 def container_memory() -> int:
-    """Memory of the container, or of the machine where none is limited, bytes."""
-    return min([os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), *_group_limits()])
-
-
-def _group_limits() -> Iterator[int]:
-    """The limits of the control groups in which this process is, of either version, bytes."""
-    with suppress(OSError):
-        for line in Path("/proc/self/cgroup").read_text().splitlines():
-            _, controllers, group = line.split(":", 2)
-            if controllers not in ("", "memory"):
-                continue
-            mounted = Path("/sys/fs/cgroup", controllers)
-            place = mounted / group.lstrip("/")
-            # In a container the path may be that of the host, which is not seen here.
-            for folder in [place, *(parent for parent in place.parents if parent.is_relative_to(mounted))]:
-                with suppress(OSError, ValueError):
-                    yield int((folder / ("memory.limit_in_bytes" if controllers else "memory.max")).read_text())
+    """Return the memory of the container, or of the machine where none is limited, bytes."""
+    limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")]
+    for file in ("memory.max", "memory/memory.limit_in_bytes"):
+        with suppress(OSError, ValueError):
+            limits.append(int(Path("/sys/fs/cgroup", file).read_text()))
+    return min(limits)
 
 
 ISOLATED = Isolation()

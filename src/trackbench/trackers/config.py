@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
 
-from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Problem, Sigma, chosen_by
+from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Problem, Sigma, chosen_by, reject
 from trackbench.base.config.key_units import option_in_words
-from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
+from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName, plugin_field
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel
 from trackbench.models.motion.base import YAW
 from trackbench.models.sensors import SENSOR_MODELS
@@ -64,7 +65,7 @@ OneOrSeveralMotions = Annotated[
 ]
 
 
-FilterName = Literal["kf", "ekf", "ukf", "ckf"]
+FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
 LateMethod = Literal["drop", "as_new", "replay"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
@@ -181,13 +182,30 @@ class FilterConfig(OptionsBeside):
             return ["imm of " + " and ".join(f"{', '.join(_words(model))} for {stay:g} s" for model, stay in models)]
         return _words(self.motion, () if self.process_noise_diag is None else self.motion.driving_noise)
 
+    @model_validator(mode="before")
     @classmethod
-    def replaced(cls, data: Mapping[str, Any], model: type[MotionModel]) -> dict[str, str]:
-        if data.get("process_noise_diag") is None:
-            return {}
-        return dict.fromkeys(
-            model.driving_noise, "not used with process_noise_diag, which says it all; remove one of them"
-        )
+    def _noise_stated_once(cls, data: Any, info: ValidationInfo) -> Any:
+        """Make the motion model without the noise that ``process_noise_diag`` states."""
+        if not isinstance(data, dict) or data.get("process_noise_diag") is None:
+            return data
+        motion = data.get("motion")
+        is_word = isinstance(motion, str)
+        options = {key: item for key, item in data.items() if key not in cls.model_fields} if is_word else motion or {}
+        name = motion if is_word else isinstance(motion, dict) and motion.get("model")
+        if not isinstance(name, str):
+            return data
+        try:
+            model = plugin_field(cls)[1].find(name, info)
+        except PydanticCustomError:
+            return data
+        stated, unused = {key: item for key, item in options.items() if key != "model"}, model.driving_noise
+        reason = "not used with process_noise_diag, which says it all; remove one of them"
+        at: KeyPath = () if is_word else ("motion",)
+        reject(cls.__name__, [Problem((*at, key), reason) for key in dict.fromkeys(unused) if key in stated])
+        # What is replaced has to have some value that is valid; it ends as 0.
+        made = model.model_validate(stated | dict.fromkeys(unused, 1.0), context=info.context)
+        rest = {key: item for key, item in data.items() if key in cls.model_fields}
+        return {**rest, "motion": made.model_copy(update=dict.fromkeys(unused, 0.0))}
 
     def problems(self) -> Iterator[Problem]:
         stated, models = self.model_fields_set, self.models
@@ -328,7 +346,7 @@ def entry_kind(value: Any) -> str | None:
     return f"<{kinds[0]}>" if len(kinds) == 1 else None
 
 
-NO_KIND = "write filter (built in: kf, ekf, ukf, ckf) or use (your own), and not both"
+NO_KIND = "write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both"
 AnyTracker = Annotated[
     Annotated[FilterConfig, Tag("<filter>")] | Annotated[PluginConfig, Tag("<use>")],
     chosen_by(entry_kind, NO_KIND),

@@ -9,7 +9,7 @@ from typing import Any, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
-from trackbench.base.config.explain import explain
+from trackbench.base.config.messages import explain, keyed_fields
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.plugins import Registry, one_line, searched
 from trackbench.trackers.answers import Tracker
@@ -62,7 +62,7 @@ def check_tracker_options(use: str, options: Mapping[str, Any], folder: Path | N
     try:
         declared.model_validate(options, context={"folder": folder})
     except ValidationError as invalid:
-        problems = explain(invalid.errors(include_url=False), declared)
+        problems = explain(invalid, keyed_fields(declared))
         errors = [InputError(message, key=".".join(map(str, path)) or None) for path, message in problems]
         raise errors[0] if len(errors) == 1 else InputErrors(errors) from None
     except Exception as error:

@@ -18,7 +18,6 @@ import pytest
 from tests.support.places import DOCS
 
 from trackbench.scenario import load_scenario
-from trackbench.subjects.tuning.signature import setting_differences
 
 Cli = Callable[..., Any]
 
@@ -277,11 +276,3 @@ def test_a_search_with_another_plug_in_is_refused(cli: Cli, own_file: Path) -> N
     done = cli(*last)
     assert done.status == 2
     assert "start.own.nees was" in done.err
-
-
-def test_a_start_that_gives_something_else_is_told() -> None:
-    kept = {"seed": 0, "start": {"own": {"nees": 4.0, "position_rmse": 0.25}}}
-    near = {"seed": 0, "start": {"own": {"nees": 4.0 + 1e-12, "position_rmse": 0.25}}}
-    assert setting_differences(kept, kept) == setting_differences(kept, near) == ""
-    other = {"seed": 0, "start": {"own": {"nees": 4.0, "position_rmse": 0.5}}}
-    assert setting_differences(kept, other) == "start.own.position_rmse was 0.25 and is 0.5"

@@ -203,18 +203,3 @@ def test_a_hidden_object_may_exist(method: str) -> None:
         np.testing.assert_allclose(tracks.existence[0], chances[:2].sum(), rtol=1e-9)
     # Eight misses of a visible object would leave 1e-5 or so.
     assert 0.5 < tracks.existence[0] < 0.99
-
-
-def test_what_the_tracker_takes_in_place_of_what_the_sensor_states() -> None:
-    seen = traffic(vehicles(4, spacing=10.0), 20, detection=0.8, clutter=10.0, sensors=("lidar",))
-    misstated = [s._replace(detection_probability=0.99) for s in seen.scans]
-    of, plain = tracker("pmb", detection_probability={"lidar": 0.8}), tracker("pmb")
-    a = b = c = None
-    differs = False
-    for right, wrong in zip(seen.scans, misstated, strict=True):
-        a, told = plain.step(a, scan_of_run(right, 0))
-        b, overridden = of.step(b, scan_of_run(wrong, 0))
-        c, misled = plain.step(c, scan_of_run(wrong, 0))
-        np.testing.assert_array_equal(told.mean, overridden.mean)
-        differs |= told.mean.shape != misled.mean.shape or not np.array_equal(told.mean, misled.mean)
-    assert differs

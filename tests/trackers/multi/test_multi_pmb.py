@@ -152,17 +152,6 @@ def test_a_confirmed_track_comes_back_under_its_own_id(method: str, confirm: Any
     assert max(silent) < len(HITS) - 1
 
 
-def test_one_number_reports_where_two_wait() -> None:
-    scans = [scan_of(float(k), OBJECTS[:1] if hit else OBJECTS[:0]) for k, hit in enumerate(HITS)]
-    waiting, existence = reported_at(tracker("pmb", report_existence=[0.999, 0.2]), scans)
-    first = next(k for k, value in enumerate(existence) if value >= 0.999)
-    assert existence[first - 1] > 0.4
-    assert [len(tracks.ids) for tracks in waiting] == [
-        int(k >= first and value >= 0.2) for k, value in enumerate(existence)
-    ]
-    assert min(existence[first:]) < 0.999
-
-
 def test_a_track_ends_below_the_existence_of_deletion_alone() -> None:
     scans = [scan_of(float(k), OBJECTS[: int(k < 5)]) for k in range(12)]
     state, of, alive = None, tracker("pmb", delete_existence=1e-3), []
