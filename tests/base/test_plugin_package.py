@@ -195,9 +195,9 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
     env = {**os.environ, "PYTHONPATH": str(site)}
     page = subprocess.run([sys.executable, "-c", PAGES], env=env, capture_output=True, text=True, check=True).stdout
     for text in (
-        "`type sonar`",
-        "`source weave`",
-        "| `correlated` |",
+        "`type: sonar`",
+        "`source: weave`",
+        "`motion: correlated`",
         "| `nearest_position` | `alpha`, `beta` |",
         "| `largest_error` | m |",
     ):
