@@ -112,12 +112,6 @@ class TrafficOptions(TruthSource, OptionsBeside):
         "apart: a scene has vehicles that do not overlap, and each is in at most one scene. As the format says unless "
         "given.",
     )
-    divide: int | None = Field(
-        None,
-        ge=1,
-        le=MAX_SCENES,
-        description="Scenes of a fixed observer, where the vehicles did not drive at the same time; 1 unless given.",
-    )
     others_within_m: OthersWithin = None
     length_m: Positive = Field(4.5, description="Length of a vehicle of which the file does not say it, m.")
     width_m: Positive = Field(1.8, description="Width of a vehicle of which the file does not say it, m.")
@@ -137,7 +131,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
 
     @property
     def number_of_scenes(self) -> int:
-        return len(self.vehicles) or self.divide or 1
+        return len(self.vehicles) or 1
 
     @property
     def scene(self) -> int:
@@ -146,7 +140,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
 
     @property
     def scene_name(self) -> str:
-        return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else f"part {self._scene + 1}"
+        return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else ""
 
     def scenes(self) -> Sequence[Self]:
         return tuple(self._numbered(number) for number in range(self.number_of_scenes))
@@ -161,10 +155,6 @@ class TrafficOptions(TruthSource, OptionsBeside):
             yield Problem(("path",), f"missing: the file, such as recording{self.format.endings[0]}")
         if not self.format.endings and self.path is not None:
             yield Problem(("path",), "this recording comes with the package; remove the path")
-        if self.divide is not None and self.vehicles:
-            yield Problem(("divide",), "only used with a fixed observer; each vehicle of observer makes a scene")
-        elif self.divide is not None and self.drove_together:
-            yield Problem(("divide",), "the vehicles drove at the same time; only used with simultaneous: false")
 
 
 class BoxesOptions(ReferenceTruth, OptionsBeside):
