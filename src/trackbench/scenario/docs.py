@@ -39,7 +39,7 @@ HEADINGS = {
     "BoxesTruth": "Recorded boxes",
     "TrafficTruth": "Recorded traffic",
     "VehicleObserver": "`observer` of recorded traffic as a vehicle",
-    "ObserverColumns": "`columns.observer`",
+    "ObserverColumns": "`ego`",
     "ReferenceOptions": "`reference` of recorded boxes and motion",
     "Radar": "Radar",
     "Lidar": "Lidar",
