@@ -149,9 +149,11 @@ class RecordingOptions(ReferenceTruth):
 
     def _paths(self) -> dict[KeyPath, str | list[str]]:
         """All that are given, by key; that of the truth comes first."""
-        readings = {("readings", name): entry for name, entry in self.measurements.items()}
-        entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None]
-        entries = {(): self, **readings, ("ego",): self.ego}
+        entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None] = {
+            (): self,
+            **{("readings", name): entry for name, entry in self.measurements.items()},
+            ("ego",): self.ego,
+        }
         return {(*key, "path"): entry.path for key, entry in entries.items() if entry is not None and entry.path}
 
     def _log(self, number: int, name: str) -> Self:
@@ -173,8 +175,6 @@ class RecordingOptions(ReferenceTruth):
         if not any(isinstance(path, list) for path in paths.values()):
             return
         first, expected = next((key, len(path)) for key, path in paths.items() if isinstance(path, list))
-        if expected > MAX_SCENES:
-            yield Problem(first, f"{expected} logs are too many; at most {MAX_SCENES}")
         for key, path in paths.items():
             files = path if isinstance(path, list) else [path]
             if len(files) != expected:

@@ -23,7 +23,7 @@ from trackbench.base.config import (
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
-from trackbench.truth.config.logs import FileName, find_log, log_names
+from trackbench.truth.config.logs import Paths, find_log, log_names
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficFormat, read_rows
 
@@ -34,10 +34,6 @@ FILE = (
     "such as $TRACKBENCH_DATA are filled in."
 )
 Vehicle = Annotated[str, Field(min_length=1)]
-Files = Annotated[
-    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
-    chosen_by(text_or_list, "write a file, or a list of files, such as [one.csv, two.csv]"),
-]
 
 
 def files_in(path: str | list[str]) -> list[str]:
@@ -161,7 +157,7 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
     """Boxes of a reference as they stand in a file: an id is one object, due at the time stamps of the file."""
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
-    path: Files = Field(description=f"{FILE} Of several sequences a list of files, each of which is a scene.")
+    path: Paths = Field(description=f"{FILE} Of several sequences a list of files, each of which is a scene.")
     _sequence: str = PrivateAttr("")
 
     @property
@@ -186,8 +182,6 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     def problems(self) -> Iterator[Problem]:
         files = files_in(self.path)
-        if len(files) > MAX_SCENES:
-            yield Problem(("path",), f"{len(files)} sequences are too many; at most {MAX_SCENES}")
         for index, file in enumerate(files):
             if file in files[:index]:
                 yield Problem(("path", index), f"{file} is there already; each sequence is another file")
@@ -203,7 +197,7 @@ class TracksConfig(OptionsBeside):
     """Tracks that another program wrote into a file."""
 
     use: Literal["tracks"] = Field(description="tracks.")
-    path: Files = Field(description=f"{FILE} Or a list of files, one for each scene in the order of the scenes.")
+    path: Paths = Field(description=f"{FILE} Or a list of files, one for each scene in the order of the scenes.")
     format: FileFormat = Field(
         description=f"{FORMAT}. Its options, such as columns and units, stand beside it. auto, or none: by the ending "
         "of the file, where it tells."
