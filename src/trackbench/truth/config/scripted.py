@@ -75,7 +75,10 @@ class Piece(Config):
         0, ge=-720, le=720, description="Constant turn rate, counter-clockwise, degrees per second."
     )
     acceleration_mps2: float = Field(
-        0, description="Constant acceleration along the path, m/s^2; below a speed of zero the object reverses."
+        0,
+        ge=-1000,
+        le=1000,
+        description="Constant acceleration along the path, m/s^2; below a speed of zero the object reverses.",
     )
     until_stop: bool = Field(
         False,
