@@ -269,6 +269,10 @@ def test_valid_values_pass(given: dict[str, Any]) -> None:
     ("given", "key", "message"),
     [
         ({"lane_count": 3}, "lane_count", "unknown key; did you mean 'lanes_count'"),
+        ({"lanes_count": "3"}, "lanes_count", "must be of the kind of the default, 4, and not '3'"),
+        ({"lanes_count": True}, "lanes_count", "must be of the kind of the default, 4, and not True"),
+        ({"offroad_terminal": 1}, "offroad_terminal", "must be of the kind of the default, False"),
+        ({"reward_speed_range": 20}, "reward_speed_range", "must be of the kind of the default"),
         ({"action": "Meta"}, "action", "must be a mapping"),
         ({"action": {"type": "Mta"}}, "action.type", "did you mean 'Meta'"),
         ({"action": {"latral": True}}, "action.latral", "did you mean 'lateral'"),
