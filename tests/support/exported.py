@@ -53,7 +53,7 @@ COLUMNS = {
     "length": "length",
     "width": "width",
 }
-EGO = {key: key.removeprefix("p") for key in ("px", "py", "vx", "vy")} | {key: key for key in ("yaw", "yaw_rate")}
+OBSERVER = {key: key.removeprefix("p") for key in ("px", "py", "vx", "vy")} | {key: key for key in ("yaw", "yaw_rate")}
 #: Keys of a sensor that a recording does not have.
 SYNTHETIC = ("rate_hz", "detection_probability", "clutter", "phase_s")
 
@@ -90,7 +90,7 @@ def write_scenes(folder: Path, loaded: Scenario, *, labelled: bool = False, **ch
             "format": "csv",
             "path": [f"{scene:02}_boxes.csv" for scene in range(len(truths))],
             "columns": COLUMNS,
-            "ego": {**EGO, "path": paths},
+            "ego": {**OBSERVER, "path": paths},
             "readings": readings,
             "reference": {"classes": ["car"]},
             **changes,
