@@ -97,21 +97,19 @@ class MotionColumns(Config):
 
 
 class ObserverColumns(MotionColumns):
-    """Columns with the motion of what carries the sensors: in the truth's rows, or in a file of their own.
+    """Columns with the motion of what carries the sensors.
 
     Between its rows the position, the heading (the short way round) and the velocity are interpolated linearly. Without
     columns of the velocity it is that of the displacement.
     """
 
-    path: Paths | None = Field(None, description="The file, of the same format; the truth's rows unless given.")
+    path: Paths = Field(description="The file, of the same format.")
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
 
     def problems(self) -> Iterator[Problem]:
         yield from self.velocity_problems()
-        if self.path is None and self.time is not None:
-            yield Problem(("time",), "the truth's rows have one time; remove this, or name the observer's file in path")
         yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in ("time", *self.stated)})
 
 
@@ -129,9 +127,6 @@ class TruthColumns(MotionColumns):
     length: str | None = Field(None, description="Length of the object's box; truth.length_m unless given.")
     width: str | None = Field(None, description="Width of the object's box; truth.width_m unless given.")
     kind: str | None = Field(None, alias="class", description="Class of the object, for truth.reference.classes.")
-    observer: ObserverColumns | None = Field(
-        None, description="Motion of what carries the sensors, where it is recorded; otherwise truth.observer."
-    )
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "course")
 
     def problems(self) -> Iterator[Problem]:
