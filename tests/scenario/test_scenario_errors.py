@@ -12,7 +12,7 @@ from trackbench.scenario import load_scenario
 
 GOOD = (DATA / "scenario.yaml").read_text(encoding="utf-8")
 
-FILTERS = "filter (built in: kf, ekf, ukf, ckf) or use (your own)"
+FILTERS = "filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own)"
 
 # What is replaced, by what, and the messages after the file's name.
 BAD = [
@@ -214,7 +214,7 @@ BAD = [
     (
         "filter: ekf",
         "filter: kalman",
-        ["21: trackers.ekf.filter: 'kalman' is not known; choose from: ckf, ekf, kf, ukf"],
+        ["21: trackers.ekf.filter: 'kalman' is not known; choose from: ckf, ekf, iekf, kf, ukf"],
     ),
     ("filter: ekf", "filter: efk", ["21: trackers.ekf.filter: 'efk' is not known; did you mean 'ekf'?"]),
     ("motion: ctrv", "motion: ctvr", ["22: trackers.ukf.motion: 'ctvr' is not known; did you mean 'ctrv'?"]),
