@@ -7,7 +7,6 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
-import numpy as np
 import pyarrow as pa
 import pytest
 from rich.console import Console
@@ -100,7 +99,7 @@ def test_the_page_loads_nothing(text: str, page: Page) -> None:
 def test_figures_have_captions_and_alternatives(page: Page) -> None:
     inside = [tag for tag, _, parents in page.elements if "figure" in parents]
     figures, drawings = page.all("figure"), [svg for svg in page.all("svg") if svg["class"] == "plot"]
-    assert len(figures) == len(drawings) == inside.count("figcaption") == 6
+    assert len(figures) == len(drawings) == inside.count("figcaption") == 3
     assert all(drawing["role"] == "img" and len(str(drawing["aria-label"])) > 20 for drawing in drawings)
     identities = [attributes["id"] for _, attributes, _ in page.elements if "id" in attributes]
     assert len(identities) == len(set(identities))
@@ -131,7 +130,7 @@ def test_ranked_values_are_those_of_the_result(page: Page) -> None:
     assert {row[8] for row in rows.values()} == {"99.0"}
     assert rows["ekf_tight"][9:11] == ["3", "7"]
     assert [row[3] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
-    assert "0.374 to 0.390" in page.text
+    assert "±0.008" in page.text
 
 
 def test_missing_values_are_na_with_their_reason(page: Page) -> None:
@@ -146,18 +145,18 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; not shown to differ" in page.text
-    covariances = {row[0]: row[1:] for row in page.rows if len(row) == 3 and ": " in row[1]}
-    assert covariances["ekf_cv"][0].startswith("pessimistic: the errors are smaller than its covariance states")
-    assert covariances["ekf_ctrv"][0].endswith("depending on the condition")
-    assert covariances["ekf_ctrv"][1] == "turning 39.7, straight 2.9"
+    assert any(row[:2] == ["ekf_cv", "pessimistic"] for row in page.rows)
+    assert ["ekf_ctrv", "mixed", "turning 39.7, straight 2.9"] in page.rows
     assert "the tracker gives no covariance" in page.text
     assert "1 of 2 expectations failed" in page.text
-    assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
-    assert "v3 jumps by 1.4 m at 15.00 s" in page.text
+    rows = [[text.replace("\N{NO-BREAK SPACE}", " ") for text in row] for row in page.rows]
+    assert any(row[:3] == ["stated velocity", "off by 5.3 m/s", "v2 at 4.50 s"] for row in rows)
+    assert ["position jump", "1.4 m", "v3 at 15.00 s", "left out from then on"] in rows
 
 
 def test_what_velocity_jumps_of_the_truth_make_of_the_errors(page: Page) -> None:
-    assert "4 % of the estimates are within a second after a velocity jump." in page.text
+    (row,) = (row for row in page.rows if row and row[0] == "after velocity jumps")
+    assert row[1].replace("\N{NO-BREAK SPACE}", " ") == "4 % of the estimates"
     assert "ekf_cv 36 %" in page.text
 
 
@@ -195,7 +194,7 @@ def test_a_metric_of_a_plug_in_has_its_column() -> None:
     headings = [text for row in page.rows for text in row]
     assert headings.count("jerk.rms, m/s³") == 1
     assert ["ukf_ctrv", "5.500"] in page.rows
-    assert "5.400 to 5.600" in page.text
+    assert "±0.100" in page.text
 
 
 def test_a_tracker_has_the_colour_of_its_place_in_the_scenario() -> None:
@@ -220,13 +219,13 @@ def test_the_page_has_one_legend(text: str) -> None:
     legend = text[text.index('<fieldset class="toggles">') :].partition("</fieldset>")[0]
     assert all(f"</span>{name}</label>" in legend for name in RMSE)
     reference = make_result().summary.reference.label
-    assert legend.count(reference) == 1
+    assert reference not in legend
     figures = [part.partition("</figure>")[0] for part in text.split("<figure ")[1:]]
     own = [
         entry for figure in figures for entry in re.findall(r'<li[^>]*><span class="mark.*?</span>(.*?)</li>', figure)
     ]
-    assert "observer" in own
-    assert not {*RMSE, reference} & set(own)
+    assert {"observer", reference} <= set(own)
+    assert not set(RMSE) & set(own)
 
 
 def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
@@ -246,7 +245,7 @@ def test_text_is_escaped() -> None:
         tables[name] = tables[name].set_column(at, "object", pa.array(objects))
     page = Page(render(Result.from_json(summary, tables)))
     assert len(page.all("script")) == 1
-    assert page.text.count(attack) >= 4
+    assert page.text.count(attack) >= 3
 
 
 def test_every_tracker_failed() -> None:
@@ -282,18 +281,6 @@ def test_one_run_gives_no_intervals() -> None:
     assert "95 % interval 0" not in page.text
 
 
-def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
-    tables = make_tables()
-    nis = tables["nis"]
-    alone = pa.array(np.ones(nis.num_rows))
-    tables["nis"] = nis.set_column(nis.column_names.index("count"), "count", alone)
-    page = Page(render(Result.from_json(make_summary(), tables)))
-    assert "95 % are below the dashed line, at 7.815 (3 degrees of freedom)" in page.text
-    assert "at 5.991 (2 degrees of freedom)" in page.text
-    whole = Page(render(Result.from_json(make_summary(), make_tables())))
-    assert "below the dashed line" not in whole.text
-
-
 def test_what_is_charged_for_missing_estimates_is_told() -> None:
     summary = make_summary()
     pairs = make_differences()
@@ -316,7 +303,6 @@ def test_what_is_charged_for_missing_estimates_is_told() -> None:
             assert f"{name} is not called better than ekf_cv: its errors are smaller only with what is" in flat
     assert "given 0.123" in page.text
     assert {name: row[3] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
-    assert "Smaller and larger: shown to differ" in page.text
     for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):
         pair = Pairs(result).get(a, b)
         assert pair is not None

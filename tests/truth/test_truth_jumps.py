@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Truth
-from trackbench.report.truth_and_sensors import audit_sentences
+from trackbench.report.truth_and_sensors import audit_table, conclusion
 from trackbench.results import TruthSummary
 from trackbench.truth.audit import exact
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2, after_jump, velocity_jumps
@@ -81,33 +81,38 @@ def test_a_jump_is_near_for_a_second_and_to_its_own_object() -> None:
     assert np.flatnonzero(near[:, 1, 0]).tolist() == list(range(20, 31))
 
 
+def found(truth: TruthSummary) -> list[list[str]]:
+    table = audit_table(truth)
+    assert table is not None
+    return [[cell.text for cell in row] for row in table.rows]
+
+
 def test_the_report_counts_the_jumps() -> None:
-    conclusion, jumps = audit_sentences(summary(scripted({"round": BEND, "corner": CORNER})))
-    assert conclusion == "The truth is exact: its velocities come from the same formulas as its positions."
-    assert jumps == (
-        "1 velocity jump: in one step the velocity changes by more than a car can do, which is put at 20 m/s², twice "
-        "the grip of a tyre. The largest is 14 m/s (corner at 2.00 s), the peak acceleration 141 m/s²."
-    )
-    assert audit_sentences(summary(scripted({"round": BEND})))[1:] == [
-        "No velocity jumps: the largest acceleration is 2.6 m/s²."
+    both = summary(scripted({"round": BEND, "corner": CORNER}))
+    assert conclusion(both) == "The truth is exact: its velocities come from the same formulas as its positions."
+    limit = "none: a car changes by 20 m/s² at most"
+    assert found(both) == [
+        ["1 velocity jump", "the largest 14 m/s", "corner at 2.00 s", limit],
+        ["largest acceleration", "141 m/s²", "", ""],
     ]
+    assert found(summary(scripted({"round": BEND}))) == [["largest acceleration", "2.6 m/s²", "", ""]]
 
 
 def test_the_report_counts_the_jumps_of_all_scenes() -> None:
     slower = {**CORNER, "start": {"speed_mps": 8}}
     truths = [scripted({"a": body}) for body in (slower, CORNER, BEND)]
-    (_, jumps) = audit_sentences(summary(*truths, names=("seed 1", "seed 2", "seed 3")))
-    assert jumps.startswith("2 velocity jumps: ")
-    assert "The largest is 14 m/s (a at 2.00 s of seed 2)" in jumps
+    (jumps, _) = found(summary(*truths, names=("seed 1", "seed 2", "seed 3")))
+    assert jumps[:3] == ["2 velocity jumps", "the largest 14 m/s", "a at 2.00 s of seed 2"]
 
 
 def test_what_was_not_audited_is_said_so() -> None:
-    truth = replace(scripted({"round": BEND}), audit={})
-    assert audit_sentences(summary(truth)) == ["The truth was not audited."]
+    truth = summary(replace(scripted({"round": BEND}), audit={}))
+    assert conclusion(truth) == "The truth was not audited."
+    assert audit_table(truth) is None
 
 
 def test_a_truth_of_one_step_has_no_jumps() -> None:
     truth = scripted({"round": BEND})
     names = ("time", "px", "py", "heading", "course", "speed", "acceleration", "yaw_rate", "alive")
-    found = exact(replace(truth, **{name: getattr(truth, name)[:1] for name in names})).audit["velocity_jumps"]
-    assert (found["count"], found["peak_acceleration_mps2"]) == (0, None)
+    repaired = exact(replace(truth, **{name: getattr(truth, name)[:1] for name in names})).audit["velocity_jumps"]
+    assert (repaired["count"], repaired["peak_acceleration_mps2"]) == (0, None)
