@@ -52,7 +52,7 @@ def ranking_blocks(
     if answer := ranking_answer(comparison):
         yield Paragraph(answer, strong=True)
     yield Paragraph(" ".join([*order_sentences(comparison), f"{_compared(comparison)}."]))
-    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]))
+    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(_letters(comparison)))
     yield Section("Overall", (Row((rank_figure(comparison, styles),)), _overall(comparison), method))
     if comparison.worlds:
         yield worlds_section(comparison)
@@ -85,8 +85,11 @@ def _compared(comparison: Comparison) -> str:
 
 _METHOD = (
     "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better by "
-    "over the margin, a half for each where neither is. Trackers that share a letter are not shown to differ in mean "
-    "rank (exact sign-flip test over the sets of scenes, 5 %, Holm over the pairs)."
+    "over the margin, a half for each where neither is."
+)
+_GROUPS = (
+    " Trackers that share a letter are not shown to differ in mean rank (exact sign-flip test over the sets of scenes, "
+    "5 %, Holm over the pairs)."
 )
 
 
