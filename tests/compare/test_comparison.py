@@ -182,6 +182,24 @@ def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, clai
     assert claim in markdown(found)
 
 
+@pytest.mark.parametrize(
+    ("rmse", "letters"),
+    [
+        ({"good": 0.5, "fair": 0.501}, {"good": "a", "fair": "a"}),
+        ({"good": 0.5, "fair": 0.502, "poor": 0.9}, {"good": "a", "fair": "a", "poor": "b"}),
+        ({"good": 0.5, "fair": 0.7, "poor": 0.9}, {"good": "a", "fair": "b", "poor": "c"}),
+    ],
+)
+def test_letters_say_whose_mean_ranks_are_shown_to_differ(rmse: dict[str, float], letters: dict[str, str]) -> None:
+    found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
+    (table,) = (table for table in comparison_document(found).tables if table.name == "ranking")
+    place = [column.heading for column in table.columns].index("group")
+    assert {row[1].text: row[place].text for row in table.rows} == letters
+    few = compare_results([[scenario(f"s{i}", rmse) for i in range(2)]])
+    (table,) = (table for table in comparison_document(few).tables if table.name == "ranking")
+    assert "group" not in [column.heading for column in table.columns]
+
+
 def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
     rmse = {"good": 0.5, "fair": 0.502, "poor": 0.9}
     found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
@@ -221,7 +239,6 @@ def test_markdown(compared: Comparison) -> None:
     assert "- **mine**: in third: ValueError: matrix \\<3\\> is singular (step 12, 0.60 s, sensor roof_lidar" in text
     assert "1 of 2 met" in text
     assert "](figures/ranks.svg)" in text
-    assert "](figures/over-reference.svg)" in text
 
 
 def test_trackers_have_the_colours_of_the_first_scenario_that_has_them(tmp_path: Path) -> None:

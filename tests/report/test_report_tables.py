@@ -28,7 +28,7 @@ def test_markdown_table(result: Result) -> None:
     lines = to_markdown(result_document(result)).splitlines()
     start = lines.index("## Ranking") + 4
     assert lines[start].count("|") == lines[start + 2].count("|")
-    assert lines[start + 2].startswith("| 1 | **ukf_ctrv** | 0.382 (0.374 to 0.390) | a |")
+    assert lines[start + 2].startswith("| 1 | **ukf_ctrv** | 0.382 (±0.008) | a |")
     assert "1. n/a: the tracker gives no covariance" in lines
     assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
 

@@ -54,7 +54,7 @@ def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) ->
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
     page = document_text(comparison_document(compare_results([[traffic_result, other]]), times=True))
     assert "Rank by T-GOSPA within each scenario" in page
-    assert "Missed part of GOSPA, m" in page
+    assert "Switches a minute of an object" in page
     assert "consistent" not in page
 
 

@@ -8,9 +8,7 @@ from tests.tracks.conftest import TRAFFIC
 
 import trackbench as tb
 from trackbench.base.types import DUE, Array
-from trackbench.document.files import document_text
 from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory, TrafficScoreOptions, TruthHistory, score_run
-from trackbench.report.result import result_document
 from trackbench.results import Result
 
 RENAMED = """
@@ -26,7 +24,7 @@ class Renewed:
     multi_object = True
 
     def __init__(self):
-        self.gnn = build_multi(FilterConfig.model_validate(GNN)).tracker
+        self.gnn = build_multi(FilterConfig.model_validate(GNN))
 
     def step(self, state, scan):
         state, tracks = self.gnn.step(state, scan)
@@ -67,11 +65,6 @@ def test_identities_that_change_every_second_rank_below_those_of_the_same_tracks
         assert pair.p_value < 1e-3
         names = [tracker.name for tracker in renamed.contenders]
         assert names.index(name) > names.index("naive") > names.index("gnn")
-
-
-def test_the_report_says_what_a_switch_costs(renamed: Result) -> None:
-    document = result_document(renamed)
-    assert "A switch costs as much as missing the object for 0.5 s." in document_text(document)
 
 
 def wandering(rate: float, seed: int, factor: float = 1.0) -> tuple[TruthHistory, TrackHistory]:

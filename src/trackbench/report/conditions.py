@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from trackbench.document import Cell, Column, Table
-from trackbench.metrics.conditions import JUMPS
-from trackbench.metrics.verdicts import meaning, what_is_off
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, percent, reach_text, rounded
+from trackbench.metrics.verdicts import MEANING, what_is_off
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, reach_text, rounded
 from trackbench.report.tables import TRACKER, metric_of, missing_cell, name_cells, tone_of, tracker_table
 from trackbench.results import ConditionScores, Result, TrackerResult
 
@@ -40,47 +39,21 @@ def condition_tables(result: Result) -> Iterator[Table]:
 
 
 def covariance_verdict_table(result: Result) -> Table:
-    """Return what the covariance of each tracker says of its errors, and what is off, farthest first."""
+    """Return the words on each covariance, and what is off, farthest first."""
 
     def verdict(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")
-        if nees.verdict is None:
-            return missing_cell(nees)
-        return Cell(f"{nees.words}: {meaning(nees, tracker.breakdown)}", tone=tone_of(nees))
+        return missing_cell(nees) if nees.verdict is None else Cell(nees.words, tone=tone_of(nees), chip=True)
 
     def off(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")
         texts = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word]
         return Cell("; ".join(filter(None, texts)))
 
+    meanings = "; ".join(f"{word}: {text}" for word, text in MEANING.items())
     columns = [
         (TRACKER, name_cells(result.scored)),
-        (Column("its covariance", left=True), list(map(verdict, result.scored))),
+        (Column("its covariance", meanings, left=True), list(map(verdict, result.scored))),
         (Column("what is off", "NEES under a condition, or a share of it", left=True), list(map(off, result.scored))),
     ]
-    return Table.of_columns("covariances", columns)
-
-
-def after_jumps(trackers: Sequence[TrackerResult]) -> str:
-    """How much of the velocity errors belongs to velocity jumps of the truth; nothing where there are none."""
-    jumped = [
-        (tracker.name, breakdown.jump[JUMPS[1]], breakdown.all)
-        for tracker in trackers
-        if (breakdown := tracker.breakdown) and JUMPS[1] in breakdown.jump
-    ]
-    if not jumped:
-        return ""
-    _, near, every = jumped[0]
-    parts = [f"{name} {_share(_squares(near) / _squares(every))}" for name, near, every in jumped]
-    begin = f"{_share(near.count / every.count)} of the estimates are within a second after a velocity jump"
-    return f"{begin}. Of the squared velocity errors are there: {', '.join(parts)}."
-
-
-def _squares(scores: ConditionScores) -> float:
-    """Sum of the squared velocity errors."""
-    error = None if scores.velocity_rmse is None else scores.velocity_rmse.value
-    return scores.count * (error or 0.0) ** 2
-
-
-def _share(share: float) -> str:
-    return percent(share) if share >= 0.01 else f"less than {percent(0.01)}"
+    return Table.of_columns("covariances", columns, "Can each covariance be believed? trackbench explain has the words")

@@ -17,13 +17,11 @@ from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_
 from trackbench.report.sentences import (
     FALSE_OF_REFERENCE,
     below_the_bound,
-    drawing_random,
     duration,
     expectations_met,
     made_elsewhere,
     missing_estimates,
     others_ignored,
-    reused_identities,
     value_and_limit,
     verdict_of_run,
 )
@@ -126,7 +124,6 @@ def _notes_on_tracks(result: Result) -> list[str]:
         *(["*: a reference, which knows which detection is whose; no competitor"] if references else []),
         *([f"  {FALSE_OF_REFERENCE}"] if outlived else []),
         *(values_of_few_scenes(result) or [_intervals_of_tracks(result)]),
-        *([reused] if (reused := reused_identities(result)) else []),
         *others_ignored(result),
         *made_elsewhere(result),
     ]
@@ -152,7 +149,7 @@ def print_summary(result: Result, console: Console) -> None:
         console.print(row, highlight=False, soft_wrap=True)
     if listed is not result:
         console.print(f"{len(result.scored) - len(listed.scored)} more: result.json", highlight=False)
-    for note in filter(None, [*_notes(result), drawing_random(result)] if listed.scored else []):
+    for note in _notes(result) if listed.scored else []:
         begin = len(note) - len(note.lstrip()) + 2
         print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))
     for table in collected("tables", result):
@@ -207,34 +204,29 @@ def _table_lines(result: Result, console: Console) -> Iterator[Text]:
     names = [tracker.name + "*" * tracker.is_reference for tracker in result.scored]
     every = [*names, *(tracker.name for tracker in result.unscored)]
     least = len("tracker")
-    sized = [(heading, max(len(heading), *(cell.cell_len for cell in cells)), cells) for heading, cells in columns]
-    split = fitting([least, *(wide for _, wide, _ in sized)], 1, console.width, gap=1)
-    parts = [[sized[i - 1] for i in part[1:]] for part in split]
-    room = console.width - max((sum(1 + wide for _, wide, _ in part) for part in parts), default=0)
+    widths = [max(len(heading), *(cell.cell_len for cell in cells)) for heading, cells in columns]
+    parts = [[i - 1 for i in part[1:]] for part in fitting([least, *widths], 1, console.width, gap=1)]
+    room = console.width - max((sum(1 + widths[i] for i in part) for part in parts), default=0)
     if not columns:
         room //= 2
     first = max([least, *(len(name) for name in every if len(name) <= room)])
     left = {"group", "NEES"} if result.summary.identities == "known" else {"group"}
 
-    def line(name: Text, cells: Iterable[tuple[str, int, Text]]) -> Text:
-        aligned = [name.copy()]
+    def line(name: Text, part: Iterable[int], cells: Sequence[Text]) -> Text:
+        aligned = [name.copy(), *(cells[i].copy() for i in part)]
         aligned[0].align("left", first)
-        for heading, wide, cell in cells:
-            aligned.append(cell.copy())
-            aligned[-1].align("left" if heading in left else "right", wide)
+        for i, cell in zip(part, aligned[1:], strict=True):
+            cell.align("left" if columns[i][0] in left else "right", widths[i])
         joined = Text(" ").join(aligned)
         joined.rstrip()
         return joined
 
     for part in parts if columns else ():
-        yield line(Text("tracker", "dim"), ((heading, wide, Text(heading, "dim")) for heading, wide, _ in part))
-        for i, name in enumerate(names):
+        yield line(Text("tracker", "dim"), part, [Text(heading, "dim") for heading, _ in columns])
+        for name, cells in zip(names, zip(*(cells for _, cells in columns), strict=True), strict=True):
             if len(name) > room:
                 yield Text(name, "bold")
-            yield line(
-                Text(name if len(name) <= room else "", "bold"),
-                ((heading, wide, cells[i]) for heading, wide, cells in part),
-            )
+            yield line(Text(name if len(name) <= room else "", "bold"), part, cells)
     for tracker in result.unscored:
         fits = len(tracker.name) <= room
         if not fits:

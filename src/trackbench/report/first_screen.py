@@ -32,6 +32,7 @@ from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.sentences import answer_of_run, divergence, expectations_met, listed_of, value_and_limit
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
+from trackbench.report.verdicts import NEXT
 from trackbench.results import MetricValue, Result, TrackerResult
 
 
@@ -41,7 +42,7 @@ def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str,
         return None
     if result.summary.identities == "hidden":
         return map_of_tracks(result, competing(result, shown))
-    figure = map_of_run(result.tables, result.summary.recorded_run, competing(result, shown), moments)
+    figure = map_of_run(result, competing(result, shown), moments)
     return figure and replace(figure, caption=f"{figure.caption} {diverged_elsewhere(result)}".rstrip())
 
 
@@ -54,7 +55,7 @@ def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyl
 def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
     """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
     summary, missing = result.summary, result.unscored
-    yield Paragraph(f"{answer_of_run(result)}." if summary.truth.known else _NO_TRUTH, strong=True)
+    yield Paragraph(f"{answer_of_run(result)}.", strong=True)
     outcomes = {item.outcome for item in summary.expectations}
     tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
     yield Status(expectations_met(summary.expectations), tone)
@@ -63,7 +64,7 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
     if failed := [item for item in summary.expectations if item.outcome == "failed"][:_FAILED]:
         yield Items(tuple(Item(f"{value_and_limit(item)}.", "Failed", tone="bad") for item in failed))
     reason, command = next_step(result)
-    yield Paragraph(f"Next, {reason}:")
+    yield Paragraph(reason)
     yield Code(command, "sh")
     glance: list[Block] = [at_a_glance(result, trackers)] if result.scored and summary.truth.known else []
     if beside := (*glance, *([picture] if picture else [])):
@@ -77,7 +78,7 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
 
 
 def next_step(result: Result) -> tuple[str, str]:
-    """What to do next in a few words, and the command for it; ``.`` is the folder of the run."""
+    """Return what to do next, and the command for it; ``.`` is the folder of the run."""
     summary, pairs = result.summary, Pairs(result)
     words = shlex.split(summary.command)
     scenario = words[2] if words[:2] == ["trackbench", "run"] else None
@@ -92,20 +93,16 @@ def next_step(result: Result) -> tuple[str, str]:
     own = [tracker for tracker in summary.trackers if not (tracker.baseline or tracker.is_reference or tracker.offline)]
     for name, what in ((tracker.name, fault(tracker)) for tracker in own if scenario):
         if what:
-            return f"{name} {what}; to find out why", f"trackbench doctor {scenario}#{name}"
+            return NEXT["doctor"].format(name=name, fault=what), f"trackbench doctor {scenario}#{name}"
     if any(item.outcome == "failed" for item in summary.expectations):
-        return "to see where the errors are largest, in this folder", "trackbench inspect . --worst 3"
+        return NEXT["inspect"], "trackbench inspect . --worst 3"
     if scenario and summary.truth.source == "highway-env" and not summary.truth.scenes:
-        return "to see whether it holds in other traffic", f"{summary.command} --scenes 10"
-    return "to see the largest errors, in this folder", f"trackbench view .{' --worst' * summary.truth.known}"
+        return NEXT["scenes"], f"{summary.command} --scenes 10"
+    return NEXT["inspect"], f"trackbench view .{' --worst' * summary.truth.known}"
 
 
 #: Failed expectations on the first screen.
 _FAILED = 3
-_NO_TRUTH = (
-    "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
-    "ranked."
-)
 
 
 def at_a_glance(result: Result, every: int) -> Table:

@@ -11,16 +11,9 @@ from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
-from trackbench.report.association import against_oracle
-from trackbench.report.conditions import after_jumps, condition_tables, covariance_verdict_table
+from trackbench.report.conditions import condition_tables, covariance_verdict_table
 from trackbench.report.figures.map import styles_with_map
-from trackbench.report.figures.over_time import (
-    QUANTITIES,
-    error_over_time,
-    gospa_over_time,
-    nees_over_time,
-    nis_over_time,
-)
+from trackbench.report.figures.over_time import errors_over_time, gospa_over_time, nees_over_time
 from trackbench.report.first_screen import competing, first_screen, picture
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import margin_words
@@ -34,19 +27,15 @@ from trackbench.report.scenes import (
     without_interval,
 )
 from trackbench.report.sentences import (
-    FALSE_OF_REFERENCE,
     below_the_bound,
-    censored,
-    drawing_random,
     facts,
     made_elsewhere,
     missing_estimates,
     others_ignored,
     provenance,
-    reused_identities,
-    switch_cost,
 )
-from trackbench.report.truth_and_sensors import audit_sentences, sensor_table
+from trackbench.report.truth_and_sensors import audit_table, conclusion, sensor_table
+from trackbench.report.verdicts import CERTAINTY, REMARKS
 from trackbench.results import Result
 
 
@@ -79,147 +68,78 @@ def _sections(
         missing = ", ".join(map(tables.metric_in_words, TRACK_METRICS))
         yield Section("What cannot be told", (Paragraph(f"Not without a truth: {missing}."),))
         return
-    labelled = summary.identities == "known"
     others = tables.other_metrics(result)
     if scored:
-        yield _ranking(result, others)
+        yield _ranking(result)
     if len(scored) > 1:
         yield _differences(result)
     if summary.truth.scenes:
         yield Section("Scene by scene", tuple(scenes(result)))
     yield from collected("sections", result, shown)
-    if labelled:
-        yield from _accuracy(result, shown, moments)
+    if summary.identities == "known":
+        yield from _figures("Accuracy", [errors_over_time(result, shown)])
+        yield from moments_section(result, moments, [style.name for style in styles_with_map(competing(result, shown))])
         if conditions := tuple(condition_tables(result)):
             yield Section("By manoeuvre and range", (Row(conditions),))
-        yield from _consistency(result, shown)
-        return
-    yield from _figures("What happened", [gospa_over_time(result.tables.steps, shown)])
-    yield from events_section(result)
-    notes = {"Errors of matched tracks": censored(result)}
-    if reused := reused_identities(result):
-        notes["Identity"] = f"{reused[0].upper()}{reused[1:]}. {_SAME_ID}"
-    for title, paths in tables.TRACK_GROUPS.items() if scored else ():
-        explained = (Paragraph(notes[title]),) if title in notes else ()
-        yield Section(title, (tables.track_table(title, scored, paths), *explained))
+        numbers = (covariance_verdict_table(result), *tables.innovation_tables(result))
+        yield from _figures("Consistency", [nees_over_time(result.tables.steps, shown)], numbers)
+    else:
+        yield from _figures("What happened", [gospa_over_time(result, shown)])
+        yield from events_section(result)
+        for title, paths in tables.TRACK_GROUPS.items() if scored else ():
+            caption = ""
+            if title == tables.MATCHED:
+                caption = REMARKS["matched"].format(reach=(summary.score.cutoff_m or 0.0) / 2)
+            yield Section(title, (tables.track_table(title, scored, paths, caption=caption),))
     if others is not None:
         yield Section("Other metrics", (others,))
 
 
-_SAME_ID = "Tracks of one identity are scored as one track: a second track of it on the same object is no switch."
 #: The sections without a truth: title, what to know of it, and the metrics that are the columns of its table.
 _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
     "Tracks": (
-        "Trackers stand in the scenario's order. More or longer tracks are not better: they may be of nothing.",
+        "More or longer tracks are not better: they may be of nothing.",
         ("track_count", "new_tracks", "track_length", "used_share"),
     ),
     "Predictions": (
-        "Before each scan a built-in tracker is asked where its tracks are. NIS is of the detections that they "
-        "then used, so a tracker that takes only near ones has a small one. The score is of all detections of all "
-        "scans: each tracker is asked the same. It tells how well the sensor's next scan is predicted, false alarms "
-        "and all, and not how near the tracks are to vehicles; only differences of it mean something.",
+        "How well each tracker predicts all detections of the next scan, false alarms too; not how near tracks are to "
+        "vehicles. NIS is of the detections that it then used.",
         ("nis", "prediction_score"),
     ),
 }
 
 
-def _ranking(result: Result, others: Table | None) -> Section:
-    summary, trackers, drawn = result.summary, result.scored, result.drawn
-    references = any(tracker.is_reference for tracker in trackers)
-    basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
+def _ranking(result: Result) -> Section:
+    """Every scored tracker, what its interval rests on, and what must be known of some."""
+    summary, column = result.summary, standing(result)
+    basis = f"Small print: 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
-        few = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”"
-        basis = f"{few if summary.truth.scenes else ONE_RUN}."
-    without = tuple(Item(f"{sentence[0].upper()}{sentence[1:]}.") for sentence in without_interval(result))
-    folded = [Section("Metrics without an interval", (Items(without),), folded=True)] if without else []
-    sentences = [drawing_random(result), *others_ignored(result), *made_elsewhere(result)]
-    basis += "".join(f" {sentence}." for sentence in sentences if sentence)
-    column = standing(result)
-    shown = f"“{column.heading}”: {column.meaning}"
-    if summary.identities == "hidden":
-        note = f"By {summary.headline_name}. {shown}. {basis}" + (_ORACLES if references else "")
-        told = (switch_cost(result), *against_oracle(result))
-        return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *map(Paragraph, told), *folded))
-    note = (
-        f"By position RMSE. {shown}. {basis}"
-        + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
-        + (f" {_SMOOTHERS}" if references else "")
-    )
-    sentences = missing_estimates(result) + below_the_bound(result)
-    remarks = [Paragraph(". ".join(sentences) + ".")] if sentences else []
-    own = [] if others is None else [Section("Other metrics", (others,))]
-    return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *remarks, *folded, *own))
-
-
-_ORACLES = f" A reference knows which detection is whose: it is no competitor; {FALSE_OF_REFERENCE}."
-_SMOOTHERS = (
-    "Offline: a smoother, which knows the measurements after each instant too, and shows what was to be had from the "
-    "same data. It is no competitor."
-)
+        basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
+        basis = basis if summary.truth.scenes else f"{ONE_RUN}."
+    note = f"“{column.heading}”: {column.meaning}. {basis}"
+    kinds = {tracker.reference_kind for tracker in result.references}
+    remarks = [
+        *missing_estimates(result),
+        *below_the_bound(result),
+        *others_ignored(result),
+        *made_elsewhere(result),
+        *(REMARKS[word] for kind, word in (("reference", "reference"), ("offline", "smoother")) if kind in kinds),
+        *filter(None, [without_interval(result)]),
+    ]
+    listed = [Items(tuple(Item(f"{remark}.") for remark in remarks))] if remarks else []
+    return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *listed))
 
 
 def _differences(result: Result) -> Section:
-    """The differences of the metric that ranks."""
-    summary = result.summary
-    text = _DIFFERENCES.format(
-        metric=summary.headline_name,
-        margin=margin_words(Pairs(result).margins),
-        family=_family(result),
-    )
-    if summary.identities == "known":
-        text += _NOT_BETTER if any(item.turned for item in result.differences) else ""
-        undrawn = undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
-        text += "".join(f" {sentence}." for sentence in undrawn)
+    """The differences of the metric that ranks, and the risk of a wrong word."""
+    summary, margin = result.summary, margin_words(Pairs(result).margins)
+    baseline = summary.score.baseline
+    pairs = "all pairs" if baseline is None else f"all trackers against {baseline}"
+    kind = "all pairs" if summary.score.best is None else "best of many"
+    text = CERTAINTY[kind].format(margin=margin, pairs=pairs, best=summary.score.best)
+    undrawn = undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
+    text += "".join(f" {sentence}." for sentence in undrawn)
     return Section("Differences between trackers", (Paragraph(text), tables.key_differences(result)))
-
-
-_DIFFERENCES = (
-    "Paired differences of {metric}. Better and worse: shown to differ by more than the margin, {margin}; equivalent: "
-    "within it; undecided: neither. {family} Each interval is of its pair alone."
-)
-
-
-def _family(result: Result) -> str:
-    """Over which differences the risk of a wrong word is 5 %."""
-    score, expected = result.summary.score, any(item.operator == "better_than" for item in result.summary.expectations)
-    beside = " and what the expectations name" if expected else ""
-    if score.best is not None:
-        return (
-            f"The risk is 5 % that any tracker as good as the best is called worse than {score.best}, which was chosen "
-            f"from the same data: p-values are corrected for that and, after Holm, for the number of trackers{beside}."
-        )
-    pairs = "all pairs" if score.baseline is None else f"all trackers against {score.baseline}"
-    return f"The risk that any is called so wrongly is 5 %: p-values are corrected after Holm for {pairs}{beside}."
-
-
-_NOT_BETTER = (
-    " Smaller and larger: shown to differ by more than the margin too, but the difference turns without what is "
-    "charged for missing estimates, and neither is called better."
-)
-
-
-def _accuracy(
-    result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
-) -> Iterator[Section]:
-    steps, reference = result.tables.steps, result.summary.held_against
-    yield from _figures("Accuracy", [error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES])
-    ringed = [style.name for style in styles_with_map(competing(result, shown))]
-    yield from moments_section(result, moments, ringed)
-
-
-def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
-    sensors = list(enumerate(result.summary.sensors))
-    figures = [
-        nees_over_time(result.tables.steps, shown),
-        *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
-    ]
-    numbers = (covariance_verdict_table(result), *tables.innovation_tables(result))
-    yield from _figures("Consistency", figures, numbers, _VERDICTS)
-
-
-_VERDICTS = (
-    "What is right: NEES 4, NIS its degrees of freedom, autocorrelation 0. trackbench explain defines each word."
-)
 
 
 def _figures(
@@ -241,10 +161,11 @@ def _expectations(result: Result) -> Iterator[Block]:
 
 
 def _truth_and_sensors(result: Result) -> Iterator[Block]:
-    if result.summary.truth.known:
-        yield from map(Paragraph, audit_sentences(result.summary.truth))
-    if shares_of_jumps := after_jumps(result.scored):
-        yield Paragraph(shares_of_jumps)
+    truth = result.summary.truth
+    if truth.known:
+        yield Paragraph(conclusion(truth))
+        if audit := audit_table(truth, result.scored):
+            yield audit
     yield sensor_table(result)
     for name, sensor in result.summary.sensors.items():
         if sensor.effects:
@@ -255,10 +176,12 @@ def _reproduction(result: Result) -> Iterator[Block]:
     summary, scenario = result.summary, result.summary.scenario
     if summary.command:
         yield Code(summary.command, "sh")
-    yield Paragraph(f"{summary.made_with}.")
-    yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
+    changed = f", changed by the command: {', '.join(scenario.overrides)}" if scenario.overrides else ""
+    items = [
+        Item(summary.fingerprint, "fingerprint of all measurements"),
+        Item(summary.made_with, "made with"),
+        Item(f"scenario.text in result.json{changed}", f"text of {scenario.file}"),
+    ]
+    yield Items(tuple(items))
     if made := provenance(result):
         yield Section("Provenance", (Items(tuple(Item(text, label) for label, text in made)),))
-    yield Section("Trackers", (tables.described_trackers(result),), folded=True)
-    changed = f", changed by the command: {', '.join(scenario.overrides)}" if scenario.overrides else ""
-    yield Paragraph(f"The text of {scenario.file} is scenario.text in result.json{changed}.")

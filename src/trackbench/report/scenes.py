@@ -8,7 +8,8 @@ from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
 from trackbench.metrics.contrasts import FEW_DECIDE_UNTIL, turning_factor, undrawn_share
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, rounded
+from trackbench.report.verdicts import CERTAINTY
 from trackbench.results import Result
 from trackbench.results.scenario_summary import SceneSummary
 
@@ -79,52 +80,35 @@ def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
     if number < FEWEST_SCENES:
         return []
     if few_decide and number < FEW_DECIDE_UNTIL:
-        return [
-            "Vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
-            f"{FEW_DECIDE_UNTIL} scenes an error is shown to be larger only where it is more than 1.5 times the other; "
-            "intervals leave such a scene out"
-        ]
+        return [CERTAINTY["few decide"].format(until=FEW_DECIDE_UNTIL)]
     share, factor = f"{100 * undrawn_share(number):.2g} %", f"{turning_factor(number):.2g}"
-    return [
-        f"{number} scenes may leave out a kind of scene that makes up {share} of all: an order would turn if two "
-        f"trackers differed there by {factor} times as much as in these scenes, in the other direction"
-    ]
+    return [CERTAINTY["undrawn"].format(scenes=number, share=share, factor=factor)]
 
 
-def without_interval(result: Result) -> list[str]:
-    """Of which metrics no interval over runs holds, and why: "no interval holds with fewer than 50 runs: tgospa"; none
-    where there are too few scenes for any."""
+def without_interval(result: Result) -> str:
+    """Say of which metrics no interval over runs holds, and why; empty where there are too few scenes for any."""
     paths: dict[str, dict[str, None]] = {}
     for tracker in result.scored:
         for path, metric in tracker.metrics.items():
-            if metric.value is not None and (metric.reason or "").startswith(UNCALIBRATED):
-                paths.setdefault(metric.reason or "", {})[path] = None
-    paths.pop(TOO_FEW_SCENES, None)
-    return [f"{reason}: {joined_names([*own])}" for reason, own in paths.items()]
+            reason = metric.reason or ""
+            if metric.value is not None and reason.startswith(UNCALIBRATED) and reason != TOO_FEW_SCENES:
+                paths.setdefault(reason, {})[path] = None
+    return "; ".join(f"{reason}: {joined_names([*own])}" for reason, own in paths.items())
 
 
 def scenes(result: Result) -> Iterator[Block]:
-    """The errors scene by scene, with those in which the order is another one."""
-    summary = result.summary
-    if not summary.truth.scenes or not result.scored:
+    """Yield whether the best tracker leads in every scene, and the errors of the scenes in which it does not."""
+    every = result.summary.truth.scenes
+    if not every or not result.scored:
         return
-    shares = [f"{t.name} {percent(t.scene_share)}" for t in result.scored if t.scene_share is not None]
-    variance = (
-        f"How much of the variance of one run's squared {summary.headline_name} is between scenes, and not "
-        f"noise within one: {joined_names(shares)}. The intervals of this page take the scenes for what is independent."
-    )
-    untold = "With one run in each scene, what the scene does to the error cannot be told from what the noise does."
-    yield Paragraph(variance if shares else untold)
     contenders = [tracker.name for tracker in result.contenders]
-    turned = [scene for scene in summary.truth.scenes if _other_ahead(result, scene, contenders)]
-    total, best = f"{len(summary.truth.scenes)} {summary.truth.kind_of_scenes}", contenders[0]
-    if turned:
-        each = [f"{scene.name} ({_first(scene, contenders)})" for scene in turned]
-        where = f"In {len(turned)} of {total} another tracker is ahead of {best} by more than the margin"
-        yield Paragraph(f"{where}: {joined_names(each)}.")
-    else:
-        yield Paragraph(f"No tracker is ahead of {best} by more than the margin in any of the {total}.")
-    yield _scene_table(result, contenders)
+    turned = [scene for scene in every if _other_ahead(result, scene, contenders)]
+    each = joined_names([f"{scene.name} ({_first(scene, contenders)})" for scene in turned])
+    total = f"{len(every)} {result.summary.truth.kind_of_scenes}"
+    said = CERTAINTY["ahead elsewhere" if turned else "ahead everywhere"]
+    yield Paragraph(said.format(number=len(turned), total=total, best=contenders[0], scenes=each))
+    if shown := every if len(every) <= FEWEST_SCENES else turned:
+        yield _scene_table(result, shown, contenders)
 
 
 def _first(scene: SceneSummary, names: Sequence[str]) -> str:
@@ -141,8 +125,7 @@ def _other_ahead(result: Result, scene: SceneSummary, names: Sequence[str]) -> b
     return scene.error[best] - least > result.summary.score.margin.at(least, "m")
 
 
-def _scene_table(result: Result, contenders: Sequence[str]) -> Table:
-    every = result.summary.truth.scenes
+def _scene_table(result: Result, every: Sequence[SceneSummary], contenders: Sequence[str]) -> Table:
     places = decimals([value for scene in every for value in scene.error.values()], 3)
     meaning = f"{result.summary.headline_name} in this scene; bold is the smallest"
 

@@ -13,6 +13,7 @@ from trackbench.report.numbers import decimals, joined_names, meaningful, percen
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import metric_of, value_text
+from trackbench.report.verdicts import ANSWERS, EXPECTATIONS, REMARKS
 from trackbench.results import (
     ExpectationResult,
     MetricValue,
@@ -77,133 +78,62 @@ def divergence(tracker: TrackerResult, runs: int) -> str:
     return f"diverged in {number} of {counted(runs, 'run')}" if number else ""
 
 
-def _value(tracker: TrackerResult, path: str) -> float | None:
-    return tracker.metrics[path].value if path in tracker.metrics else None
-
-
-def censored(result: Result) -> str:
-    """What errors of matched tracks leave out."""
-    reach = (result.summary.score.cutoff_m or 0.0) / 2
-    speed = (result.summary.truth.model_extra or {}).get("recorded_noise", {}).get("velocity_mps", 0.0)
-    blurred = f" The boxes' own velocities have noise of {speed:.2g} m/s, which makes NEES larger."
-    return (
-        f"Errors and NEES are of tracks within {reach:g} m of their object (half of score.cutoff_m): where it is "
-        f"larger the object is lost and the track false, so a smaller cutoff makes them smaller.{blurred * bool(speed)}"
-    )
-
-
-def reused_identities(result: Result) -> str:
-    """Which trackers gave an identity to a second track; empty where none did."""
-    times = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
-    trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in times if number)
-    return f"identities used again after their track had ended: {trackers}" if trackers else ""
-
-
-def drawing_random(result: Result) -> str:
-    """Which trackers draw random numbers, and what follows; empty where none does."""
-    names = [tracker.name for tracker in result.scored if tracker.random]
-    return f"{joined_names(names)}: random = True, so it is not asked again" if names else ""
-
-
 def others_ignored(result: Result) -> list[str]:
     """Return what it means that tracks on no object are ignored; empty where they count."""
-    ignored = "others" in (result.summary.truth.model_extra or {})
-    return ["tracks on no object are ignored (truth.reference.others): no score tells false tracks"] * ignored
+    return [REMARKS["others ignored"]] * ("others" in (result.summary.truth.model_extra or {}))
 
 
 def made_elsewhere(result: Result) -> list[str]:
-    """Which tracks were made elsewhere, what follows, and the offset of their time stamps; empty where none were."""
+    """Return which tracks were made elsewhere, what of them is left out, and the offset of their time stamps."""
     trackers = [tracker for tracker in result.scored if tracker.offline]
-    if not trackers:
-        return []
-    names = joined_names([tracker.name for tracker in trackers])
-    sentences = [f"{names}: offline, made elsewhere: nothing shows that they did not see the future"]
+    sentences = [REMARKS["offline"].format(names=joined_names([t.name for t in trackers]))] if trackers else []
     for tracker in trackers:
+        name, filed, offset = tracker.name, tracker.filed, tracker.time_offset
         if not tracker.paired:
-            sentences.append(f"{tracker.name}: no fingerprint says of which scans, so compared with no tracker")
-        if tracker.filed is not None and tracker.filed.outside:
-            of = f"{tracker.filed.outside} of {counted(tracker.filed.rows, 'row')}"
-            sentences.append(f"{tracker.name}: {of} outside the time of the truth, left out")
-        if tracker.filed is not None and tracker.filed.silent_runs:
-            sentences.append(
-                f"{tracker.name}: no track in {counted(tracker.filed.silent_runs, 'run')}: all missed there"
-            )
-        if tracker.filed is not None:
-            sentences += [f"{tracker.name}: {remark}" for remark in tracker.filed.remarks]
-        sentences += _time_offset(tracker)
+            sentences.append(REMARKS["not paired"].format(name=name))
+        if filed is not None and filed.outside:
+            rows = f"{filed.outside} of {counted(filed.rows, 'row')}"
+            sentences.append(REMARKS["left out"].format(name=name, rows=rows))
+        if filed is not None and filed.silent_runs:
+            sentences.append(REMARKS["all missed"].format(name=name, runs=counted(filed.silent_runs, "run")))
+        sentences += [f"{name}: {remark}" for remark in (filed.remarks if filed else ())]
+        if tracker.offset_shown and offset and offset.value is not None and offset.ci95:
+            low, high = (1e3 * end for end in offset.ci95)
+            shift = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"
+            sentences.append(REMARKS["clock"].format(name=name, shift=shift, seconds=f"{offset.value:.3g}"))
     return sentences
-
-
-def _time_offset(tracker: TrackerResult) -> list[str]:
-    """What the errors along the paths say of the clock."""
-    offset, name = tracker.time_offset, tracker.name
-    if offset is None or tracker.along_path_m is None or tracker.offset_alone_s is None:
-        return [f"{name}: time offset n/a: no track is on an object that moves"]
-    if offset.ci95 is not None and offset.value is not None:
-        low, high = (1e3 * end for end in offset.ci95)
-        shift = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"
-        if not tracker.offset_shown:
-            return [f"{name}: no time offset that matters is shown: {shift}"]
-        remedy = f"--time-offset or time_offset_s adds it, {offset.value:.3g} s"
-        return [f"{name}: time stamps fit best with {shift} added, beside a shift along the path; {remedy}"]
-    alone = f"{tracker.along_path_m:+.2g} m along the path"
-    causes = f"{1e3 * tracker.offset_alone_s:+.0f} ms added would make up for it, or another point of the body"
-    return [f"{name}: time offset n/a: {offset.reason}; the mean error is {alone}: {causes}"]
-
-
-def switch_cost(result: Result) -> str:
-    """Return what a switch of identities costs in T-GOSPA."""
-    return f"A switch costs as much as missing the object for {result.summary.score.switch_costs_s or 0.0:g} s."
 
 
 def missing_estimates(result: Result) -> list[str]:
-    """What is charged for estimates that trackers did not give, where it makes much of their errors; empty of nothing.
-
-    For example "mine: 42 % of its squared position error is charged for missing estimates (0.123 m without)".
-    """
+    """Return what is charged for missing estimates where it makes much of an error, and who is not called better."""
     sentences = []
     for tracker in result.scored:
-        for path, what in (("position_rmse", "position"), ("velocity_rmse", "velocity")):
+        for path, error in (("position_rmse", "position error"), ("velocity_rmse", "velocity error")):
             metric = tracker.metrics.get(path)
-            if metric is not None and (text := charged(metric, f"{what} error")):
-                sentences.append(f"{tracker.name}: {text}")
+            if metric is not None and metric.charged_share is not None and metric.charged_share > MOST_CHARGED:
+                without = f"{rounded(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
+                share = percent(metric.charged_share)
+                text = REMARKS["charged"].format(name=tracker.name, share=share, error=error, without=without)
+                sentences.append(text)
     turned = Pairs(result).turned([tracker.name for tracker in result.contenders])
-    for name, others in turned.items():
-        sentences.append(
-            f"{name} is not called better than {joined_names(others)}: its errors are smaller only with what is charged"
-        )
-    return sentences
+    return sentences + [
+        REMARKS["not called better"].format(name=name, others=joined_names(others)) for name, others in turned.items()
+    ]
 
 
 def below_the_bound(result: Result) -> list[str]:
-    """Which contenders are shown to be below the reference."""
-    label, names = result.summary.held_against.label, [t.name for t in result.contenders if t.below_reference]
-    why = "it expects this motion, or knows more than its measurements say"
-    return [f"{name} is below the {label}: {why}" for name in names]
-
-
-def charged(metric: MetricValue, error: str) -> str:
-    """What is charged for missing estimates, where that is much of an error; else empty."""
-    if metric.charged_share is None or metric.charged_share <= MOST_CHARGED:
-        return ""
-    without = f"{rounded(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
-    return (
-        f"{percent(metric.charged_share)} of its squared {error} is charged for missing estimates ({without} without)"
-    )
+    """Return which contenders are shown to be below the reference."""
+    below = [tracker.name for tracker in result.contenders if tracker.below_reference]
+    return [REMARKS["below"].format(name=name, label=result.summary.held_against.label) for name in below]
 
 
 def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
-    """ "All 3 expectations met", "1 of 3 expectations failed, 1 undecided", "No expectations stated"."""
-    total = len(expectations)
+    """Return how many expectations are met: "All 3 expectations met", "1 of 3 expectations failed, 1 undecided"."""
     failed, undecided = (sum(item.outcome == word for item in expectations) for word in ("failed", "undecided"))
-    if failed:
-        more = f", {undecided} undecided" if undecided else ""
-        return f"{failed} of {counted(total, 'expectation')} failed{more}"
-    if undecided:
-        return f"{undecided} of {counted(total, 'expectation')} undecided: more runs or scenes would tell"
-    if not total:
-        return "No expectations stated"
-    return f"All {total} expectations met" if total > 1 else "The expectation is met"
+    word = " and ".join([word for word, number in (("failed", failed), ("undecided", undecided)) if number])
+    stated = counted(len(expectations), "expectation")
+    kind = word or ("none", "one met", "met")[min(len(expectations), 2)]
+    return EXPECTATIONS[kind].format(failed=failed, undecided=undecided, stated=stated)
 
 
 def value_and_limit(item: ExpectationResult) -> str:
@@ -273,21 +203,6 @@ def some_names(names: Sequence[str]) -> str:
     return joined_names(names) if len(names) <= NAMED else counted(len(names), "tracker")
 
 
-#: Who is best and how surely, by what was shown.
-ANSWERS = {
-    "none is ranked": "no tracker is ranked",
-    "no truth": "no truth, so {trackers} without a ranking",
-    "alone": "{over}{best} has a {what} of {error}",
-    "not compared": "{over}{best} has the smallest {what}, {error}",
-    "one run": "{best} has the smallest {what}, {error}; {unjudged}",
-    "some are equivalent": "{over}{tied} have the smallest {what}, {error_of_tied}; equivalent {within}{here}",
-    "some do not differ": "{over}{tied} have the smallest {what}, {error_of_tied}; not shown to differ{here}",
-    "equivalent": "{over}{best} has the smallest {what}, {error}; equivalent to {whom} {within}{here}",
-    "not shown better": "{over}{best} has the smallest {what}, {error}; not shown better than {whom}{here}",
-    "shown better": "{over}{best} has the smallest {what}, {error}; shown better than {whom}{here}",
-}
-
-
 def _best(result: Result) -> str:
     """Return who has the smallest error, and than whom it is not shown to be smaller."""
     summary, contenders = result.summary, result.contenders
@@ -310,7 +225,6 @@ def _best(result: Result) -> str:
         best=best,
         what="position error" if summary.identities == "known" else summary.headline_name,
         error=_error(contenders[:1], summary.headline),
-        unjudged=pairs.unjudged,
         tied=joined_names(tied),
         error_of_tied=_error([result[name] for name in tied], summary.headline),
         within=pairs.within(best, not_better) if not_better else "",

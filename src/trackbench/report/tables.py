@@ -18,6 +18,7 @@ from trackbench.report.numbers import (
     half_width,
     interval_text,
     percent_number,
+    reach_text,
     rounded,
     short,
     signed,
@@ -84,7 +85,8 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
     if metric.value is None:
         return missing_cell(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
-    cell = estimate_cell(short(scale * metric.value, places), ci95, places, metric.words)
+    reach = reach_text(scale * metric.value, ci95, places)
+    cell = Cell(short(scale * metric.value, places), tuple(filter(None, (metric.words, reach))))
     charged = metric.without_charged
     more = (only_where(metric), "" if charged is None else f"given {short(scale * charged, places)}")
     return replace(cell, details=(*cell.details, *filter(None, more)), tone=tone_of(metric))
@@ -115,12 +117,13 @@ def text_table(
 
 #: Of runs with hidden identities: title, and the metrics that are the columns.
 RANKING_OF_TRACKS = (
-    "tgospa", "gospa", "gospa_localisation", "gospa_missed", "gospa_false", "gospa_switch", "hota", "idf1", "mota",
+    "tgospa", "gospa", "gospa_missed", "gospa_false", "gospa_switch", "hota",
 )  # fmt: skip
+MATCHED = "Errors of matched tracks"
 TRACK_GROUPS: dict[str, tuple[str, ...]] = {
-    "Identity": ("gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
-    "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
-    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "nees_inside", "motp", "matched_share"),
+    "Identity": ("id_switches", "fragmentations", "assa", "idf1"),
+    "Detection": ("deta", "mota", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
+    MATCHED: ("gospa_localisation", "position_rmse", "velocity_rmse", "nees", "nees_inside", "matched_share"),
     "Association": (
         "association_right", "association_wrong_object", "association_clutter", "association_missed",
     ),
@@ -137,7 +140,9 @@ def metric_in_words(path: str) -> str:
     return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
 
 
-def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *second: TableColumn) -> Table:
+def track_table(
+    title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *second: TableColumn, caption: str = ""
+) -> Table:
     """Return metrics of tracks, with or without a truth, a column each, with some after the first."""
     columns: list[TableColumn] = []
     for path in paths:
@@ -145,7 +150,7 @@ def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[s
         heading = metric_in_words(path) + unit_after_heading(metric.unit)
         columns.append((Column(heading, metric.meaning, details=INTERVAL), metric_cells(trackers, path)))
     columns[1:1] = second
-    return tracker_table(title.lower().replace(" ", "-").replace("'", ""), trackers, columns)
+    return tracker_table(title.lower().replace(" ", "-").replace("'", ""), trackers, columns, caption)
 
 
 def unit_after_heading(unit: str) -> str:
@@ -243,7 +248,6 @@ def innovation_tables(result: Result) -> list[Table]:
     tables = []
     taken_in = "share of the measurements of a known object with an innovation; a late scan that is dropped has none"
     white = f"of the normalised innovations; white within {WHITENESS_TOLERANCE} of 0"
-    below = Column("below the 95 % point, %", "share of the single innovations; 95 expected")
     for number, sensor in enumerate(result.summary.sensors):
         path = f"nis.{sensor}"
         trackers = [tracker for tracker in result.scored if metric_of(tracker, path).value is not None]
@@ -252,15 +256,9 @@ def innovation_tables(result: Result) -> list[Table]:
         nis = [metric_of(tracker, path) for tracker in trackers]
         # A filter of positions has fewer degrees of freedom.
         dofs = " or ".join(map(str, sorted({metric.dof or 0 for metric in nis}, reverse=True)))
-        inside = [missing_cell(m) if m.inside95 is None else Cell(percent_number(m.inside95, 1)) for m in nis]
-        columns = [
-            (Column(f"NIS, {dofs} expected", "mean and verdict", details="verdict"), _judged(trackers, path)),
-            (below, inside),
-            (
-                Column("lag-1 autocorrelation", white, details="verdict"),
-                _judged(trackers, f"whiteness.{sensor}"),
-            ),
-        ]
+        expected = Column(f"NIS, {dofs} expected", "mean and verdict", details="verdict")
+        correlation = Column("lag-1 autocorrelation", white, details="verdict")
+        columns = [(expected, _judged(trackers, path)), (correlation, _judged(trackers, f"whiteness.{sensor}"))]
         if any(metric.coverage is not None and metric.coverage < LEAST_COVERAGE for metric in nis):
             columns.insert(1, (Column("taken in, %", taken_in), [Cell(percent_number(m.coverage)) for m in nis]))
         tables.append(tracker_table(f"innovations-{number}", trackers, columns, f"Innovations of {sensor}"))
@@ -299,16 +297,6 @@ def _difference(pair: Pair | None, places: int) -> Cell:
     if pair is None:
         return Cell(NOT_AVAILABLE, reason="the pair was not compared")
     return estimate_cell(signed(pair.value, places), pair.ci95, places, pair.verdict)
-
-
-def described_trackers(result: Result) -> Table:
-    """Return the models and settings of each tracker."""
-    described = [
-        ", ".join(filter(None, (t.association, f"confirmed by {t.confirmation}" * bool(t.confirmation), t.describe)))
-        for t in result.scored
-    ]
-    columns = [(Column("models and settings", left=True), list(map(Cell, described)))]
-    return tracker_table("trackers", result.scored, columns)
 
 
 def expectation_table(result: Result) -> Table:

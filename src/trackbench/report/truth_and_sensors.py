@@ -1,13 +1,16 @@
-"""The truth and the sensors of a run: the findings of ``trackbench.truth.audit`` as sentences, and a table."""
+"""The truth and the sensors of a run: whether the truth can be believed, what its audit found, and the sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.document import Cell, Column, Table
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent_number, rounded
-from trackbench.results import Result, TruthAudit, TruthSummary
+from trackbench.metrics.conditions import JUMPS
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, percent_number, rounded
+from trackbench.report.tables import text_table
+from trackbench.report.verdicts import TRUTH
+from trackbench.results import ConditionScores, Result, TrackerResult, TruthAudit, TruthSummary
 
 #: m/s or m; what is smaller is not worth its digits.
 _NEGLIGIBLE = 0.001
@@ -15,118 +18,133 @@ _NEGLIGIBLE = 0.001
 Audits = Mapping[str, TruthAudit]
 
 
-def audit_sentences(truth: TruthSummary) -> list[str]:
-    """What the audit of all scenes says, the conclusion first."""
-    of_scenes = {scene.name: scene.audit for scene in truth.scenes} or {"": truth.audit}
-    audits = {name: audit for name, audit in of_scenes.items() if audit is not None}
-    if not audits:
-        return ["The truth was not audited."]
-    return [
-        _conclusion(audits, truth.kind_of_scenes),
-        *_recording(truth),
-        *_velocity(audits),
-        *_velocity_jumps(audits),
-        *_cuts(audits),
-        *_clock(audits),
-    ]
-
-
-def _conclusion(audits: Audits, kind: str) -> str:
+def conclusion(truth: TruthSummary) -> str:
+    """Return whether the truth can be believed."""
+    audits = _audits(truth)
     repaired = sum(audit.verdict == "repaired" for audit in audits.values())
-    if repaired:
-        where = "" if len(audits) == 1 else f" of {repaired} of {len(audits)} {kind}"
-        return f"The truth{where} had faults, which were repaired before anything was scored."
-    if all(audit.verdict == "exact" for audit in audits.values()):
-        return "The truth is exact: its velocities come from the same formulas as its positions."
-    return "The truth is consistent: velocity agrees with displacement, no position jumps."
+    if not audits:
+        return TRUTH["not audited"]
+    if not repaired:
+        exact = all(audit.verdict == "exact" for audit in audits.values())
+        return TRUTH["exact" if exact else "consistent"]
+    where = "" if len(audits) == 1 else f" of {repaired} of {len(audits)} {truth.kind_of_scenes}"
+    return TRUTH["repaired"].format(where=where)
 
 
-def _recording(truth: TruthSummary) -> Iterator[str]:
+def audit_table(truth: TruthSummary, trackers: Sequence[TrackerResult] = ()) -> Table | None:
+    """Return what the audit of all scenes found: how much, where, and what was done; None where it found nothing.
+
+    Args:
+        truth: of the run.
+        trackers: whose velocity errors just after velocity jumps are told.
+    """
+    audits = _audits(truth)
+    rows = [*_recording(truth), *_velocity(audits), *_jumps(audits), *_after_jumps(trackers)]
+    columns: dict[Column, Callable[[_Finding], str]] = {
+        Column("of the truth", left=True): lambda row: row[0],
+        Column("found"): lambda row: row[1],
+        Column("where", left=True): lambda row: row[2],
+        Column("what was done", left=True): lambda row: row[3],
+    }
+    return text_table("audit", rows, columns) if rows else None
+
+
+_Finding = tuple[str, str, str, str]
+
+
+def _audits(truth: TruthSummary) -> Audits:
+    of_scenes = {scene.name: scene.audit for scene in truth.scenes} or {"": truth.audit}
+    return {name: audit for name, audit in of_scenes.items() if audit is not None}
+
+
+def _recording(truth: TruthSummary) -> Iterator[_Finding]:
     """What recorded traffic implies, before and after it is smoothed."""
     options = truth.model_extra or {}
     if truth.source != "recorded-traffic":
         return
     raw, used, noise = options["as_recorded"], options["as_used"], options["recorded_noise"]
-    if options["format"] == "i80":
-        yield "The traffic is NGSIM I-80, which comes with trackbench."
-    yield (
-        f"As recorded, at {options['rate_hz']:g} Hz, vehicles accelerate by up to "
-        f"{_two_digits(raw['acceleration_max_mps2'])} m/s² (vehicle {raw['vehicle']}; 99 %: "
-        f"{_two_digits(raw['acceleration_p99_mps2'])}); speed and displacement differ by "
-        f"{_two_digits(raw['displacement_rms_mps'])} m/s (RMS), "
-        f"at most {_two_digits(raw['displacement_max_mps'])}; {counted(raw['jumps'], 'position jump')}."
-    )
-    if options["smoothing"]:
-        yield (
-            f"Smoothed over {options['smoothing']['window_s']:g} s, they accelerate by up to "
-            f"{_two_digits(used['acceleration_max_mps2'])} m/s². Smoothing took "
-            f"{_two_digits(noise['position_m'])} m per axis and {_two_digits(noise['velocity_mps'])} m/s (RMS): the "
-            f"recording's own noise, which the intervals of position and velocity errors carry."
-        )
+    smoothed = f"smoothed over {options['smoothing']['window_s']:g} s" if options["smoothing"] else ""
+    after = f"{smoothed}: {_two_digits(used['acceleration_max_mps2'])} m/s²" if smoothed else ""
+    at_most = f"{_two_digits(raw['acceleration_max_mps2'])} m/s²"
+    apart = f"{_two_digits(raw['displacement_rms_mps'])} m/s (RMS)"
+    yield "acceleration as recorded", at_most, f"vehicle {raw['vehicle']}", after
+    yield "stated speed", f"off by {apart}", "as recorded", ""
+    yield "position jumps", str(raw["jumps"]), "as recorded", ""
+    if smoothed:
+        own = f"{_two_digits(noise['position_m'])} m per axis, {_two_digits(noise['velocity_mps'])} m/s (RMS)"
+        yield "noise of the recording", own, "", f"{smoothed}; intervals carry it"
 
 
-def _velocity(audits: Audits) -> Iterator[str]:
+def _velocity(audits: Audits) -> Iterator[_Finding]:
+    if not audits:
+        return
     scene, audit = max(audits.items(), key=lambda item: item[1].velocity_error_before.max_mps or 0.0)
-    before, after, repaired = audit.velocity_error_before, audit.velocity_error_after, audit.repaired
+    before, repaired = audit.velocity_error_before, audit.repaired
     left = [item.velocity_error_after.max_mps for item in audits.values()]
     most = max((error for error in left if error is not None), default=None)
-    if not before.max_mps or after.max_mps is None or most is None:
+    if not before.max_mps or audit.velocity_error_after.max_mps is None or most is None:
         return
-    remaining = f"less than {_NEGLIGIBLE:g}" if most < _NEGLIGIBLE else f"at most {_two_digits(most)}"
     sources = {
         "course and slip angle": repaired.velocity_from_course_and_slip,
         "displacement": repaired.velocity_from_displacement,
     }
-    if not any(sources.values()):
-        yield f"The stated velocity differs from the displacement by {remaining} m/s."
-        return
     how = joined_names([f"from {source} for {joined_names(names)}" for source, names in sources.items() if names])
-    yield (
-        f"The stated velocity contradicted the motion by up to {_two_digits(before.max_mps)} m/s "
-        f"({_place(before.object, before.time_s, scene)}); it was computed {how}, which leaves {remaining} m/s."
-    )
+    remaining = f"less than {_NEGLIGIBLE:g}" if most < _NEGLIGIBLE else f"at most {_two_digits(most)}"
+    done = f"computed {how}: {remaining} m/s left" if how else ""
+    place = _place(before.object, before.time_s, scene)
+    yield "stated velocity", f"off by {_two_digits(before.max_mps)} m/s", place, done
 
 
-def _velocity_jumps(audits: Audits) -> Iterator[str]:
+def _jumps(audits: Audits) -> Iterator[_Finding]:
+    """Jumps of velocity and position, truths that end early, and clocks that are off."""
     jumps = {name: audit.velocity_jumps for name, audit in audits.items()}
-    peak = max(item.peak_acceleration_mps2 or 0.0 for item in jumps.values())
-    scene, worst = max(jumps.items(), key=lambda item: item[1].largest_mps or 0.0)
-    if worst.largest_mps is None:
-        if peak > 0:
-            yield f"No velocity jumps: the largest acceleration is {_two_digits(peak)} m/s\N{SUPERSCRIPT TWO}."
-        return
-    yield (
-        f"{counted(sum(item.count for item in jumps.values()), 'velocity jump')}: in one step the velocity changes by "
-        f"more than a car can do, which is put at {worst.limit_mps2:g} m/s\N{SUPERSCRIPT TWO}, twice the grip of a "
-        f"tyre. The largest is {_two_digits(worst.largest_mps)} m/s ({_place(worst.object, worst.time_s, scene)}), the "
-        f"peak acceleration {rounded(peak, 0)} m/s\N{SUPERSCRIPT TWO}."
-    )
-
-
-def _cuts(audits: Audits) -> Iterator[str]:
+    peak = max((item.peak_acceleration_mps2 or 0.0 for item in jumps.values()), default=0.0)
+    largest = [(worst.largest_mps, scene, worst) for scene, worst in jumps.items() if worst.largest_mps is not None]
+    if largest:
+        size, scene, worst = max(largest, key=lambda item: item[0])
+        count = counted(sum(item.count for item in jumps.values()), "velocity jump")
+        limit = f"none: a car changes by {worst.limit_mps2:g} m/s² at most"
+        yield count, f"the largest {_two_digits(size)} m/s", _place(worst.object, worst.time_s, scene), limit
+    if peak > 0:
+        yield "largest acceleration", f"{_two_digits(peak)} m/s²", "", ""
     for scene, audit in audits.items():
         for jump in audit.jumps:
             if jump.object != "observer":
-                when = f"at {rounded(jump.time_s, 2)} s{_of(scene)}"
-                yield f"{jump.object} jumps by {_two_digits(jump.distance_m)} m {when}, and is left out from then on."
+                place = _place(jump.object, jump.time_s, scene)
+                yield "position jump", f"{_two_digits(jump.distance_m)} m", place, "left out from then on"
         if audit.ended_early is not None:
-            end = rounded(audit.ended_early.time_s, 2)
-            yield f"The truth{_of(scene)} ends at {end} s: {audit.ended_early.reason}."
-
-
-def _clock(audits: Audits) -> Iterator[str]:
+            yield "early end", f"{rounded(audit.ended_early.time_s, 2)} s", scene, audit.ended_early.reason
     drifts = [audit.clock_drift_s or 0.0 for audit in audits.values() if audit.repaired.own_clock]
     if drifts:
-        drift = rounded(max(drifts), 3)
-        yield f"The simulator's clock was off by up to {drift} s; time is counted from its steps instead."
+        yield "clock of the simulator", f"off by {rounded(max(drifts), 3)} s", "", "time is counted from its steps"
+
+
+def _after_jumps(trackers: Sequence[TrackerResult]) -> Iterator[_Finding]:
+    """How much of the squared velocity errors belongs to velocity jumps of the truth."""
+    jumped = {t.name: t.breakdown for t in trackers if t.breakdown and JUMPS[1] in t.breakdown.jump}
+    shares = []
+    for name, breakdown in jumped.items():
+        near, every = (_squares(scores) for scores in (breakdown.jump[JUMPS[1]], breakdown.all))
+        shares.append(f"{name} {percent(near / every)}")
+    if jumped:
+        first = next(iter(jumped.values()))
+        share = percent(first.jump[JUMPS[1]].count / first.all.count)
+        yield (
+            "after velocity jumps",
+            f"{share} of the estimates",
+            ", ".join(shares),
+            "share of the squared velocity errors",
+        )
+
+
+def _squares(scores: ConditionScores) -> float:
+    """Sum of the squared velocity errors."""
+    error = None if scores.velocity_rmse is None else scores.velocity_rmse.value
+    return scores.count * (error or 0.0) ** 2
 
 
 def _place(name: str | None, time_s: float | None, scene: str) -> str:
-    return f"{name} at {rounded(time_s, 2)} s{_of(scene)}"
-
-
-def _of(scene: str) -> str:
-    return f" of {scene}" if scene else ""
+    return f"{name} at {rounded(time_s, 2)} s" + (f" of {scene}" if scene else "")
 
 
 def _two_digits(value: float) -> str:
@@ -139,7 +157,6 @@ def sensor_table(result: Result) -> Table:
     sensors = list(table.values())
     single = Cell(NOT_AVAILABLE, reason="a single scan")
     noise = "standard deviation of each component of a measurement"
-    pose = "pose on the observer: forward, to the left, counter-clockwise"
     rates = "scans with a vehicle in the field of view that gave a measurement of it"
     columns = [
         (
@@ -157,7 +174,6 @@ def sensor_table(result: Result) -> Table:
             Column("range", "beyond it nothing is detected"),
             [Cell(sensor.range_in_words) for sensor in sensors],
         ),
-        (Column("mount", pose, left=True), [Cell(sensor.mount_in_words) for sensor in sensors]),
     ]
     if result.summary.truth.known:
         columns.append((Column("detections, %", rates), [Cell(percent_number(s.detection_rate)) for s in sensors]))

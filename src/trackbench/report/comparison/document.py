@@ -178,7 +178,6 @@ def _metric_section(
     comparison: Comparison, styles: Styles, metric: str, items: Sequence[PairDifference]
 ) -> Iterator[Block]:
     several = len(comparison.scenarios) > 1
-    explained = Section("How it is judged", (Paragraph(_explanation(items, len(comparison.differences))),), folded=True)
     best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
     shown = differences_from(best, items) if best else sorted(items, key=lambda item: item.identical)
     if several:
@@ -199,7 +198,7 @@ def _metric_section(
         title = "Each difference" if several else "Each pair"
         each = _differences(comparison, metric, items)
         yield Section(title, (replace(each, name=f"{each.name}-each"),), folded=True)
-    yield explained
+    yield Paragraph(_method(items, len(comparison.differences)))
 
 
 def _pair(item: PairDifference) -> str:
@@ -218,25 +217,17 @@ def _how(result: ComparedResult) -> str:
     return f"{'unpaired' if result.shared_runs is None else 'paired'}: {result.reason}"
 
 
-def _explanation(items: Sequence[PairDifference], number: int) -> str:
-    """``number``: of the differences by all metrics."""
-    ways = []
-    if paired := sorted({_parts(item, item.paired_runs) for item in items if item.paired_runs}):
-        ways.append(f"paired over {' or '.join(paired)}")
-    if any(item.paired_runs is None for item in items):
-        ways.append("unpaired (Welch's test)")
-    together = "" if number == len(items) else " by all metrics together"
-    corrected = f", corrected for their number{together} (Holm)" if number > 1 else ""
-    few = all(item.ci95 is None and item.p_value == 1 for item in items)
-    untested = " There are too few runs or scenes to test any." if few else ""
+def _method(items: Sequence[PairDifference], number: int) -> str:
+    """How differences of a metric are judged; ``number``: of the differences by all metrics."""
+    ways = [
+        f"paired over {parts}"
+        for parts in sorted({_parts(item, item.paired_runs) for item in items if item.paired_runs})
+    ]
+    ways += ["unpaired (Welch's test)"] * any(item.paired_runs is None for item in items)
+    corrected = f" for {number} differences (Holm)" * (number > 1)
     fewest, few_decide = min(item.scenes for item in items), any(item.few_scenes_decide for item in items)
     undrawn = "".join(f" {sentence}." for sentence in undrawn_scenes(fewest, few_decide))
-    return (
-        "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
-        f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "
-        f"than the margin, at a level of 5 %{corrected}; equivalent: interval within the margin; undecided: neither."
-        f"{untested}{undrawn}"
-    )
+    return f"Differences are {' or '.join(ways)}, judged at 5 %{corrected}; equivalent: within the margin.{undrawn}"
 
 
 def _parts(item: PairDifference, runs: int) -> str:

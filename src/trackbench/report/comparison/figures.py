@@ -5,81 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure as Canvas
-from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from trackbench.compare import Comparison, PairDifference
 from trackbench.compare.comparison import RankedTracker
 from trackbench.document import Figure, end_of_axis
-from trackbench.document.drawing import INK, MUTED, WIDTH, shortened_to_width, text_width
+from trackbench.document.drawing import INK, WIDTH, shortened_to_width
 from trackbench.document.palette import Styles
 from trackbench.report.numbers import rounded
 from trackbench.report.pairs import groups_of
 from trackbench.report.tables import unit_after_heading
 
 _ROW = 24.0
-#: Of a cell of the map, at least.
-_CELL = 34.0
-_MAP = colormaps["Oranges"]
-#: Darker cells would make their numbers hard to read.
-_DARKEST = 0.55
-#: Times the median from which on all cells are the darkest, and the least such value.
-_SATURATED, _LEAST = 2.0, 2.0
-_ON_LIGHT = "#1c2126"
-
-
-def reference_figure(comparison: Comparison) -> Figure:
-    """Position RMSE over that of the reference, scenarios down and trackers across."""
-    names = [item.tracker for item in comparison.ranking]
-    scenarios = [scenario.name for scenario in comparison.scenarios]
-    scores = {(score.scenario, score.entrant.tracker): score for score in comparison.scores}
-    cells = [[scores.get((scenario, name)) for name in names] for scenario in scenarios]
-    values = np.array(
-        [[np.nan if s is None else s.value("position_over_reference") for s in row] for row in cells], dtype=float
-    )
-    finite = values[np.isfinite(values)]
-    # One tracker that is many times worse must not make all others look alike.
-    darkest = max(_LEAST, _SATURATED * float(np.median(finite))) if finite.size else _LEAST
-
-    widest = max(map(text_width, names))
-    beside = min(0.4 * WIDTH, max(map(text_width, scenarios)) + 20)
-    width = max(WIDTH, beside + _CELL * len(names))
-    upright = widest > (width - beside) / len(names) - 8
-
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot()
-        for (row, col), value in np.ndenumerate(values):
-            if np.isfinite(value):
-                shade = _DARKEST * min(1.0, np.log(max(1.0, value)) / np.log(darkest))
-                axes.add_patch(Rectangle((col - 0.48, row - 0.46), 0.96, 0.92, color=_MAP(shade)))
-                text = rounded(float(value), 2)
-            else:
-                text = "" if cells[row][col] is None else "n/a"
-            # A filled cell is light on a dark page too.
-            ink = _ON_LIGHT if np.isfinite(value) else MUTED
-            axes.text(col, row, text, ha="center", va="center", color=ink, fontsize=10)
-        axes.set_xticks(range(len(names)), names)
-        axes.set_yticks(range(len(scenarios)), [shortened_to_width(scenario, beside) for scenario in scenarios])
-        axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(scenarios) - 0.5, -0.5))
-        axes.xaxis.tick_top()
-        axes.tick_params(length=0)
-        axes.tick_params(axis="x", labelrotation=90 if upright else 0)
-        axes.spines[:].set_visible(False)
-        axes.grid(visible=False)
-
-    return Figure(
-        name="over-reference",
-        title="Position RMSE over the reference",
-        caption="The reference is the Cramér-Rao bound that would hold if the vehicles moved with white acceleration "
-        "of the same RMS as theirs. It makes scenarios comparable and is no limit: a tracker can be below 1. Darker is "
-        f"larger, and all from {darkest:.1f} times on are the same.",
-        alternative="Position RMSE over that of the reference for each scenario and tracker",
-        paint=paint,
-        height=(widest + 14 if upright else 30) + _ROW * len(scenarios),
-        width=width,
-    )
 
 
 def difference_figure(
@@ -145,7 +83,7 @@ def rank_figure(comparison: Comparison, styles: Styles) -> Figure:
 
     Source: Demsar (2006), "Statistical comparisons of classifiers over multiple data sets", section 3.2.4.
     """
-    ranking, groups = comparison.ranking, _groups(comparison)
+    ranking, groups = comparison.ranking, [group for group in rank_groups(comparison) if len(group) > 1]
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel="mean rank, the best on the left")
@@ -179,9 +117,9 @@ def rank_figure(comparison: Comparison, styles: Styles) -> Figure:
     )
 
 
-def _groups(comparison: Comparison) -> list[list[RankedTracker]]:
-    """The groups of two or more that are not shown to differ."""
+def rank_groups(comparison: Comparison) -> list[list[RankedTracker]]:
+    """Return the groups of trackers of which no two are shown to differ, best first."""
     shown = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
     names = [item.tracker for item in competitors(comparison)]
     groups = groups_of(names, lambda a, b: frozenset((a, b)) in shown)
-    return [[item for item in comparison.ranking if item.tracker in group] for group in groups if len(group) > 1]
+    return [[item for item in comparison.ranking if item.tracker in group] for group in groups]

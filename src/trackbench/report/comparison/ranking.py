@@ -8,65 +8,62 @@ from dataclasses import replace
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
-from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS
+from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Row, Section, Table
 from trackbench.document.palette import Styles
-from trackbench.metrics.verdicts import NAMED, mean_text, only_where, what_is_off
-from trackbench.report.comparison.figures import rank_figure, ranked_label, reference_figure
-from trackbench.report.comparison.sentences import NAMES, compared, ranking_answer, worlds_section
-from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, interval_text, reach_text, rounded, short
+from trackbench.metrics.verdicts import mean_text, only_where
+from trackbench.report.comparison.figures import competitors, rank_figure, rank_groups, ranked_label
+from trackbench.report.comparison.sentences import NAMES, order_sentences, ranking_answer, worlds_section
+from trackbench.report.numbers import (
+    NOT_AVAILABLE,
+    REACH,
+    decimals,
+    interval_text,
+    joined_names,
+    reach_text,
+    rounded,
+    short,
+)
+from trackbench.report.pairs import group_letter
 from trackbench.report.tables import tone_of
 
 _RANKED = (
-    f"With {REACH}. Bold: the best of the scenario, and every tracker that was not shown to be worse "
-    "than it by more than the margin (paired over runs; 5 % in each scenario, with all of its worlds, Holm over the "
-    "pairs)."
+    f"With {REACH}. Bold: the best of the scenario, and every tracker that is not shown to be worse by over the margin."
 )
-_NEES = (
-    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; where "
-    "the mean is undecided, what is off is named; mixed: off under the conditions that are named and not under others; "
-    "heavy-tailed: too many errors are large; undecided: too few runs or scenes, or too many missing estimates, to say."
-)
-_TIME = "Of one predict and update of one run, on this machine."
-
 _ToCell = Callable[[EntrantScore, int], Cell]
-_Matrix = Callable[[str, str, _ToCell], Table]
-#: Where identities are hidden, what is shown beside T-GOSPA: title, metric.
+#: Title and metric of each matrix, where identities are known and where they are hidden.
+_OF_ESTIMATES = {
+    "Position RMSE, m": "position_rmse",
+    "Velocity RMSE, m/s": "velocity_rmse",
+    "Does each tracker know its own error?": "nees",
+}
 _OF_TRACKS = {
+    "T-GOSPA, m": "tgospa",
     "GOSPA, m": "gospa",
     "HOTA": "hota",
     "Switches a minute of an object": "id_switches",
-}
-#: The parts of T-GOSPA and GOSPA, which the page that is kept leaves to the data beside it.
-_PARTS = {
-    "Part of T-GOSPA from switches, m": "gospa_switch",
-    "Localisation part of GOSPA, m": "gospa_localisation",
-    "Missed part of GOSPA, m": "gospa_missed",
-    "False part of GOSPA, m": "gospa_false",
 }
 
 
 def ranking_blocks(
     comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool
 ) -> Iterator[Block]:
-    """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
+    """The answer, the ranking, a matrix for each quantity, the scenarios, and what has no score."""
     if answer := ranking_answer(comparison):
         yield Paragraph(answer, strong=True)
-    yield Paragraph(compared(comparison))
-    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]))
-    how = Section("How it is ranked", (method,), folded=True)
-    yield Section("Overall", (Row((rank_figure(comparison, styles),)), _overall(comparison), how))
+    yield Paragraph(" ".join([*order_sentences(comparison), f"{_compared(comparison)}."]))
+    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(_letters(comparison)))
+    yield Section("Overall", (Row((rank_figure(comparison, styles),)), _overall(comparison), method))
     if comparison.worlds:
         yield worlds_section(comparison)
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
-
-    def matrix(name: str, metric: str, cell: _ToCell) -> Table:
-        return _matrix(comparison, links, name, metric, cell)
-
     hidden = comparison.ranked_by == "tgospa"
-    yield from _tracks(matrix, with_parts=times) if hidden else _estimates(comparison, matrix)
-    if times:
-        yield Section("Time of a step, µs", (Paragraph(_TIME), matrix("time", "step_time", _plain("step_time"))))
+    matrices = _OF_TRACKS if hidden else _OF_ESTIMATES
+    for title, metric in {**matrices, **({"Time of a step, µs": "step_time"} if times else {})}.items():
+        ranked = metric == comparison.ranked_by
+        cell = _ranked(metric) if ranked else _nees if metric == "nees" else _plain(metric)
+        table = _matrix(comparison, links, metric.replace("_", "-"), metric, cell)
+        yield Section(title, (table, *([Paragraph(_RANKED)] if ranked else [])))
     yield Section("Scenarios", (_scenarios(comparison, links),))
     failures = [
         Item(f"in {score.scenario}: {score.failure}", label=score.entrant.tracker, tone="bad")
@@ -77,31 +74,22 @@ def ranking_blocks(
         yield Section("Without a score", (Items(tuple(failures)),))
 
 
-def _estimates(comparison: Comparison, matrix: _Matrix) -> Iterator[Block]:
-    position = matrix("position", "position_rmse", _ranked("position_rmse"))
-    yield Section("Position RMSE, m", (Row((reference_figure(comparison),)), position, Paragraph(_RANKED)))
-    velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
-    yield Section("Velocity RMSE, m/s", (Paragraph(f"With {REACH}."), velocity))
-    yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))
-
-
-def _tracks(matrix: _Matrix, *, with_parts: bool) -> Iterator[Block]:
-    yield Section("T-GOSPA, m", (Paragraph(_RANKED), matrix("tgospa", "tgospa", _ranked("tgospa"))))
-    for title, metric in (_OF_TRACKS | (_PARTS if with_parts else {})).items():
-        yield Section(title, (matrix(metric.replace("_", "-"), metric, _plain(metric)),))
+def _compared(comparison: Comparison) -> str:
+    """How many trackers and scenarios are compared, and which scenarios share their scenes."""
+    ranking, sets = competitors(comparison), comparison.sets_of_scenes
+    text = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
+    shared = [joined_names(names) for names in sets if len(names) > 1]
+    together = f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share theirs, and count as one"
+    return text + together * bool(shared)
 
 
 _METHOD = (
-    "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better "
-    "by more than the margin (paired over runs; 5 % in each scenario, with all of its worlds, Holm over the pairs), "
-    "a half for each where "
-    "neither is. Won, lost and tied count the same pairings. Scenarios that share scenes are one set, whose rank is "
-    "the mean of theirs. The interval, and the p-value of the lead, are about sets of this kind, each with as many "
-    "runs: both the choice of scenes and the noise within them are in the spread of the ranks. Two mean ranks differ "
-    "where few choices of the signs of their differences in the sets give as large a sum (exact sign-flip test, Holm "
-    f"over the pairs). No interval with fewer than {FEWEST_SETS} sets or "
-    f"{FEWEST_TRACKERS} trackers. A reference knows which detection is whose, or later measurements too: the "
-    "others are ranked without it, and its rank is that which it would have."
+    "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better by "
+    "over the margin, a half for each where neither is."
+)
+_GROUPS = (
+    " Trackers that share a letter are not shown to differ in mean rank (exact sign-flip test over the sets of scenes, "
+    "5 %, Holm over the pairs)."
 )
 
 
@@ -111,6 +99,7 @@ def _overall(comparison: Comparison) -> Table:
     ranks = ["" if item.reference else str(i) for i, item in enumerate(items, 1)]
     names = [Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker) for item in items]
     texts = {
+        "group": _letters(comparison),
         "mean rank": [rounded(item.mean_rank, 2) for item in items],
         "95 % interval": [interval_text(item.ci95, 2) or NOT_AVAILABLE for item in items],
         "won": [str(item.won) for item in items],
@@ -124,10 +113,23 @@ def _overall(comparison: Comparison) -> Table:
     columns = [
         (Column(""), list(map(Cell, ranks))),
         (Column("tracker", left=True), names),
-        *((Column(heading), list(map(Cell, column))) for heading, column in texts.items()),
+        *((Column(heading), list(map(Cell, column))) for heading, column in texts.items() if any(column)),
         (Column("scenarios"), [Cell(str(item.scenarios), note) for item, note in zip(items, failed, strict=True)]),
     ]
     return Table.of_columns("ranking", columns)
+
+
+def _letters(comparison: Comparison) -> list[str]:
+    """Letters such that two trackers share one exactly when their mean ranks are not shown to differ."""
+    competing, sets = competitors(comparison), comparison.sets_of_scenes
+    if len(competing) < 2 or len(sets) < fewest_sets(len(competing)):
+        return [""] * len(comparison.ranking)
+    groups = rank_groups(comparison)
+    letters = {item.tracker: "" for item in comparison.ranking}
+    for number, group in enumerate(groups):
+        for item in group:
+            letters[item.tracker] += group_letter(number)
+    return [*letters.values()]
 
 
 def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric: str, cell: _ToCell) -> Table:
@@ -171,8 +173,7 @@ def _nees(score: EntrantScore, _: int) -> Cell:
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
     assert nees.value is not None
-    off = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word in NAMED]
-    details = tuple(text for text in (nees.words, only_where(nees), *off) if text)
+    details = tuple(text for text in (nees.words, only_where(nees)) if text)
     return Cell(mean_text(nees.value), details, tone_of(nees))
 
 

@@ -3,6 +3,7 @@ worlds too."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
@@ -14,6 +15,7 @@ from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Sec
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import competitors
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, rounded, short, signed
+from trackbench.report.verdicts import COMPARED
 from trackbench.results.tracker_result import BEATS_BOUND
 from trackbench.scenario.worlds import MEANING
 
@@ -115,16 +117,16 @@ def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) ->
     behind = [item for item in every if item.entrant.tracker in names] or every
     following, *others = behind
     words = {"worse": "shown to be worse", EQUIVALENT: "equivalent"}
-    word = words.get(following.verdict, "which of the two is better is undecided")
-    end = "smallest" if _better_sign(comparison, items) == 1.0 else "largest"
-    sentences = [
-        f"{best} has the {end}, {short(following.reference, difference_decimals(behind))}{unit_after(following.unit)}.",
-        f"Next is {_changed(following.entrant.tracker, behind, following)}: {word}.",
-    ]
-    if worse := [item for item in others if item.verdict == "worse"]:
-        listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
-        sentences.append(f"Shown to be worse: {listed}{number_left_out(worse)}.")
-    return " ".join(sentences)
+    text = COMPARED["best"].format(
+        best=best,
+        end="smallest" if _better_sign(comparison, items) == 1.0 else "largest",
+        value=f"{short(following.reference, difference_decimals(behind))}{unit_after(following.unit)}",
+        following=_changed(following.entrant.tracker, behind, following),
+        word=words.get(following.verdict, "which of the two is better is undecided"),
+    )
+    worse = [item for item in others if item.verdict == "worse"]
+    listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
+    return f"{text} {COMPARED['worse'].format(listed=listed + number_left_out(worse))}" if worse else text
 
 
 def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
@@ -196,40 +198,36 @@ def set_letter(number: int) -> str:
 
 
 def ranking_answer(comparison: Comparison) -> str:
-    """Who is ahead over the scenarios, by how much, and how certain that is, in which
-    worlds too."""
+    """Who is ahead over the scenarios, by how much, and how certain that is; empty of one tracker."""
     ranking = competitors(comparison)
     if len(ranking) < 2:
         return ""
     first, second = ranking[:2]
-    lead = _lead_in_units(comparison, first.tracker, second.tracker)
+    rank, lead = rounded(first.mean_rank, 2), _lead_in_units(comparison, first.tracker, second.tracker)
     if first.mean_rank == second.mean_rank:
-        ahead = joined_names([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
-        return f"{ahead} share the best mean rank, {rounded(first.mean_rank, 2)}.{lead}"
-    ranks = f"{rounded(first.mean_rank, 2)} against {rounded(second.mean_rank, 2)} of {second.tracker}"
-    return f"{first.tracker} has the best mean rank, {ranks}.{lead} {_certainty(comparison)}"
+        names = joined_names([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
+        return " ".join(filter(None, [COMPARED["shared"].format(names=names, rank=rank), lead]))
+    other = rounded(second.mean_rank, 2)
+    ahead = COMPARED["ahead"].format(best=first.tracker, rank=rank, other=other, second=second.tracker)
+    return " ".join(filter(None, [ahead, lead, _certainty(comparison)]))
 
 
 def _lead_in_units(comparison: Comparison, first: str, second: str) -> str:
     """The differences of two trackers in the scenarios, in the unit of the metric that ranks; empty where none is."""
-    items = [
-        item
-        for item in comparison.differences
-        if item.metric == comparison.ranked_by and {item.entrant.tracker, item.against.tracker} == {first, second}
-    ]
-    own = [item if item.against.tracker == first else _turned(item) for item in items]
+    items = [item for item in comparison.differences if item.metric == comparison.ranked_by]
+    own = [item for item in differences_from(first, items) if item.entrant.tracker == second]
     if not own:
         return ""
-    differences = sorted(item.difference for item in own)
+    differences, digits = sorted(item.difference for item in own), difference_decimals(own)
     least, most = (
-        f"{short(abs(value), difference_decimals(own))} m {'larger' if value >= 0 else 'smaller'}"
+        f"{short(abs(value), digits)} m {'larger' if value >= 0 else 'smaller'}"
         for value in (differences[0], differences[-1])
     )
-    worse, better = (sum(item.verdict == verdict for item in own) or "none" for verdict in ("worse", "better"))
-    return (
-        f" Over {counted(len(own), 'scenario')} the {NAMES[comparison.ranked_by]} of {second} is between {least} and "
-        f"{most} than that of {first}: shown to be worse in {worse}, better in {better}."
-    )
+    verdicts = Counter(item.verdict for item in own)
+    return COMPARED["in units"].format(
+        scenarios=counted(len(own), "scenario"), metric=NAMES[comparison.ranked_by], first=first, second=second,
+        least=least, most=most, worse=verdicts["worse"] or "none", better=verdicts["better"] or "none",
+    )  # fmt: skip
 
 
 def _certainty(comparison: Comparison) -> str:
@@ -237,72 +235,40 @@ def _certainty(comparison: Comparison) -> str:
     ranking = competitors(comparison)
     wanted = fewest_sets(len(ranking))
     if len(comparison.sets_of_scenes) < wanted:
-        return f"Too few sets of scenes for a claim: with {counted(len(ranking), 'tracker')} it takes {wanted}."
+        return COMPARED["too few"].format(trackers=counted(len(ranking), "tracker"), wanted=wanted)
     first = ranking[0].tracker
     rivals = [item for item in comparison.rank_differences if first in (item.a, item.b)]
     shown = "shown" if all(item.shown for item in rivals) else "not shown"
-    return f"That lead is {shown} (p = {rounded(max(item.p_value for item in rivals), 3)})."
+    return COMPARED["lead"].format(shown=shown, p_value=rounded(max(item.p_value for item in rivals), 3))
 
 
-def compared(comparison: Comparison) -> str:
-    """What is compared, and in which worlds the order holds."""
-    ranking, sets = competitors(comparison), comparison.sets_of_scenes
-    text = (
-        f"{_shown(comparison)}{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
-    )
-    if shared := [joined_names(names) for names in sets if len(names) > 1]:
-        text += f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share theirs, and count as one"
-    return " ".join([*order_sentences(comparison), f"{text}."])
-
-
-def _shown(comparison: Comparison) -> str:
-    """Whose mean ranks are shown to be worse than whose: "Only raw is shown to differ: it has a worse mean rank than
-    every other. "; nothing where there are too few sets for a claim."""
-    names = [item.tracker for item in competitors(comparison)]
-    if len(names) < 2 or len(comparison.sets_of_scenes) < fewest_sets(len(names)):
-        return ""
-    pairs = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
-    better = {name: [other for other in names[:i] if {name, other} in pairs] for i, name in enumerate(names)}
-    worse = {name: others for name, others in better.items() if others}
-    if not worse:
-        return "No two trackers are shown to differ in mean rank. "
-    texts = {name: "every other" if len(of) == len(names) - 1 else joined_names(of) for name, of in worse.items()}
-    if len(worse) == 1:
-        ((name, text),) = texts.items()
-        return f"Only {name} is shown to differ: it has a worse mean rank than {text}. "
-    return f"Shown to have a worse mean rank: {'; '.join(f'{name} than {text}' for name, text in texts.items())}. "
-
-
-_METHOD = (
-    "Each cell names the tracker that is shown to be better by more than the margin in that world (5 % for all pairs "
-    "and worlds of the scenario together, Holm). Turns: each of the two is ahead in some world."
-)
 _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "warn", "not shown": ""}
 
 
 def worlds_section(comparison: Comparison) -> Section:
-    """Every pair of contenders whose order is shown in some world, and the number of the others."""
+    """Every pair of contenders whose order is shown in some world: which of the two is ahead where."""
     parts: list[Block] = []
+    meanings = {str(world): meaning for world, meaning in MEANING.items()}
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]
-        shown = [order for order in orders if order.order != "not shown"]
-        columns = [Column("trackers", left=True), *map(Column, orders[0].ahead), Column("order", left=True)]
+        columns = (
+            Column("trackers", left=True),
+            *(Column(world, meanings.get(world, "")) for world in orders[0].ahead),
+            Column("order", left=True),
+        )
         rows = [
             (
                 Cell(f"{order.a}, {order.b}"),
                 *(Cell(ahead or "not shown") for ahead in order.ahead.values()),
                 Cell(order.order, tone=_TONE[order.order]),
             )
-            for order in shown
+            for order in orders
+            if order.order != "not shown"
         ]
-        if shown:
-            parts.append(Table(f"worlds of {scenario}", tuple(columns), tuple(rows)))
-        if len(shown) < len(orders):
-            number = f"{len(orders) - len(shown)} of the {len(orders)}"
-            parts.append(Paragraph(f"{scenario}: for {number} pairs no order is shown in any world."))
-    names = dict.fromkeys(world for order in comparison.worlds for world in order.ahead)
-    items = tuple(Item(meaning, label=world) for world, meaning in MEANING.items() if world in names)
-    return Section("In which worlds does it hold?", (Items(items), Paragraph(_METHOD), *parts))
+        left_out = f": {len(orders) - len(rows)} of the {len(orders)} pairs are not shown in any world"
+        caption = f"Shown to be better in {scenario}{left_out * (len(rows) < len(orders))}"
+        parts.append(Table(f"worlds of {scenario}", columns, tuple(rows), caption))
+    return Section("In which worlds does it hold?", tuple(parts))
 
 
 def order_sentences(comparison: Comparison) -> Iterator[str]:
@@ -313,7 +279,7 @@ def order_sentences(comparison: Comparison) -> Iterator[str]:
         yield _smallest(comparison, scenario, list(orders[0].ahead))
         best = [order for order in orders if order.a == orders[0].a]
         shown = [order for order in best if order.order != "not shown"]
-        yield _sentence(max(shown or best, key=lambda order: len(order.where(order.b))))
+        yield _order(max(shown or best, key=lambda order: len(order.where(order.b))))
 
 
 def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
@@ -327,18 +293,10 @@ def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
             if score.entrant.tracker in names and (value := score.value(comparison.ranked_by)) is not None
         }
         where.setdefault(min(values, key=values.__getitem__), []).append(world)
-    parts = [f"{name} in {joined_names(worlds)}" for name, worlds in where.items()]
-    return f"{scenario}: smallest error of {'; '.join(parts)}."
+    parts = "; ".join(f"{name} in {joined_names(worlds)}" for name, worlds in where.items())
+    return COMPARED["smallest in worlds"].format(scenario=scenario, where=parts)
 
 
-def _sentence(order: OrderInWorlds) -> str:
-    ahead, behind, neither = (order.where(name) for name in (order.a, order.b, None))
-    if not ahead and not behind:
-        return f"Neither of {order.a} and {order.b} is shown to be better in any of these worlds."
-    where = f" ({joined_names(ahead)})" if ahead else ""
-    text = f"{order.a} is ahead of {order.b} in {len(ahead)} of {len(order.ahead)} worlds{where}"
-    if behind:
-        text += f", behind in {joined_names(behind)}"
-    if neither:
-        text += f"; not shown in {joined_names(neither)}"
-    return f"{text}."
+def _order(order: OrderInWorlds) -> str:
+    ahead, behind, neither = (joined_names(order.where(name)) or "none" for name in (order.a, order.b, None))
+    return COMPARED["order in worlds"].format(a=order.a, b=order.b, ahead=ahead, behind=behind, neither=neither)

@@ -19,8 +19,8 @@ from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.report.figures.over_time import column, names_in_column, rows_where
 from trackbench.report.moments import moment_text
-from trackbench.report.numbers import joined_names, rounded
-from trackbench.results import Result, Tables
+from trackbench.report.numbers import joined_names
+from trackbench.results import Result
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 ELONGATED = 4.0
@@ -32,39 +32,6 @@ NAME = 90.0
 #: Of a letter and a line of a name, and where a name may stand above the end of its path, points.
 LETTER, LINE = 5.2, 10.0
 ABOVE = (3.0, -11.0, 14.0, -22.0, 25.0)
-
-
-@dataclass(frozen=True)
-class MapBox:
-    """What the map shows, m."""
-
-    left: float
-    right: float
-    bottom: float
-    top: float
-
-    @property
-    def width(self) -> float:
-        """m."""
-        return self.right - self.left
-
-    @property
-    def height(self) -> float:
-        """m."""
-        return self.top - self.bottom
-
-    @property
-    def stretched(self) -> bool:
-        """Whether its axes have different scales."""
-        return self.width > ELONGATED * self.height
-
-    def drawn_height(self, across: float) -> float:
-        """Points of a map that is so many points wide."""
-        return STRETCHED if self.stretched else min(TALLEST, 30 + (across - 50) * self.height / self.width)
-
-    def points(self, across: float) -> tuple[float, float]:
-        """Of one metre in x and in y, on a map that is so many points wide."""
-        return (across - 50) / self.width, (self.drawn_height(across) - 30) / self.height
 
 
 def draw_surroundings(
@@ -107,58 +74,73 @@ def alive_paths(truth: pa.Table, role: str) -> dict[str, tuple[Array, Array]]:
     return {name: (column(path, "px_m"), column(path, "py_m")) for name, path in paths.items()}
 
 
+@dataclass(frozen=True)
 class _Ground:
-    """The true paths and roads under the panels of a map, and the size of the panels.
+    """What is under every panel of a map."""
 
-    Args:
-        tables: of the run.
-        titles: of the panels.
-    """
+    roads: pa.Table
+    observer: Sequence[tuple[Array, Array]]
+    targets: Mapping[str, tuple[Array, Array]]
+    left: float
+    right: float
+    bottom: float
+    top: float
+    """Edges, m."""
 
-    def __init__(self, tables: Tables, titles: Sequence[str]) -> None:
-        truth = tables.truth
-        self.titles, self.roads = titles, tables.roads
-        self.targets = alive_paths(truth, "target")
-        self.observer = [*alive_paths(truth, "observer").values()]
-        self.box: MapBox | None = None
-        paths = [*self.targets.values(), *self.observer]
-        x, y = (np.concatenate([path[axis] for path in paths]) if paths else np.empty(0) for axis in (0, 1))
-        if x.size:
-            self.box = MapBox(x.min() - MARGIN_M, x.max() + MARGIN_M, y.min() - MARGIN_M, y.max() + MARGIN_M)
+    @property
+    def is_stretched(self) -> bool:
+        return self.right - self.left > ELONGATED * (self.top - self.bottom)
 
-    def height(self, box: MapBox) -> float:
-        """Points of all panels."""
-        panels = 1 if box.height > box.width else len(self.titles)
-        return 30 + panels * box.drawn_height(self._across(box))
+    @property
+    def is_tall(self) -> bool:
+        return self.top - self.bottom > self.right - self.left
 
-    def _across(self, box: MapBox) -> float:
-        """Points across a panel; tall ones stand beside each other."""
-        return WIDTH / len(self.titles) if box.height > box.width else WIDTH
 
-    def paint(self, canvas: Canvas, box: MapBox, draw: Callable[[Axes, int], None]) -> None:
-        """Every panel, with what ``draw`` puts on it by its number."""
-        panels, across = len(self.titles), self._across(box)
-        rows, columns = (1, panels) if box.height > box.width else (panels, 1)
+def _ground(result: Result) -> _Ground | None:
+    """The true paths and roads of the recorded run; None without a path."""
+    truth = result.tables.truth
+    targets, observer = alive_paths(truth, "target"), [*alive_paths(truth, "observer").values()]
+    paths = [*targets.values(), *observer]
+    x, y = (np.concatenate([path[axis] for path in paths]) if paths else np.empty(0) for axis in (0, 1))
+    if not x.size:
+        return None
+    edges = x.min() - MARGIN_M, x.max() + MARGIN_M, y.min() - MARGIN_M, y.max() + MARGIN_M
+    return _Ground(result.tables.roads, observer, targets, *map(float, edges))
+
+
+def _map(
+    ground: _Ground,
+    titles: Sequence[str],
+    draw: Callable[[Axes, int], None],
+    *,
+    title: str,
+    caption: str,
+    alternative: str,
+    legend: tuple[LegendEntry, ...],
+    tooltips: Mapping[str, str],
+) -> Figure:
+    """A panel for each title, tall ones beside each other, with what ``draw`` puts on it by its number."""
+    rows, columns = (1, len(titles)) if ground.is_tall else (len(titles), 1)
+    across, width, depth = WIDTH / columns, ground.right - ground.left, ground.top - ground.bottom
+    height = STRETCHED if ground.is_stretched else min(TALLEST, 30 + (across - 50) * depth / width)
+
+    def paint(canvas: Canvas) -> None:
         every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-        for number, (axes, title) in enumerate(zip(every, self.titles, strict=True)):
+        for number, (axes, name) in enumerate(zip(every, titles, strict=True)):
             axes.grid(visible=False)
-            draw_surroundings(axes, self.roads, self.observer, self.targets, box.points(across))
-            if title:
-                panel_title(axes, title, across)
+            points = (across - 50) / width, (height - 30) / depth
+            draw_surroundings(axes, ground.roads, ground.observer, ground.targets, points)
+            if name:
+                panel_title(axes, name, across)
             draw(axes, number)
-            axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
-            if not box.stretched:
+            axes.set(xlim=(ground.left, ground.right), ylim=(ground.bottom, ground.top), ylabel="y, m")
+            if not ground.is_stretched:
                 axes.set_aspect("equal")
         every[-1].set_xlabel("x, m")
 
-
-@dataclass(frozen=True)
-class _PathWithErrors:
-    """One object's true path, with the error of a tracker along it; NaN where there is no estimate."""
-
-    x: Array
-    y: Array
-    error: Array
+    stretched = " The axes have different scales." if ground.is_stretched else ""
+    total = 30 + rows * height
+    return Figure("map", title, caption + stretched, alternative, paint, total, legend=legend, tooltips=tooltips)
 
 
 def styles_with_map(styles: Sequence[TrackerStyle]) -> list[TrackerStyle]:
@@ -166,27 +148,23 @@ def styles_with_map(styles: Sequence[TrackerStyle]) -> list[TrackerStyle]:
     return list(dict.fromkeys([styles[0], styles[-1]])) if styles else []
 
 
-def map_of_run(
-    tables: Tables, run: int, styles: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
-) -> Figure | None:
+def map_of_run(result: Result, styles: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
     """True paths coloured by the error of the best and of the last ranked tracker, a panel each.
 
     Args:
-        tables: of the run.
-        run: number of the recorded run.
+        result: of the run.
         styles: of the trackers that filter, best first.
         moments: by tracker, the worst; a ring is drawn there.
     """
-    truth, drawn = tables.truth, styles_with_map(styles)
-    ground = _Ground(tables, [style.name for style in drawn] or [""])
-    targets, box = ground.targets, ground.box
-    if box is None:
+    drawn, ground, tables = styles_with_map(styles), _ground(result), result.tables
+    if ground is None:
         return None
     paths = [
-        _paths_with_errors(truth, rows_where(tables.estimates, tracker=style.name), list(targets)) for style in drawn
+        _paths_with_errors(tables.truth, rows_where(tables.estimates, tracker=style.name), list(ground.targets))
+        for style in drawn
     ]
     rings = {style.key: moments[style.name] for style in drawn if style.name in moments}
-    limits = error_limits([path.error for of_tracker in paths for path in of_tracker])
+    limits = error_limits([path[2] for of_tracker in paths for path in of_tracker])
 
     def draw(axes: Axes, number: int) -> None:
         if not drawn:
@@ -195,40 +173,38 @@ def map_of_run(
         key = drawn[number].key
         if (moment := rings.get(key)) is not None:
             axes.plot(
-                *_place(truth, moment), marker="o", markersize=12, markerfacecolor="none",
+                *_place(tables.truth, moment), marker="o", markersize=12, markerfacecolor="none",
                 markeredgecolor=INK, markeredgewidth=1.4, linestyle="none", gid=f"worst-{key}",
             )  # fmt: skip
 
     worst = "; ".join(f"{style.name}: {moment_text(rings[style.key])}" for style in drawn if style.key in rings)
-    alternative = (
-        f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
-        f"{rounded(box.width, 0)} m by {rounded(box.height, 0)} m"
-        + (f", coloured by the error of {' and of '.join(style.name for style in drawn)}" if drawn else "")
-        + (f". Largest errors: {worst}." if worst else ".")
-    )
-    caption = f"Run {run} from above: true paths from the dot to the name; the observer's path is dotted. "
-    if drawn:
-        caption += f"Colour and width show the position error of {joined_names([style.name for style in drawn])}."
-        caption += f" The ring is where it was largest ({worst}). " if worst else " "
-        caption += "The recording shows all trackers. "
-    if box.stretched:
-        caption += "The axes have different scales."
-    return Figure(
-        "map",
-        "From above, coloured by position error",
-        caption.strip(),
-        alternative,
-        lambda canvas: ground.paint(canvas, box, draw),
-        ground.height(box),
-        legend=_legend(limits),
+    names = joined_names([style.name for style in drawn])
+    run = result.summary.recorded_run
+    caption = f"Run {run} from above: true paths from the dot to the name; the observer's path is dotted."
+    caption += f" Colour and width show the position error of {names}." * bool(drawn)
+    caption += f" The ring is where it was largest ({worst})." * bool(worst)
+    alternative = f"Map of run {run}: paths of {counted(len(ground.targets), 'vehicle')}"
+    levels = (LegendEntry(label, colour) for label, colour in zip(error_labels(limits), ERROR_COLOURS, strict=False))
+    return _map(
+        ground,
+        [style.name for style in drawn] or [""],
+        draw,
+        title="From above, coloured by position error",
+        caption=caption,
+        alternative=alternative + (f", coloured by the error of {names}. Largest: {worst}." if drawn else "."),
+        legend=(*levels, LegendEntry("observer", MUTED, "dash")),
         tooltips={f"worst-{key}": moment_text(moment) for key, moment in rings.items()},
     )
+
+
+#: x and y of an object's true path, m, and the error of a tracker along it; NaN where there is no estimate.
+_PathWithErrors = tuple[Array, Array, Array]
 
 
 def _coloured(axes: Axes, tracks: Sequence[_PathWithErrors], limits: Array) -> None:
     """A line for each colour, broken where a path has another; the largest errors on top."""
     x, y, error = (
-        np.concatenate([np.append(getattr(track, name), np.nan) for track in tracks]) for name in ("x", "y", "error")
+        np.concatenate([np.append(values, np.nan) for values in of_tracks]) for of_tracks in zip(*tracks, strict=True)
     )
     finite = np.isfinite(error[1:]) & np.isfinite(error[:-1])
     level = np.where(finite, np.digitize(np.fmax(error[1:], error[:-1]), limits), -1)
@@ -241,11 +217,6 @@ def _coloured(axes: Axes, tracks: Sequence[_PathWithErrors], limits: Array) -> N
             axes.plot(x[points], y[points], color=colour, linewidth=1.8 + 0.7 * i, solid_capstyle="round")
 
 
-def _legend(limits: Array) -> tuple[LegendEntry, ...]:
-    levels = (LegendEntry(label, colour) for label, colour in zip(error_labels(limits), ERROR_COLOURS, strict=False))
-    return (*levels, LegendEntry("observer", MUTED, "dash"))
-
-
 def _paths_with_errors(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_PathWithErrors]:
     paths = []
     for name in objects:
@@ -253,9 +224,7 @@ def _paths_with_errors(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) 
         place = np.searchsorted(column(path, "time_s"), column(own, "time_s") - 1e-9)
         if len(place) and place.max() >= len(path):
             raise InputError(f"the estimates of {name} go on after its truth: not the tables of one run")
-        paths.append(
-            _PathWithErrors(column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m"))
-        )
+        paths.append((column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m")))
     return paths
 
 
@@ -283,10 +252,8 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
         result: of the run.
         styles: of the trackers that filter, best first.
     """
-    run, shown = result.summary.recorded_run, styles_with_map(styles)
-    ground = _Ground(result.tables, [style.name for style in shown])
-    box = ground.box
-    if box is None or not shown:
+    run, shown, ground = result.summary.recorded_run, styles_with_map(styles), _ground(result)
+    if ground is None or not shown:
         return None
     tracks = [_track_lines(rows_where(result.tables.tracks, tracker=style.name)) for style in shown]
     events = [events_of(result, style.name, run) for style in shown]
@@ -302,20 +269,21 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
             )  # fmt: skip
 
     counts = [f"{style.name} {counted(len(own), 'track')}" for style, own in zip(shown, tracks, strict=True)]
-    return Figure(
-        "map",
-        "Tracks from above",
-        f"Run {run}, {_which(shown, len(styles))}: true paths in grey from the dot to the name, the observer's dotted; "
-        "tracks in the tracker's colour." + (" The axes have different scales." if box.stretched else ""),
-        f"Map of run {run}: {counted(len(ground.targets), 'vehicle')}; {joined_names(counts)}.",
-        lambda canvas: ground.paint(canvas, box, draw),
-        ground.height(box),
+    return _map(
+        ground,
+        [style.name for style in shown],
+        draw,
+        title="Tracks from above",
+        caption=f"Run {run}, {_which(shown, len(styles))}: true paths in grey from the dot to the name, the observer's "
+        "dotted; tracks in the tracker's colour.",
+        alternative=f"Map of run {run}: {counted(len(ground.targets), 'vehicle')}; {joined_names(counts)}.",
         legend=(
             LegendEntry("true path", MUTED),
             LegendEntry("switch", INK, "cross"),
             LegendEntry("lost or merged", _LOST, "ring"),
             LegendEntry("false track begins", _FALSE, "triangle"),
         ),
+        tooltips={},
     )
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -16,9 +16,7 @@ from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle, end_of_axis
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, fit_value_axis, panel_title, time_axis
 from trackbench.document.palette import tracker_figure
-from trackbench.metrics.consistency import point95
-from trackbench.report.numbers import joined_names
-from trackbench.results.scenario_summary import ReferenceSummary
+from trackbench.results import Result
 
 
 def rows_where(table: pa.Table, **keys: str) -> pa.Table:
@@ -96,11 +94,6 @@ def end_of(table: pa.Table) -> float:
     return float(column(table, "time_s").max())
 
 
-def styles_of(drawn: Iterable[Line]) -> list[TrackerStyle]:
-    """Whose lines they are."""
-    return [line.style for line in drawn]
-
-
 def last_values(drawn: Sequence[Line], unit: str) -> str:
     """The last value of each line, for those who cannot see it."""
     last = [(line.style.name, line.value[np.isfinite(line.value)][-1]) for line in drawn]
@@ -121,198 +114,125 @@ _HEIGHT = 250.0
 
 
 def nees_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """Mean NEES over time with its 95 % bounds."""
-    caption = (
-        "Squared error divided by the covariance that the tracker states, averaged over runs and objects. The NEES "
-        "of a consistent tracker is in the grey band 95 % of the time. Above it, the errors are larger than stated "
-        "(optimistic); below it, smaller (pessimistic)."
-    )
-    return _with_band("nees", "NEES over time", caption, steps, styles, "nees")
-
-
-def nis_over_time(nis: pa.Table, sensor: str, styles: Sequence[TrackerStyle], number: int) -> Figure | None:
-    """Mean NIS of one sensor over time with its 95 % bounds; of single innovations, with their 95 % point."""
-    table = rows_where(nis, sensor=sensor)
-    drawn = lines(table, styles, "nis_mean")
-    if drawn and np.nanmax(column(table, "count")) <= 1:
-        return _single_nis(table, sensor, drawn, number)
-    caption = (
-        f"Squared innovation of {sensor} (measurement minus prediction) divided by its predicted covariance. Above the "
-        "grey band, the measurement noise or the motion is larger than the tracker assumes; below it, smaller."
-    )
-    return _with_band(f"nis-{number}", f"NIS of {sensor} over time", caption, table, styles, "nis")
-
-
-def _single_nis(table: pa.Table, sensor: str, drawn: Sequence[Line], number: int) -> Figure:
-    limits = {point95(dof): dof for dof in sorted({int(dof) for dof in column(table, "dof")})}
-    points = joined_names([f"{limit:.3f} ({dof} degrees of freedom)" for limit, dof in limits.items()])
-
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel="NIS")
-        draw_lines(axes, drawn, end_of(table))
-        for limit in limits:
-            axes.axhline(limit, color=INK, linestyle=DASHED, linewidth=1.3, zorder=3)
-        axes.set_ylim(0, 1.06 * max(*limits, *(float(np.nanquantile(line.value, 0.995)) for line in drawn)))
-
-    title = f"NIS of {sensor} over time"
-    shown = styles_of(drawn)
-    return tracker_figure(
-        f"nis-{number}",
-        title,
-        f"Squared innovation of {sensor} (measurement minus prediction) divided by its predicted covariance, each one "
-        f"alone. Of a consistent tracker 95 % are below the dashed line, at {points}. If fewer are, the measurement "
-        "noise or the motion is larger than the tracker assumes; if nearly all are, smaller.",
-        f"{title}, {counted(len(drawn), 'tracker')}, with the 95 % point of single innovations. "
-        f"{last_values(drawn, '')}",
-        paint,
-        _HEIGHT,
-        shown,
-        LegendEntry("95 % of single innovations", INK, "dash"),
-    )
-
-
-def _with_band(
-    name: str, title: str, caption: str, table: pa.Table, styles: Sequence[TrackerStyle], metric: str
-) -> Figure | None:
-    drawn = lines(table, styles, f"{metric}_mean")
+    """Mean NEES over time with its 95 % bounds; None if there is nothing to draw."""
+    drawn = lines(steps, styles, "nees_mean")
     if not drawn:
         return None
-    shown = styles_of(drawn)
-    band = [*lines(table, shown[:1], f"{metric}_low"), *lines(table, shown[:1], f"{metric}_high")]
-    label = metric.upper()
+    shown = [line.style for line in drawn]
+    band = [*lines(steps, shown[:1], "nees_low"), *lines(steps, shown[:1], "nees_high")]
 
     def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel=label)
+        axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel="NEES")
         if band:
             low, high = band
             axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35)
-        draw_lines(axes, drawn, end_of(table))
+        draw_lines(axes, drawn, end_of(steps))
         if fit_value_axis(axes, [line.value for line in (*drawn, *band)]):
-            axes.set_ylabel(f"{label}, logarithmic")
+            axes.set_ylabel("NEES, logarithmic")
 
-    key = [LegendEntry("95 % bounds of a consistent tracker", MUTED, "band")] if band else []
+    return tracker_figure(
+        "nees",
+        "NEES over time",
+        "Squared error over the covariance that the tracker states, averaged over runs and objects. A consistent "
+        "tracker is in the grey band 95 % of the time; above it errors are larger than stated, below it smaller.",
+        f"NEES over time, {counted(len(drawn), 'tracker')}. {last_values(drawn, '')}",
+        paint,
+        _HEIGHT,
+        shown,
+        *([LegendEntry("95 % bounds of a consistent tracker", MUTED, "band")] if band else []),
+    )
+
+
+class Panel(NamedTuple):
+    """A quantity over time, and the reference that it is held against."""
+
+    label: str
+    unit: str
+    column: str
+    reference: str = ""
+    """Column of the reference; empty without one."""
+
+
+ERRORS = (
+    Panel("position RMSE", "m", "position_rmse_m", "position_reference_m"),
+    Panel("velocity RMSE", "m/s", "velocity_rmse_mps", "velocity_reference_mps"),
+)
+GOSPA_PARTS = (
+    Panel("GOSPA", "m", "gospa_m"),
+    Panel("localisation", "m", "gospa_localisation_m"),
+    Panel("missed", "m", "gospa_missed_m"),
+    Panel("false", "m", "gospa_false_m"),
+)
+
+
+def errors_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
+    """RMSE of position and velocity over time with those of the reference; None if there is nothing to draw."""
+    reference = result.summary.held_against
+    caption = f"Root mean square over all runs and objects. Dashed: the {reference.label}. {reference.meaning}"
+    return _panels("position-error", "Errors over time", caption, result, styles, ERRORS, reference.label)
+
+
+def gospa_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
+    """GOSPA and its parts over time; None if there is nothing to draw."""
+    caption = (
+        "Root mean square over all runs. The squares of the parts add up to that of GOSPA: localisation is the "
+        "distance of tracks from their objects, missed what objects without a track cost, false what tracks without "
+        "an object do."
+    )
+    return _panels("gospa", "GOSPA over time", caption, result, styles, GOSPA_PARTS)
+
+
+def _panels(
+    name: str,
+    title: str,
+    caption: str,
+    result: Result,
+    styles: Sequence[TrackerStyle],
+    panels: Sequence[Panel],
+    label: str = "",
+) -> Figure | None:
+    """A panel for each quantity, one below the other; a tracker that is far out does not set an axis."""
+    steps = result.tables.steps
+    drawn = {panel: own for panel in panels if (own := smooth_lines(steps, styles, panel.column))}
+    if not drawn:
+        return None
+    references = {panel: _distinct(smooth_lines(steps, styles, panel.reference)) for panel in drawn if panel.reference}
+    first = next(iter(drawn))
+
+    def paint(canvas: Canvas) -> None:
+        every = canvas.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (panel, own) in zip(every, drawn.items(), strict=True):
+            draw_lines(axes, own, end_of(steps))
+            for line in references.get(panel, ()):
+                axes.plot(line.time, line.value, color=INK, linestyle=DASHED, linewidth=1.3)
+            cut, words = beyond_axis(rms_by_name(own), panel.unit)
+            near = [line.value for line in (*own, *references.get(panel, ())) if line.style.name not in cut]
+            fit_value_axis(axes, near)
+            panel_title(axes, words, WIDTH)
+            axes.set_ylabel(f"{panel.label}, {panel.unit}")
+        every[-1].set_xlabel(TIME_LABEL)
+
+    shown = [line.style for line in drawn[first]]
     return tracker_figure(
         name,
         title,
         caption,
-        f"{title}, {counted(len(drawn), 'tracker')}. {last_values(drawn, '')}",
+        f"{title}, {counted(len(shown), 'tracker')}. {last_values(drawn[first], first.unit)}",
         paint,
-        _HEIGHT,
+        40 + max(_PANEL, 420.0 / len(drawn) - 40) * len(drawn),
         shown,
-        *key,
+        *([LegendEntry(label, INK, "dash")] if any(references.values()) else []),
     )
 
 
-Quantity = Literal["position", "velocity"]
-QUANTITIES: tuple[Quantity, ...] = ("position", "velocity")
-_UNITS: dict[Quantity, str] = {"position": "m", "velocity": "m/s"}
-
-
-def error_over_time(
-    steps: pa.Table, styles: Sequence[TrackerStyle], quantity: Quantity, reference: ReferenceSummary
-) -> Figure | None:
-    """RMSE of a quantity over time with that of the reference; None if there is nothing to draw."""
-    unit = _UNITS[quantity]
-    suffix = unit.replace("/", "p")
-    drawn = smooth_lines(steps, styles, f"{quantity}_rmse_{suffix}")
-    references = _distinct(smooth_lines(steps, styles, f"{quantity}_reference_{suffix}"))
-    if not drawn:
-        return None
-    cut, words = beyond_axis(rms_by_name(drawn), unit)
-
-    def colour(group: Sequence[Line]) -> str:
-        return INK if len(references) == 1 else group[0].style.colour
-
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel=f"{quantity} RMSE, {unit}")
-        draw_lines(axes, drawn, end_of(steps))
-        for group in references:
-            axes.plot(group[0].time, group[0].value, color=colour(group), linestyle=DASHED, linewidth=1.3)
-        near = [line.value for line in (*drawn, *(group[0] for group in references)) if line.style.name not in cut]
-        fit_value_axis(axes, near)
-        panel_title(axes, words, WIDTH)
-
-    caption = f"RMSE of the {quantity} over all runs and objects, {_window(drawn)}.{_sentence(words)}"
-    if references:
-        caption += f" Dashed: the {reference.label}. {reference.meaning}"
-    shown = styles_of(drawn)
-    keys = [LegendEntry(_label(reference, group, len(references)), colour(group), "dash") for group in references]
-    return tracker_figure(
-        f"{quantity}-error",
-        f"{quantity.capitalize()} error over time",
-        caption,
-        f"RMSE of {quantity} over time, {counted(len(drawn), 'tracker')}. {last_values(drawn, unit)}",
-        paint,
-        _HEIGHT,
-        shown,
-        *keys,
-    )
-
-
-def _sentence(words: str) -> str:
-    """What goes beyond an axis, after another sentence."""
-    return f" {words}." if words else ""
-
-
-def _window(drawn: Sequence[Line]) -> str:
-    return f"averaged over {np.diff(drawn[0].time[:2]).sum():.2g} s"
-
-
-def _distinct(drawn: Sequence[Line]) -> list[list[Line]]:
-    """Lines grouped by what they show: trackers of the same sensors have the same reference."""
-    groups: list[list[Line]] = []
-    for line in drawn:
-        for group in groups:
-            other = group[0]
-            if other.value.shape == line.value.shape and np.allclose(other.value, line.value, equal_nan=True):
-                group.append(line)
-                break
-        else:
-            groups.append([line])
-    return groups
-
-
-def _label(reference: ReferenceSummary, group: Sequence[Line], groups: int) -> str:
-    return (
-        reference.label if groups == 1 else f"{reference.label} of {joined_names([line.style.name for line in group])}"
-    )
-
-
-_PARTS = {
-    "gospa_m": "GOSPA",
-    "gospa_localisation_m": "localisation",
-    "gospa_missed_m": "missed",
-    "gospa_false_m": "false",
-}
 _PANEL = 120.0
 
 
-def gospa_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """GOSPA and its parts over time, a panel each; None if there is nothing to draw."""
-    parts = {name: smooth_lines(steps, styles, name) for name in _PARTS}
-    shown = styles_of(parts["gospa_m"])
-    if not shown:
-        return None
-
-    def paint(canvas: Canvas) -> None:
-        panels = canvas.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, (name, drawn) in zip(panels, parts.items(), strict=True):
-            draw_lines(axes, drawn, end_of(steps))
-            cut, words = beyond_axis(rms_by_name(drawn), "m")
-            near = (line.value for line in drawn if line.style.name not in cut)
-            axes.set_ylim(0, 1.06 * max(map(np.nanmax, near), default=0.0) or 1.0)
-            panel_title(axes, words, WIDTH)
-            axes.set_ylabel(f"{_PARTS[name]}, m")
-        panels[-1].set_xlabel(TIME_LABEL)
-
-    return tracker_figure(
-        "gospa",
-        "GOSPA over time",
-        "Root mean square over all runs. The squares of the parts add up to that of GOSPA: localisation is the "
-        "distance of tracks from their objects, missed what objects without a track cost, false what tracks without an "
-        "object cost. The axes differ.",
-        f"GOSPA and its parts over time, {counted(len(shown), 'tracker')}. {last_values(parts['gospa_m'], 'm')}",
-        paint,
-        40 + _PANEL * len(parts),
-        shown,
-    )
+def _distinct(drawn: Sequence[Line]) -> list[Line]:
+    """One line of those that are the same: trackers of the same sensors have the same reference."""
+    unique: list[Line] = []
+    for line in drawn:
+        alike = (other for other in unique if other.value.shape == line.value.shape)
+        if not any(np.allclose(other.value, line.value, equal_nan=True) for other in alike):
+            unique.append(line)
+    return unique

@@ -1,0 +1,80 @@
+"""Every sentence of a verdict, each whole: who is best, how surely, what went wrong, what is left out, what is next."""
+
+#: Who is best in a run, by what was shown.
+ANSWERS = {
+    "none is ranked": "no tracker is ranked",
+    "no truth": "no truth, so {trackers} without a ranking",
+    "alone": "{over}{best} has a {what} of {error}",
+    "not compared": "{over}{best} has the smallest {what}, {error}",
+    "one run": "{best} has the smallest {what}, {error}; one run: differences cannot be judged",
+    "some are equivalent": "{over}{tied} have the smallest {what}, {error_of_tied}; equivalent {within}{here}",
+    "some do not differ": "{over}{tied} have the smallest {what}, {error_of_tied}; not shown to differ{here}",
+    "equivalent": "{over}{best} has the smallest {what}, {error}; equivalent to {whom} {within}{here}",
+    "not shown better": "{over}{best} has the smallest {what}, {error}; not shown better than {whom}{here}",
+    "shown better": "{over}{best} has the smallest {what}, {error}; shown better than {whom}{here}",
+}
+#: Whether the expectations are met.
+EXPECTATIONS = {
+    "none": "No expectations stated",
+    "one met": "The expectation is met",
+    "met": "All {stated} met",
+    "undecided": "{undecided} of {stated} undecided: more runs or scenes would tell",
+    "failed": "{failed} of {stated} failed",
+    "failed and undecided": "{failed} of {stated} failed, {undecided} undecided",
+}
+#: How sure the words of a run are.
+CERTAINTY = {
+    "all pairs": "Better and worse: shown by over the margin, {margin}; equivalent: within it. The risk that any is "
+    "called so wrongly is 5 % (Holm, {pairs}).",
+    "best of many": "The risk is 5 % that any tracker as good as the best is called worse than {best}, which was "
+    "chosen from the same data; the margin is {margin}.",
+    "undrawn": "{scenes} scenes may leave out a kind of scene that makes up {share} of all: an order would turn if two "
+    "trackers differed there by {factor} times as much as in these scenes, in the other direction",
+    "few decide": "Vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
+    "{until} scenes an error is shown to be larger only where it is more than 1.5 times the other",
+    "ahead elsewhere": "In {number} of {total} another tracker is ahead of {best} by more than the margin: {scenes}.",
+    "ahead everywhere": "No tracker is ahead of {best} by more than the margin in any of the {total}.",
+}
+#: What the errors of a run leave out or take in.
+REMARKS = {
+    "charged": "{name}: {share} of its squared {error} is charged for missing estimates ({without} without)",
+    "not called better": "{name} is not called better than {others}: its errors are smaller only with what is charged",
+    "below": "{name} is below the {label}: it expects this motion, or knows more than its measurements say",
+    "matched": "Errors and NEES are of tracks within {reach:g} m of their object: a smaller cutoff makes them smaller.",
+    "others ignored": "tracks on no object are ignored (truth.reference.others): no score tells false tracks",
+    "reference": "A reference knows which detection is whose; its false tracks: predicted further while their object "
+    "is hidden or gone",
+    "smoother": "A smoother, marked offline, knows the measurements after each instant too: it is no competitor",
+    "offline": "{names}: offline, made elsewhere: nothing shows that they did not see the future",
+    "not paired": "{name}: no fingerprint says of which scans, so compared with no tracker",
+    "left out": "{name}: {rows} outside the time of the truth, left out",
+    "all missed": "{name}: no track in {runs}: all missed there",
+    "clock": "{name}: time stamps fit best with {shift} added, beside a shift along the path; --time-offset or "
+    "time_offset_s adds it, {seconds} s",
+}
+#: Whether the truth can be believed.
+TRUTH = {
+    "not audited": "The truth was not audited.",
+    "repaired": "The truth{where} had faults, which were repaired before anything was scored.",
+    "exact": "The truth is exact: its velocities come from the same formulas as its positions.",
+    "consistent": "The truth is consistent: velocity agrees with displacement, no position jumps.",
+}
+#: What to do next, before the command for it.
+NEXT = {
+    "doctor": "Next, {name} {fault}; to find out why:",
+    "inspect": "Next, to see where the errors are largest, in this folder:",
+    "scenes": "Next, to see whether it holds in other traffic:",
+}
+#: Who is ahead in a comparison, and how surely.
+COMPARED = {
+    "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
+    "worse": "Shown to be worse: {listed}.",
+    "shared": "{names} share the best mean rank, {rank}.",
+    "ahead": "{best} has the best mean rank, {rank} against {other} of {second}.",
+    "in units": "Over {scenarios} the {metric} of {second} is between {least} and {most} than that of {first}: shown "
+    "to be worse in {worse}, better in {better}.",
+    "too few": "Too few sets of scenes for a claim: with {trackers} it takes {wanted}.",
+    "lead": "That lead is {shown} (p = {p_value}).",
+    "smallest in worlds": "{scenario}: smallest error of {where}.",
+    "order in worlds": "{a} is ahead of {b} in {ahead}, behind in {behind}; not shown in {neither}.",
+}
