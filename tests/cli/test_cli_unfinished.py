@@ -16,7 +16,6 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from trackbench.runner import work
 from trackbench.subjects.recording import writer as recording
 
 pytestmark = pytest.mark.slow
@@ -95,41 +94,6 @@ def test_ctrl_c_while_the_result_is_written(
     monkeypatch.setattr(recording, "write", interrupted)
     done = cli("run", "tiny.yaml")
     assert (done.status, done.out) == (130, "")
-    assert list((tmp_path / "results").iterdir()) == []
-
-
-DEADLY = """\
-import os
-from trackbench.metrics import Metric
-
-
-class Deadly(Metric):
-    '''Ends the process that scores.'''
-    name, unit, meaning = "deadly", "1", "nothing"
-
-    def init(self, scope):
-        os._exit(7)
-
-    def update(self, sums, chunk):
-        return sums
-
-    def merge(self, blocks):
-        return blocks[0]
-
-    def finish(self, sums):
-        return sums
-"""
-
-
-def test_workers_that_die(
-    cli: Cli, tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(work, "BATCH_SIZE", 4)
-    metric = f"score.metrics=['{write_module(tmp_path, DEADLY)}:Deadly']"
-    done = cli("run", "tiny.yaml", "--workers", "2", "--set", metric)
-    assert (done.status, done.out) == (2, "")
-    assert done.err.startswith("trackbench: no result: a second worker has ended: its process ")
-    assert done.err.endswith("ended itself, with status 7\n")
     assert list((tmp_path / "results").iterdir()) == []
 
 
