@@ -16,7 +16,6 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from trackbench.runner import work
 from trackbench.subjects.recording import writer as recording
 
 pytestmark = pytest.mark.slow
@@ -119,18 +118,6 @@ class Deadly(Metric):
     def finish(self, sums):
         return sums
 """
-
-
-def test_workers_that_die(
-    cli: Cli, tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(work, "BATCH_SIZE", 4)
-    metric = f"score.metrics=['{write_module(tmp_path, DEADLY)}:Deadly']"
-    done = cli("run", "tiny.yaml", "--workers", "2", "--set", metric)
-    assert (done.status, done.out) == (2, "")
-    assert done.err.startswith("trackbench: no result: the process of a worker ended (EXIT(7)); a plug-in may have ")
-    assert len(done.err.splitlines()) == 1
-    assert list((tmp_path / "results").iterdir()) == []
 
 
 @pytest.fixture
