@@ -10,7 +10,6 @@ from benchmarks.scene import DT, SENSORS, weaving
 from tests.support import peers
 
 from trackbench.base.types import Array, Gaussian, Scan, Truth
-from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import Engine, compute_by
 from trackbench.metrics import BlockScores, Scorer, Target
 from trackbench.metrics.conditions import condition_classes
@@ -27,7 +26,7 @@ from trackbench.trackers.filtered import FilterTracker
 NOISE = {"acceleration_sigma_mps2": peers.ACCELERATION_SIGMA}
 YAW_NOISE = {"yaw_acceleration_sigma_radps2": peers.YAW_ACCELERATION_SIGMA}
 START = {"from": "truth", "position_sigma_m": 0.3, "velocity_sigma_mps": 0.5}
-TURNING_START = {**START, "yaw_sigma_rad": 0.1, "yaw_rate_sigma_radps": 0.1}
+TURNING_START = {**START, "yaw_rate_sigma_radps": 0.1}
 CTRV = {"motion": "ctrv", **NOISE, **YAW_NOISE, "initial": TURNING_START}
 IMM = {"imm": [{"model": "cv", **NOISE}, {"model": "ctrv", **NOISE, **YAW_NOISE}], "stay_s": [5.0, 2.0]}
 
@@ -66,9 +65,9 @@ def problem(runs: int, steps: int) -> Problem:
 
 
 def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:
-    """A tracker that starts every run from its own draw around the truth, as a run where nothing comes late has it."""
+    """A tracker that starts every run from its own draw around the truth."""
     truth, runs = of.truth, of.runs
-    tracker = replace(build(FilterConfig.model_validate(TRACKERS[name])), engine=engine, lag_s=0.0)
+    tracker = replace(build(FilterConfig.model_validate(TRACKERS[name])).tracker, engine=engine)
     fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
     motion = Kinematics(*(np.full(runs, values[0, 0, 0]) for values in fields))
     return tracker.with_prior(np.zeros(runs), motion, np.random.default_rng(2).standard_normal((6, runs)))
@@ -76,8 +75,11 @@ def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:
 
 def estimates(of: Problem, name: str) -> Array:
     """``(runs, steps, n)`` the states by NumPy."""
-    stepper = Direct(prepared(of, name, "numpy"))
-    return np.stack([stepper.step(scan).state.T for scan in of.scans], axis=1)
+    tracker, state, states = prepared(of, name, "numpy"), None, []
+    for scan in of.scans:
+        state, estimate = tracker.step(state, scan)
+        states.append(estimate.state.T)
+    return np.stack(states, axis=1)
 
 
 def estimates_apart(of: Problem, name: str) -> float:
@@ -87,10 +89,10 @@ def estimates_apart(of: Problem, name: str) -> float:
     Raises:
         SystemExit: the fused engine did not compute the tracker.
     """
-    reference, fused = Direct(prepared(of, name, "numpy")), Direct(prepared(of, name, "fused"))
-    apart = 0.0
+    reference, fused = prepared(of, name, "numpy"), prepared(of, name, "fused")
+    apart, one, other = 0.0, None, None
     for scan in of.scans:
-        expected, found = reference.step(scan), fused.step(scan)
+        (one, expected), (other, found) = reference.step(one, scan), fused.step(other, scan)
         sigma = np.sqrt(np.einsum("ii...->i...", expected.covariance))
         means = (found.mean - expected.mean) / sigma
         covariances = (found.covariance - expected.covariance) / (sigma * sigma[:, None])
@@ -115,10 +117,10 @@ def _sums(scores: BlockScores) -> list[Array]:
 
 def filtering(of: Problem, name: str, engine: Engine) -> float:
     """Seconds that trackbench takes for all runs."""
-    stepper = Direct(prepared(of, name, engine))
+    tracker, state = prepared(of, name, engine), None
     begin = time.perf_counter()
     for scan in of.scans:
-        stepper.step(scan)
+        state, _ = tracker.step(state, scan)
     return time.perf_counter() - begin
 
 
@@ -136,17 +138,17 @@ def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
     classes = condition_classes(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
-    stepper = Direct(prepared(of, name, engine))
+    tracker, state = prepared(of, name, engine), None
     scorer = Scorer(target, classes, counts, compute=compute_by(engine))
     begin, instant = time.perf_counter(), 0
     while instant < of.steps:
-        if engine == "fused" and stepper.state is not None:
+        if engine == "fused" and state is not None:
             scans = [[scan] for scan in of.scans[instant : instant + INSTANTS]]
-            taken = through(stepper.tracker, stepper.state, scans, scorer, instant, None)
+            taken = through(tracker, state, scans, scorer, instant, None)
             if taken is not None:
-                stepper.state, instant = taken.sequence.state(), instant + len(scans)
+                state, instant = taken.sequence.state(), instant + len(scans)
                 continue
-        estimate = stepper.step(of.scans[instant])
+        state, estimate = tracker.step(state, of.scans[instant])
         scorer.scan(instant, of.scans[instant], estimate)
         scorer.estimate(estimate)
         if scorer.waits:

@@ -60,6 +60,19 @@ REMOVED: dict[str, str] = {
     "*trackers[*].run_spread": "trackers that use no measurement are not looked for",
     "*:precision*": "a run has the number of runs that it is given",
     "breakdown.parquet*": "result.json has the scores by manoeuvre and by range",
+    "*autocorrelation.parquet*": "only the correlation at a lag of one measurement is judged",
+    "*existence.parquet*": "a table that no page showed",
+    "*association.parquet*": "runs.parquet has the same numbers for each run",
+    "*steps.parquet:position_p10_m": "a column that no page showed",
+    "*steps.parquet:position_p90_m": "a column that no page showed",
+    "*siap_*": "metrics that stood beside GOSPA, HOTA and MOTA and said the same",
+    "*ospa2*": "a metric that stood beside T-GOSPA and said the same",
+    "*start_delay*": "a run with score.settle_s of 0 tells how tracks begin",
+    "*start_position_rmse*": "a run with score.settle_s of 0 tells how tracks begin",
+    "*tgospa_half*": "T-GOSPA at another cost of a switch: set score.switch_costs_s",
+    "*tgospa_twice*": "T-GOSPA at another cost of a switch: set score.switch_costs_s",
+    "*track_breaks*": "a count against the sensor's own tracks, which are no truth",
+    "*track_swaps*": "a count against the sensor's own tracks, which are no truth",
 }
 #: Path that is not compared: why.
 LEFT_OUT: dict[str, str] = {

@@ -167,13 +167,6 @@ def test_an_unfinished_motion_model_says_what_is_missing(
         MOTION_MODELS.get(f"{module}:Unfinished", tmp_path)
 
 
-def test_abstract_methods_are_named(tmp_path: Path, write_module: Write) -> None:
-    code = "from trackbench.models.motion import MotionModel\nclass Bare(MotionModel):\n    components = ('px',)\n"
-    module = write_module(tmp_path, code)
-    with pytest.raises(InputError, match="it lacks driving_noise and jacobian and noise_gain and transition"):
-        MOTION_MODELS.get(f"{module}:Bare", tmp_path)
-
-
 def test_one_name_published_twice_is_ambiguous(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for package in ("one", "two"):
         info = tmp_path / f"{package}-1.0.dist-info"

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import jsonschema
-import numpy as np
 import pytest
 from tests.support.places import ROOT
 
@@ -261,37 +260,3 @@ def test_mistakes_are_located(many: Many, tmp_path: Path) -> None:
         assert f"plugged.yaml:{message}" in err
         assert "Traceback" not in err
         assert err.count("\n") == 1
-
-
-def test_the_equations_fit(site: Path) -> None:
-    code = """
-from example_motion import Singer
-from example_sensor import Sonar
-from trackbench.testing import check_motion_model, check_sensor, check_tracker
-check_motion_model(Singer(acceleration_sigma_mps2=2, time_constant_s=3))
-check_sensor(Sonar(rate_hz=10, range_sigma_m=0.3, bearing_sigma_deg=0.5))
-check_tracker("nearest_position", alpha=0.6)
-"""
-    env = {**os.environ, "PYTHONPATH": str(site)}
-    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-def test_the_singer_model_keeps_its_variance_and_ends_as_constant_acceleration(
-    site: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.syspath_prepend(site)
-    from example_motion import Singer
-
-    from trackbench.models.motion import process_noise_covariance
-
-    slow = Singer(acceleration_sigma_mps2=2, time_constant_s=1e6)
-    f = slow.jacobian(np.zeros(6), 0.1)
-    np.testing.assert_allclose(f[:2, 4:], 0.005 * np.eye(2), rtol=1e-4)
-    short = Singer(acceleration_sigma_mps2=2, time_constant_s=3)
-    p = np.zeros((6, 6))
-    p[4, 4] = p[5, 5] = 4.0
-    for dt in (0.1, 2.0):
-        f = short.jacobian(np.zeros(6), dt)
-        after = f @ p @ f.T + process_noise_covariance(short, np.zeros(6), dt)
-        np.testing.assert_allclose(np.diag(after)[4:], 4.0)

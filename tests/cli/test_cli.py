@@ -21,7 +21,6 @@ TABLES = {
     "steps",
     "nis",
     "runs",
-    "autocorrelation",
     "differences",
     "truth",
     "measurements",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from itertools import combinations, permutations
 from typing import Any
 
@@ -79,13 +78,6 @@ def test_all_three_are_the_radar_as_it_was(order: tuple[str, ...]) -> None:
 
 
 @every_subset
-def test_a_copy_of_another_process_is_of_the_same_class(measures: tuple[str, ...]) -> None:
-    made = Radar(**options(measures))
-    assert pickle.loads(pickle.dumps(made)) == made
-    assert type(pickle.loads(pickle.dumps(made.model_copy(update={"rate_hz": 5})))) is PARTIAL_RADARS[measures]
-
-
-@every_subset
 def test_a_position_needs_range_and_azimuth(measures: tuple[str, ...]) -> None:
     model = SENSOR_MODELS[kind(measures)]
     seen = scan(kind(measures), 0.0, np.full((len(measures), 3), 0.5), noise=np.eye(len(measures)) * 1e-4)
@@ -103,12 +95,6 @@ def test_range_and_azimuth_are_converted_as_by_the_full_radar() -> None:
     )
     for ours, theirs in zip(SENSOR_MODELS[part.kind].position(part), Radar.position(full), strict=True):
         np.testing.assert_array_equal(ours, theirs)
-
-
-@every_subset
-def test_sigmas_are_those_of_what_is_measured(measures: tuple[str, ...]) -> None:
-    expected = {"range": 0.3, "azimuth": np.deg2rad(0.5), "range_rate": 0.1}
-    np.testing.assert_allclose(Radar(**options(measures)).sigmas(), [expected[name] for name in measures])
 
 
 @every_subset

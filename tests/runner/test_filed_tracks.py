@@ -108,17 +108,9 @@ def test_a_constant_offset_is_shown_and_taken_out_only_when_it_is_asked(tmp_path
     assert low < -offset < high < low + 5e-3
     assert shown.offset_shown
     moved = offset_shown(tmp_path, late, time_offset_s=-offset)
-    assert moved.siap_position.value < 0.2
+    assert moved.motp.value < 0.2
     assert moved.matched_share.value == pytest.approx(260 / 300)
     assert not moved.offset_shown
-
-
-def test_another_point_of_the_body_is_no_offset(tmp_path: Path) -> None:
-    behind = offset_shown(tmp_path, braking(np.arange(20, 280) / 10, behind=2.25))
-    assert not behind.offset_shown
-    assert behind.along_path_m == pytest.approx(-2.25, abs=0.02)
-    low, high = behind.time_offset.ci95
-    assert low < 0 < high
 
 
 def test_nothing_is_said_of_an_offset_that_cannot_be_told(tmp_path: Path) -> None:
@@ -148,7 +140,7 @@ def test_the_interval_of_an_offset_covers_it(cars: int, bias: float) -> None:
 
 def test_what_tracks_do_not_state_is_not_available(tmp_path: Path) -> None:
     result = scored(tmp_path, exact(np.arange(0, 10, 0.05)))["theirs"]
-    for path in ("nees", "velocity_rmse", "siap_velocity", "step_time", "association_right"):
+    for path in ("nees", "velocity_rmse", "step_time", "association_right"):
         assert result.metrics[path].value is None
         assert result.metrics[path].reason
 
@@ -178,12 +170,6 @@ def test_a_slow_robot_tells_a_time_offset(tmp_path: Path, speed: float, noise: f
     assert result.time_offset.value == pytest.approx(-0.2, abs=0.025)
     assert high - low < 0.1
     assert result.offset_shown
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.2])
-def test_an_object_that_stands_tells_no_time_offset(tmp_path: Path, noise: float) -> None:
-    offset = score_robot(tmp_path, 0.0, noise, 1).time_offset
-    assert (offset.value, offset.reason) == (None, "no track is on an object that moves")
 
 
 def score_robot(folder: Path, speed: float, noise: float, seed: int) -> Any:

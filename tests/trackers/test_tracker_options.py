@@ -171,9 +171,3 @@ def test_radial_velocity_starts_a_track():
 )
 def test_refused(keys, expected):
     assert problems(filter="ekf", **keys) == [expected]
-
-
-def test_negative_variances_are_refused():
-    assert "at least 0" in problems(filter="ekf", motion="cv", process_noise_diag=[1, 1, 1, -1])[0]
-    [problem] = problems(filter="ekf", motion="cv", process_noise_diag=Q, initial={"covariance_diag": [1, 1, 1, 0]})
-    assert "at least 1e-18" in problem

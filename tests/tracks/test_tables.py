@@ -56,19 +56,6 @@ def test_associations_are_of_detections_that_are_there(traffic_result: Result) -
     oracle = taken[taken["tracker"] == "oracle"].merge(measurements, on=["scan", "detection"])
     assert len(oracle) == (taken["tracker"] == "oracle").sum() > 50
     assert "false alarm" not in set(oracle["object"])
-    association = traffic_result.to_pandas("association").set_index("tracker")
-    assert association.loc["oracle", ["wrong_object", "clutter", "missed"]].sum() == 0
-    for tracker in ("gnn", "naive"):
-        share = association.loc[tracker, "right"] / association.loc[tracker].sum()
-        assert traffic_result[tracker].metrics["association_right"].value == pytest.approx(share)
-
-
-def test_existence_adds_up(traffic_result: Result) -> None:
-    bins = traffic_result.to_pandas("existence")
-    assert set(bins["tracker"]) == {"pmb"}
-    known = bins[bins["count"] > 0]
-    assert ((known["stated"] >= known["from"]) & (known["stated"] <= known["to"])).all()
-    assert known["real"].between(0, 1).all()
 
 
 def test_the_events_that_are_kept_are_the_dearest(
@@ -113,10 +100,6 @@ def test_a_detection_that_was_taken_is_in_its_gate(traffic_result: Result, track
     assert len(found) > 50
     # The corners cut off a fiftieth of the gate's reach.
     assert np.mean(found) > 0.99
-
-
-def test_one_that_knows_the_origins_has_no_gate(traffic_result: Result) -> None:
-    assert set(traffic_result.to_pandas("gates")["tracker"]) == {"gnn", "pmb", "naive"}
 
 
 def _own(table: Any, tracker: str) -> Any:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.driving.steppers import TRACKS_FORM, Batched
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 
@@ -132,7 +131,7 @@ def _reading(method: str, **more: Any) -> Make:
     """A built-in tracker that uses one sensor only for a part of its work."""
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": method}}
     built = FilterConfig.model_validate({**given, **more})
-    return lambda: Batched(build_multi(built), TRACKS_FORM)
+    return lambda: build_multi(built)
 
 
 SOUND: dict[str, Make] = {
@@ -147,7 +146,7 @@ SOUND: dict[str, Make] = {
     "jpda, reads radar alone": _reading("jpda", sensors=["radar"]),
     "pmb, ckf": built_in("pmb", "ckf", "cv", 4.0),
     "jipda, ukf cv, gate 0.995": built_in("jipda", "ukf", "cv", 2.0, gate=0.995),
-    "gnn, iekf, 3 of 4": built_in("gnn", "iekf", "cv", 5.0, confirm=[3, 4], delete_misses=8),
+    "gnn, ukf, 3 of 4": built_in("gnn", "ukf", "cv", 5.0, confirm=[3, 4]),
     "ipda, short": looped(Ipda, patience=0.3, lifetime=5.0, gate=0.998),
 }
 

@@ -27,8 +27,6 @@ from trackbench.filters.kalman import (
     KalmanFilter,
     SigmaPointFilter,
     SymmetricSet,
-    classic_points,
-    scaled_points,
 )
 
 __all__ = [
@@ -53,9 +51,7 @@ __all__ = [
     "Update",
     "bare",
     "choose",
-    "classic_points",
     "concatenated",
-    "scaled_points",
     "select",
     "selected_prediction",
     "with_members",

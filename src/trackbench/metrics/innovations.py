@@ -6,16 +6,12 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
-from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
-from trackbench.engine.layout import ADDED, SUMMED, Input
 from trackbench.metrics.consistency import point95
-from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS, NIS_FIELDS, OVERFLOW, NisScores
+from trackbench.metrics.sums import NIS, NIS_FIELDS, OVERFLOW, NisScores, added
 
-#: How many measurements are summed at a time by NumPy: their products with those before grow with its square.
-CHUNK = 10
-#: Measurements that fill the rows before the latest are moved to the front.
-ROWS = 4 * CHUNK
+#: How many measurements are summed at a time.
+CHUNK = 32
 
 
 def _innovation(values: Values) -> Values:
@@ -35,46 +31,24 @@ INNOVATION = Equations(
 )
 
 
-def _sums(values: Values) -> Values:
-    used = values["used"]
-    white = np.where(used[:, None], values["white"], 0.0)
-    latest = {"white": white[-1], "used": used[-1], "white_before": white[-2], "used_before": used[-2]}
-    rows = _innovation({**values, **latest})["rows"]
-    both, nis = used & used[-1], rows[NIS["nis"]]
-    products = np.einsum("m...,lm...->l...", white[-1], white)
-    lags = np.stack([np.where(both, 1.0, 0.0), products, np.where(both, nis, 0.0)])
-    return {"per_step": rows, "per_run": rows, "lags": lags, "bounded": nis < OVERFLOW}
-
-
-#: Of the whitened innovations of a measurement and the ``LAGS`` before it, the oldest first, and where they are
-#: ``used``: what is added to the sums; ``bounded``: whether it can be.
-SUMS = Equations(
-    "sums of whitened innovations",
-    _sums,
-    {"white": 2, "used": 1, "due": 0, "point95": 0},
-    modes={"per_step": SUMMED, "per_run": ADDED, "lags": SUMMED},
-)
-
-
 class Innovations:
     """Collects whitened innovations; ``scores`` gives the sums at the end.
 
-    They lie in rows, one for each measurement. Before those that are not summed yet there are as many rows as the
-    longest lag. A row that was not written yet is not used.
+    They lie in rows, one for each measurement. Before the rows that are not summed yet is that of the measurement
+    before them. A row that was not written yet is not used.
     """
 
     def __init__(self, measurements: int, objects: int, runs: int, compute: Compute = by_numpy) -> None:
         """``measurements``: how many the sensor takes."""
         self._shape = objects, runs
-        self._compute, self._kernels = compute, kernels_of(compute, runs)
+        self._compute = compute
         self._per_step = np.zeros((len(NIS_FIELDS), measurements))
         self._per_run = np.zeros((len(NIS_FIELDS), runs))
-        self._lags = np.zeros((len(LAG_FIELDS), LAGS + 1))
         self._white = np.empty((0, 0, objects * runs))
-        self._used = np.zeros((LAGS + ROWS, objects * runs), dtype=bool)
+        self._used = np.zeros((1 + CHUNK, objects * runs), dtype=bool)
         self._due = self._used.copy()
         self._measurement = self._dof = 0
-        self._first = self._next = LAGS
+        self._first = self._next = 1
 
     def add(self, white: Array | None, used: Mask, due: Mask) -> None:
         """Take in the whitened innovations ``(m, batch)`` of the next measurement, None where the tracker gives none.
@@ -93,7 +67,7 @@ class Innovations:
         rows[0] = 0.0 if white is None else white
         its_used[0] = False if white is None else used
         its_due[0] = due
-        if self._next - self._first >= (ROWS if self._kernels else CHUNK):
+        if self._next - self._first >= CHUNK:
             self.flush()
 
     @property
@@ -105,15 +79,14 @@ class Innovations:
         """Rows for the next measurements: of whitened innovations ``(count, dof, batch)``, which are used, and due."""
         if self._next + count > len(self._white):
             self.flush()
-            latest = slice(self._next - LAGS, self._next)
             arrays = self._white, self._used, self._due
-            if LAGS + count > len(self._white):
+            if 1 + count > len(self._white):
                 self._white, self._used, self._due = (
-                    np.zeros((LAGS + count, *each.shape[1:]), each.dtype) for each in arrays
+                    np.zeros((1 + count, *each.shape[1:]), each.dtype) for each in arrays
                 )
             for before, after in zip(arrays, (self._white, self._used, self._due), strict=True):
-                after[:LAGS] = before[latest].copy()
-            self._first = self._next = LAGS
+                after[0] = before[self._next - 1]
+            self._first = self._next = 1
         here = slice(self._next, self._next + count)
         self._next += count
         return self._white[here], self._used[here], self._due[here]
@@ -124,63 +97,13 @@ class Innovations:
 
     def flush(self) -> None:
         """Sum what waits."""
-        if self._next > self._first and not self._summed_by_kernels():
-            if self._kernels is not None:
-                # Kernels leave what is not used as it is.
-                before = slice(self._first - LAGS, self._first)
-                _clear(self._white[before], self._used[before])
-            for first in range(self._first, self._next, CHUNK):
-                self._sum(slice(first, min(first + CHUNK, self._next)))
-        self._measurement += self._next - self._first
-        self._first = self._next
-
-    def _summed_by_kernels(self) -> bool:
-        """Sum what waits by one sequence of calls; whether it could be done."""
-        if self._kernels is None:
-            return False
-        from trackbench.engine.sequences import ArrayPlace, CallSequence, place, total_of_vectors
-        from trackbench.engine.vector_code import WIDTH
-
-        inputs = (
-            Input("white", (LAGS + 1, self._dof), 1, "d"),
-            Input("used", (LAGS + 1,), 1, "?"),
-            Input("due", (), 1, "?"),
-            Input("point95", (), 0, "d"),
-        )
-        kernel = self._kernels.kernel(SUMS, inputs)
-        if kernel is None:
-            return False
-        (objects, runs), count, fields = self._shape, self._next - self._first, len(NIS_FIELDS)
-        per_step, per_run = np.zeros((fields, count, WIDTH)), np.zeros((fields, runs))
-        lags, bounded = np.zeros((*self._lags.shape, WIDTH)), np.empty((count, objects, runs), dtype=bool)
-        at, nothing, limit = np.arange(count), np.zeros(count, dtype=np.intp), np.array([point95(self._dof)])
-        window, batch = self._first - LAGS + at, objects * runs
-        sequence = CallSequence(self._kernels, objects, runs, count)
-        inputs_at = {
-            "white": ArrayPlace(self._white.ctypes.data + window * self._white.strides[0], batch, runs * 8),
-            "used": ArrayPlace(self._used.ctypes.data + window * batch, batch, runs),
-            "due": ArrayPlace(self._due.ctypes.data + (self._first + at) * batch, 0, runs),
-            "point95": place(limit, 0, nothing),
-        }
-        outputs_at = {
-            "per_step": place(per_step[..., None], 1, at)._replace(group=0),
-            "per_run": place(per_run[:, None, None], 1, nothing),
-            "lags": place(lags[:, :, None, None], 2, nothing),
-            "bounded": place(bounded, 0, at),
-        }
-        sequence.call(kernel, at, inputs_at, outputs_at)
-        if not sequence.run() or not bounded.all():
-            return False
-        self._per_step[:, self._measurement : self._measurement + count] = total_of_vectors(per_step)
-        self._per_run += per_run
-        self._lags += total_of_vectors(lags)[:, ::-1]
-        return True
-
-    def _sum(self, here: slice) -> None:
-        """Sum some rows by NumPy."""
+        here, before = slice(self._first, self._next), slice(self._first - 1, self._next - 1)
+        if self._next == self._first:
+            return
+        # A sequence of calls leaves what is not used as it is, so the row before may hold anything too.
+        every = slice(self._first - 1, self._next)
+        _clear(self._white[every], self._used[every])
         white, used = self._white[here], self._used[here]
-        _clear(white, used)
-        before = slice(here.start - 1, here.stop - 1)
         inputs = {
             "white": white.swapaxes(0, 1),
             "used": used,
@@ -190,30 +113,19 @@ class Innovations:
             "point95": point95(self._dof),
         }
         values = self._compute(INNOVATION, inputs)["rows"]
-        measurement = self._measurement + here.start - self._first
-        self._per_step[:, measurement : measurement + len(white)] = values.sum(axis=-1)
+        self._per_step[:, self._measurement : self._measurement + len(white)] = values.sum(axis=-1)
         self._per_run += values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1)
-        self._add_pairs(here, values[NIS["nis"]])
+        self._measurement += len(white)
+        self._first = self._next
 
-    def _add_pairs(self, here: slice, nis: Array) -> None:
-        """Add the products of some measurements with those that are not farther than ``LAGS`` before each."""
-        window = slice(here.start - LAGS, here.stop)
-        count, rows = here.stop - here.start, here.stop - here.start + LAGS
-        products = self._white[here].reshape(count, -1) @ self._white[window].reshape(rows, -1).T
-        if self._used[window].all():
-            pairs = np.full_like(products, nis.shape[1]), products, nis.sum(axis=1)[:, None] + np.zeros(rows)
-        else:
-            used = self._used[window].astype(float)
-            pairs = used[LAGS:] @ used.T, products, nis @ used.T
-        lag = LAGS + np.arange(count)[:, None] - np.arange(rows)
-        near = (lag >= 0) & (lag <= LAGS)
-        for total, each in zip(self._lags, pairs, strict=True):
-            total += np.bincount(lag[near], each[near], LAGS + 1)
-
-    def scores(self) -> NisScores:
-        """The sums of everything taken in."""
+    def scores(self, stretches: int = 0) -> NisScores:
+        """Return the sums of everything taken in; ``stretches``: the number of parts of a single run, else 0."""
         self.flush()
-        return NisScores(self._dof, self._per_step, self._per_run, self._lags)
+        per_part = self._per_run
+        if stretches:
+            count = self._per_step.shape[1]
+            per_part = added(self._per_step, np.arange(count) * stretches // max(count, 1))
+        return NisScores(self._dof, self._per_step, self._per_run, per_part)
 
 
 def _clear(white: Array, used: Mask) -> None:

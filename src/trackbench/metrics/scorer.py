@@ -54,7 +54,6 @@ class Scorer:
         measurements: dict[str, int],
         *,
         tracker: str = "tracker",
-        first: bool = True,
         single: bool = False,
         metrics: Sequence[Metric] = BUILT_IN,
         compute: Compute = by_numpy,
@@ -68,7 +67,6 @@ class Scorer:
             classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`.
             measurements: how many instants each sensor has.
             tracker: whose estimates they are.
-            first: whether it is the first block, whose percentiles are kept.
             single: whether it is a run whose stretches of time stand for independent runs.
             metrics: what is to be computed.
             compute: how equations are computed.
@@ -89,12 +87,11 @@ class Scorer:
             target=_read_only(target),
             classes=_read_only(classes),
             measurements=measurements,
-            first=first,
             single=single,
             compute=compute,
         )
-        self._due, self._starting = (scope.labelled.each(mask) for mask in (target.due, target.starting))
-        self._expected = self._due | self._starting
+        self._due = scope.labelled.each(target.due)
+        self._expected = self._due | scope.labelled.each(target.starting)
         self._classes = classes
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
@@ -182,7 +179,7 @@ class Scorer:
         kernels = self.kernels
         assert kernels is not None
         classes, count = self._sums[ESTIMATES.name].classes
-        return ScoreSequence(kernels, self._target, self._expected, classes[..., 0], count, here)
+        return ScoreSequence(kernels, self._target, classes[..., 0], count, here)
 
     def innovations(self, sensor: str) -> Innovations:
         """What sums the innovations of a sensor."""
@@ -207,7 +204,6 @@ class Scorer:
             here,
             scores.squares,
             due,
-            self._starting[here],
             np.broadcast_to(given, due.shape),
             self._runs,
             *spent,
@@ -246,7 +242,7 @@ class Scorer:
         """What waits, as a chunk."""
         here, estimates = self._waiting, self._estimates()
         self._filled, self._first = 0, here.stop
-        truth, expected = self._target.state[:, here], self._expected[here]
+        truth = self._target.state[:, here]
         finite, given = _masks(self._computed(GIVEN, estimates), "finite", "given")
         if not finite.all():
             raise_fault(NOT_FINITE, self._alive(here) & given & ~finite, here.start)
@@ -256,7 +252,7 @@ class Scorer:
             "truth": truth,
             "reference": self._target.reference[:, here],
             "finite": finite.reshape(shape),
-            "scored": expected.reshape(shape),
+            "scored": self._target.due[here],
         }
         errors = self._computed(ERRORS, {**estimates, **held_against})
         definite, bounded = _masks(errors, "definite", "bounded")
@@ -272,7 +268,6 @@ class Scorer:
             covariance=_read_only(estimates["covariance"].reshape(4, 4, *finite.shape)),
             values=_read_only(errors["rows"].reshape(-1, *finite.shape)),
             scored=_read_only(self._due[here]),
-            starting=_read_only(self._starting[here]),
             given=_read_only(finite),
             innovations=self._innovations,
             repaired=_read_only(self._repaired),

@@ -83,7 +83,6 @@ MEASUREMENT = [
     *(_number(f"sensor_{name}", _entry("sensor_pose", row)) for row, name in enumerate(("x_m", "y_m", "yaw_rad"))),
 ]
 GOSPA_PARTS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
-ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
 VALID = _number("valid")
 DUE = _number("due")
 DECIDED = ("tracker", "function", "object")
@@ -140,7 +139,7 @@ LABELLED = {
         "errors of each tracker at each instant, over runs and objects",
         ["tracker"],
         [
-            *_numbers("time_s", "count", "given", *ERRORS, "position_p10_m", "position_p90_m"),
+            *_numbers("time_s", "count", "given", *ERRORS),
             *_numbers(_number("nees_mean", _mean("nees", "given")), "nees_low", "nees_high", *REFERENCES),
         ],
     ),
@@ -168,14 +167,6 @@ LABELLED = {
         [
             *_numbers("run", "stretch", "count", "course_count", "given", *ERRORS),
             *_numbers(_number("nees_mean", _mean("nees", "given")), *REFERENCES),
-        ],
-    ),
-    "autocorrelation": _table(
-        "autocorrelation of each tracker's whitened innovations, by lag; 95 % are within ``low`` and ``high`` if white",
-        ["tracker", "sensor"],
-        [
-            *_numbers("lag", "pairs", _number("correlation", lambda record: mean(record["product"], record["square"]))),
-            *_numbers("low", "high"),
         ],
     ),
     "measurements": _table(
@@ -249,16 +240,6 @@ HIDDEN = {
         "what each object's time was spent on in the recorded run, stretch by stretch",
         ["tracker", "object", "state"],
         ["time_s", "until_s"],
-    ),
-    "association": _table(
-        "how often tracks took a detection of their own object, another's, a false alarm or none",
-        ["tracker"],
-        ASSOCIATIONS,
-    ),
-    "existence": _table(
-        "tracks by stated existence probability, and how many of them are on an object",
-        ["tracker"],
-        ["from", "to", "count", _number("stated", _mean("stated")), _number("real", _mean("real"))],
     ),
     "due": _table(
         "0 absent, 1 optional, 2 due, of each object at each instant of the recorded run",

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
-from trackbench.driving.again import AskedAgain, OtherCompany, SecondDrive
+from trackbench.driving.again import AskedAgain
 from trackbench.driving.isolation import plugged_in
-from trackbench.driving.remote import start_stepper
-from trackbench.driving.steppers import Offline, Stepper
+from trackbench.driving.start import start_stepper
+from trackbench.driving.steppers import Offline
 from trackbench.models.motion import Kinematics
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import IdealSensor, sense_known
+from trackbench.trackers.answers import is_random
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
@@ -31,7 +33,7 @@ RUNS = 2
 
 def stepper_of(
     work: Work, piece: BlockRuns, entry: FilterConfig | PluginConfig, scans: Iterable[Scan], copies: int = 1
-) -> Stepper:
+) -> Any:
     """A fresh tracker for a block of runs.
 
     Args:
@@ -41,15 +43,17 @@ def stepper_of(
         scans: what it will be given, which a smoother looks at before.
         copies: how often the block is in the batch.
     """
-    prepare = partial(with_initial_states, work, piece, copies=copies)
+    with_states = partial(with_initial_states, work, piece, copies=copies)
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
-        return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
+        tracker = replace(build(entry).tracker, engine=work.engine_here)
+        return Offline(SmoothedTracker(with_states(tracker)), list(scans))
     batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
+    prepare = partial(work.prepared, change=with_states)
     return start_stepper(entry, work.folder, batch, prepare, work.isolation, sensors=work.sensors)
 
 
 def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
-    """The tracker with the engine of the work, given its first states drawn from the truth if that is how it starts.
+    """Return the tracker, given its first states drawn from the truth if that is how it starts.
 
     Args:
         work: what all blocks share.
@@ -59,7 +63,6 @@ def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, co
     """
     scene, runs = work.scenes[piece.scene], piece.runs
     truth = scene.truth
-    tracker = replace(tracker, **work.tracker_options)
     # When it starts must not depend on sensors that it does not read.
     own = [sensor.steps for sensor in scene.sensors if tracker.advances(sensor.name)]
     if not tracker.starts_from_truth or not own:
@@ -98,24 +101,21 @@ class SecondDrives:
         self._work, self._piece = work, piece
         self._others = cache(self._other_scans)
 
-    def around(self, config: FilterConfig | PluginConfig, stepper: Stepper) -> Stepper:
+    def around(self, config: FilterConfig | PluginConfig, tracker: Any) -> Any:
         """Wrap a plug-in so that it is asked again; return a built-in tracker as it is.
 
         A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
         permuted. Any other gets two runs in reverse order, after one of another scene. One that draws random numbers is
         not asked again.
         """
-        if not plugged_in(config) or stepper.traits.random:
-            return stepper
-        return AskedAgain(stepper, self._in_other_company(config, stepper.traits.batched))
-
-    def _in_other_company(self, config: FilterConfig | PluginConfig, batched: bool) -> SecondDrive:
+        if not plugged_in(config) or is_random(tracker):
+            return tracker
         work, runs, several = self._work, len(self._piece.runs), self._work.hidden
         # Members are numbered by object, then run; with hidden identities each is a run.
         objects = 1 if several else len(work.scenes[self._piece.scene].truth.ids)
         members = objects * runs
         random = stream(work.seed, work.noise_of(self._piece.scene), self._piece.runs.start, PURPOSE)
-        if batched:
+        if tracker.batched:
             replaced, other_runs = members // 2, (runs + 1) // 2
             kept = random.permutation(members)[replaced:]
             strangers = random.permutation(objects * other_runs)[:replaced]
@@ -126,12 +126,11 @@ class SecondDrives:
                 [(np.arange(objects) * runs + run) for run in chosen] + [members + np.arange(objects)]
             )[::-1]
         start = partial(self._start, config, len(order))
-        return OtherCompany(start, order, members, self._others(other_runs), batched)
+        return AskedAgain(tracker, start, order, members, self._others(other_runs))
 
-    def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Stepper:
+    def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Any:
         work, several = self._work, self._work.hidden
-        with_engine = partial(replace, engine=work.engine_here)
-        return start_stepper(config, work.folder, batch, with_engine, work.isolation, several, work.sensors)
+        return start_stepper(config, work.folder, batch, work.prepared, work.isolation, several, work.sensors)
 
     def _other_scans(self, count: int) -> list[Scan]:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""

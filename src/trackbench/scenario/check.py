@@ -55,7 +55,6 @@ def _notes(loaded: Scenario, isolation: Isolation) -> list[str]:
     return [
         *_replaced_truth(loaded),
         *slowed_notes(loaded),
-        *_columns(loaded),
         *_idle_effects(loaded),
         *_not_apart(loaded, isolation),
     ]
@@ -89,16 +88,6 @@ def _not_apart(loaded: Scenario, isolation: Isolation) -> list[str]:
     return [line for line in lines if line]
 
 
-def _columns(loaded: Scenario) -> list[str]:
-    """Of each file of tracks, what was read from where."""
-    lines = []
-    for name, tracker in loaded.config.trackers.items():
-        if isinstance(tracker, TracksConfig):
-            every = dict.fromkeys(rows.notes for rows in read_tracks(tracker, name, loaded.folder))
-            lines += [f"{name}: {', '.join(notes)}" for notes in every if notes]
-    return lines
-
-
 def _all(loaded: Scenario, steps: list[Step]) -> None:
     errors: list[InputError] = []
     for step in steps:
@@ -122,7 +111,7 @@ def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Itera
 
 def _try(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolation, started: bool) -> None:
     # Few scenarios have a plug-in, and what steps trackers takes its time to import.
-    from trackbench.driving.remote import check_startable
+    from trackbench.driving.start import check_startable
 
     several = loaded.config.sensing.identities == "hidden"
     try:

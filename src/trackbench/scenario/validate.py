@@ -185,7 +185,7 @@ def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
         return
     if truth.without_truth:
         yield Problem(("score", "point"), "there is no truth, of which a point could be scored")
-    elif truth.format != "mcap":
+    else:
         sizes = [name for name in ("length_m", "width_m") if name not in truth.model_fields_set]
         missing = [name for name in sizes if getattr(truth.columns, name.removesuffix("_m"), None) is None]
         if missing:

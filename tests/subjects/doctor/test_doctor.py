@@ -28,20 +28,20 @@ from trackbench.trackers.builtin import ekf
 
 REPOSITORY = ROOT
 NAMES = [
-    *("ego_motion_wrong", "gate_too_small", "predicted_covariance_wrong", "q_depends_on_state"),
+    *("ego_motion_wrong", "predicted_covariance_wrong", "q_depends_on_state"),
     *("wrong_covariance_returned", "imm_combination_wrong", "imm_likelihood_wrong", "imm_mixing_wrong"),
     *("imm_models_equal", "imm_transition_transposed", "azimuth_not_wrapped", "angle_mean_not_circular"),
     *("course_not_wrapped", "arctan_quadrant", "jacobian_wrong", "gain_inconsistent", "sigma_weights_wrong"),
     *("sigma_spread_wrong", "sigma_points_misdrawn", "sigma_points_not_redrawn", "doppler_sign"),
     *("speed_for_range_rate", "degrees_for_radians", "velocity_unit", "wrong_dt", "missed_scan_not_predicted"),
-    *("time_offset", "second_measurement_dropped", "velocity_not_kept", "gate_never_reopens", "q_too_small"),
+    *("time_offset", "velocity_not_kept", "q_too_small"),
     *("q_too_large", "q_constant_per_step", "q_wrong_power_of_dt", "process_noise_omitted", "process_noise_twice"),
     *("r_too_small", "r_too_large", "measurement_noise_omitted", "measurement_noise_twice", "overconfident_start"),
     *("polar_start", "covariance_asymmetric", "predicted_covariance_asymmetric", "covariance_not_psd"),
     *("predicted_covariance_not_psd", "covariance_not_reduced", "update_not_kept", "covariance_update_wrong"),
     *("covariance_constant", "covariance_diagonal", "covariance_order", "integer_state_matrix", "sensor_bias"),
     *("scale_error", "axis_swapped", "axis_mirrored", "ego_motion_ignored", "sensor_pose_ignored"),
-    *("measurement_ignored", "late_processed_as_new", "nonfinite", "exception_raised", "invalid_estimate"),
+    *("measurement_ignored", "nonfinite", "exception_raised", "invalid_estimate"),
     *("process_ended", "not_deterministic", "too_far_off", "covariance_unbelievable"),
 ]
 #: Found in other trackers.
@@ -55,7 +55,6 @@ ELSEWHERE = (
         "imm_models_equal",
         "imm_transition_transposed",
     ),
-    "late_processed_as_new",  # needs a scenario that has late scans: test_doctor_steps.py
     *("invalid_estimate", "process_ended"),  # test_doctor_failures.py
     *("too_far_off", "covariance_unbelievable"),  # of no other name: test_doctor_drives.py
     *(

@@ -7,34 +7,12 @@ import re
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from tests.report.test_report import Page
-from tests.support.doctor import Part, mutant, mutant_under_test
 from tests.support.places import DOCS
 
-from trackbench.base.types import Estimate
-from trackbench.document.drawing import svg_in_page
-from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.exhibit_figures import exhibit_figure, outline
-from trackbench.subjects.doctor.exhibits import (
-    STATE,
-    Course,
-    Covariances,
-    Exhibit,
-    Matrices,
-    OverTime,
-    Panel,
-    Points,
-    Predictions,
-    Ring,
-    StatedBelief,
-    points_shown,
-    predicted,
-)
 from trackbench.subjects.doctor.findings import known_faults
 
 EXAMPLES = DOCS / "examples"
@@ -134,103 +112,3 @@ def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
     assert {f"/azimuth_crossing/world/{name}" for name in scene} <= entities
     assert "azimuth_not_wrapped" in "".join(texts)
     assert len(reader.blueprints()) == 1
-
-
-BEFORE = StatedBelief("before", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
-TRACKER = StatedBelief("tracker", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
-RIGHT = StatedBelief("right", np.array([14.0, 7.0, 4.0, 2.0]), np.diag([1.0, 1.0, 1.0, 1.0]))
-TIME = np.linspace(0.0, 10.0, 101)
-
-EXHIBITS: dict[str, tuple[Exhibit, set[str]]] = {
-    "matrices": (
-        Matrices(
-            "A", ("a, m",), STATE, (Panel("t", np.ones((1, 4))), Panel("r", np.zeros((1, 4)), "right")), ((0, 2),)
-        ),
-        {"marked-0-0-2", "marked-1-0-2"},
-    ),
-    "predictions": (Predictions("A", BEFORE, TRACKER, RIGHT), {"shown-before", "shown-tracker", "shown-right"}),
-    "covariances": (Covariances("A", BEFORE, TRACKER, RIGHT), {"shown-before", "shown-tracker", "shown-right"}),
-    "over time": (
-        OverTime("A", "time, s", TIME, (Course("error, m", TIME + 1.0, TIME / 2 + 1.0),), (5.0, 6.0)),
-        {"shown-tracker", "shown-right", "marked"},
-    ),
-    "points": (
-        Points(
-            "A",
-            ("px, m", "py, m"),
-            "tracker",
-            np.array([[1.0, -1.0], [0.0, 0.0]]),
-            None,
-            Ring("ring", np.zeros(2), np.eye(2), 2.0),
-            np.array([[2.0, -2.0], [0.0, 0.0]]),
-            "right",
-        ),
-        {"shown-tracker", "shown-right"},
-    ),
-}
-
-
-def drawn(exhibit: Exhibit) -> ElementTree.Element:
-    return ElementTree.fromstring(svg_in_page(exhibit_figure("finding-1", exhibit)))
-
-
-@pytest.mark.parametrize("kind", EXHIBITS)
-def test_what_is_wrong_and_what_is_right_are_both_drawn(kind: str) -> None:
-    exhibit, parts = EXHIBITS[kind]
-    assert {element.get("class") for element in drawn(exhibit).iter()} >= parts
-
-
-def test_a_matrix_is_drawn_with_its_numbers_names_and_units() -> None:
-    panels = (Panel("implied", np.array([[0.5, -0.25, 1e-17, 0.0]])), Panel("right", np.full((1, 4), 0.125), "right"))
-    svg = drawn(Matrices("Jacobian", ("azimuth, rad",), STATE, panels, ((0, 1),)))
-    said = [text.text for text in svg.iter("text")]
-    assert said.count("azimuth, rad") == 1
-    counts = {"px, m": 2, "vy, m/s": 2, "0.5": 1, "\N{MINUS SIGN}0.25": 1, "0": 2, "0.125": 4}
-    assert {one: said.count(one) for one in counts} == counts
-    titles = [title.text for title in svg.iter("title")]
-    assert titles == ["row azimuth, rad, column py, m: implied -0.25", "row azimuth, rad, column py, m: right 0.125"]
-
-
-def test_an_ellipse_has_the_mahalanobis_distance_of_95_percent() -> None:
-    mean, covariance = np.array([3.0, -2.0]), np.array([[2.0, 0.7], [0.7, 1.0]])
-    apart = outline(mean, covariance) - mean[:, None]
-    squares = np.einsum("ik,ij,jk->k", apart, np.linalg.inv(covariance), apart)
-    # -2 ln 0.05, the 95 % point of chi-square with 2 degrees of freedom.
-    assert squares == pytest.approx(np.full(squares.size, -2.0 * np.log(0.05)))
-    assert outline(mean, np.diag([1.0, -0.1])).shape == (2, 0)
-
-
-def test_the_right_prediction_is_that_of_white_accelerations() -> None:
-    after = predicted(Estimate(BEFORE.mean, BEFORE.covariance), 0.5)
-    assert after.mean == pytest.approx([12.0, 6.0, 4.0, 2.0])
-    # P_px = 0.04 + t^2 1 + (t^2 / 2)^2 3^2, P_px,vx = t 1 + t^3 / 2 3^2, P_vx = 1 + t^2 3^2
-    assert after.covariance[0, [0, 2]] == pytest.approx([0.04 + 0.25 + 0.140625, 0.5 + 0.5625])
-    assert after.covariance[2, 2] == pytest.approx(1.0 + 2.25)
-
-
-def test_sigma_points_have_the_covariances_that_are_drawn() -> None:
-    p = np.array([[0.5, 0.1, 0.2, 0.0], [0.1, 0.4, 0.0, 0.1], [0.2, 0.0, 2.0, 0.0], [0.0, 0.1, 0.0, 1.0]])
-    before, after = Estimate(np.arange(4.0), p), Estimate(np.arange(4.0), 0.6 * p)
-    shown = points_shown(before, after)
-    assert shown.right is not None
-    for points, factor in ((shown.right, 1.0), (shown.tracker, 0.6)):
-        assert np.cov(points, bias=True) == pytest.approx(factor * p[:2, :2])
-    assert points_shown(before, after, weights=1.1).weight == pytest.approx((1.1 / 8, 1 / 8))
-
-
-def exhibit_of(part: Part, name: str) -> Any:
-    """That of the first finding of an injected fault."""
-    found = part(mutant_under_test(name)).findings[0]
-    assert found.fault == mutant(name).fault
-    return found.exhibit
-
-
-def test_a_wrong_entry_of_the_jacobian_is_marked_beside_the_right_one() -> None:
-    shown = exhibit_of(gain, "jacobian_wrong/plain_ekf/azimuth_sign")
-    assert isinstance(shown, Matrices)
-    assert (shown.rows[1], shown.columns) == ("azimuth, rad", STATE)
-    implied, right = (panel.values for panel in shown.panels)
-    ((i, j),) = shown.marked
-    assert i == 1
-    assert implied[i, j] == pytest.approx(-right[i, j], rel=1e-3)
-    assert implied[[0, 2]] == pytest.approx(right[[0, 2]], abs=1e-3)

@@ -16,12 +16,12 @@ from numpy.testing import assert_allclose
 from tests.support.doctor import scans_of, under_test
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.driving.alone import Alone, CannotCopy
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.isolation import Isolation
-from trackbench.driving.remote import fresh
+from trackbench.driving.start import fresh
 from trackbench.subjects.doctor.checks.start import first_estimates
 from trackbench.subjects.doctor.checks.steps import failure_findings
+from trackbench.subjects.doctor.copyable_tracker import CannotCopy, CopyableTracker
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
@@ -231,7 +231,7 @@ def test_what_cannot_be_copied_is_repeated(kind: type) -> None:
 
 
 def test_what_can_neither_be_copied_nor_repeated_says_so() -> None:
-    alone = Alone(Counting)
+    alone = CopyableTracker(Counting)
     for scan in scans_of(GENERAL[0])[:6]:
         alone.step(scan)
     with pytest.raises(

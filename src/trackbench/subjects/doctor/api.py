@@ -16,10 +16,10 @@ from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.notebook_classes import reference_to
 from trackbench.base.types import Progress, no_progress
-from trackbench.driving.child import ChildProcess
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.program import host_launch
+from trackbench.driving.process import TrackerProcess
+from trackbench.driving.program import host_command
 from trackbench.results import EXAMINATION
 from trackbench.scenario import Scenario
 from trackbench.subjects.doctor.assumptions import require_known_checks
@@ -69,7 +69,7 @@ def _examined_there(
     try:
         if not lives_elsewhere(tracker, isolation):
             return None
-        process = ChildProcess(isolation, host_launch(tracker))
+        process = TrackerProcess(isolation, *host_command(tracker))
         arguments = {"tracker": tracker, "in_process": True, **request}
         examination = process.work(f"{__name__}:doctor", arguments, progress)
     except (TrackbenchError, TrackFault):

@@ -76,7 +76,7 @@ def doctor_command(
     Examples:
       trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
-      trackbench doctor my_tracker:Tracker --no-misses --skip gate
+      trackbench doctor my_tracker:Tracker --no-misses --skip process_noise
       trackbench doctor my_tracks:Tracker --identities hidden
       trackbench doctor "./my_tracker --q 2"
 
@@ -133,7 +133,7 @@ def doctor_command(
 @contextmanager
 def prints_folded() -> Iterator[None]:
     """Say in one line, at the end, what trackers in processes of their own have printed."""
-    from trackbench.driving.processes import printing_to
+    from trackbench.driving.process import printing_to
 
     with TemporaryFile() as file:
         try:

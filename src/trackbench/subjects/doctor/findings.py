@@ -13,7 +13,6 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Generic, NamedTuple, ParamSpec
 
-from trackbench.subjects.doctor.exhibits import Exhibit
 from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
 
 #: The packages whose modules are checks: of trackers of one object, and of several.
@@ -257,8 +256,6 @@ class Finding:
     """Of that test drive."""
     consequence_of: str | None = None
     """The fault that causes this one."""
-    exhibit: Exhibit | None = field(default=None, compare=False, repr=False)
-    """The numbers of the evidence, for a figure."""
 
     @property
     def fragile(self) -> str | None:
