@@ -215,8 +215,8 @@ NO_NAME = "class Nameless(Metric):\n    unit, meaning = '1', 'none'\n    def ini
         ("['{0}:Nameless']", "score.metrics.0", "'{0}:Nameless' is no metric: it lacks name and finish and merge"),
         ("['{0}:Taken']", "score.metrics.0", "'{0}:Taken' is no metric: its name 'nees' is that of a built-in one"),
         ("['{0}:Square', '{0}:Square']", "score.metrics.1", "a second metric of the name square"),
-        ("[{{use: '{0}:Within', option: {{}}}}]", "score.metrics.0.option", "not known here; did you mean 'options'?"),
-        ("[{{options: {{}}}}]", "score.metrics.0", 'a name, a "module:Class" or a mapping with use is needed'),
+        ("[{{use: '{0}:Within', option: {{}}}}]", "score.metrics.0.option", "unknown key; did you mean 'options'?"),
+        ("[{{options: {{}}}}]", "score.metrics.0.use", "missing; choose from: module:Class"),
         (
             "[{{use: '{0}:Within', options: {{limit: 1}}}}]",
             "score.metrics.0.options.limit",

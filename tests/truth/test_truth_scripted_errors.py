@@ -84,7 +84,7 @@ LAST = "{turn_rate_degps: 20}"
             "acceleration_sigma_mps2",
             "jerk_sigma_mps3",
             11,
-            f"{PIECES}.1.white.jerk_sigma_mps3: motion cv does not use this; it uses noise and acceleration_sigma_mps2",
+            f"{PIECES}.1.white.jerk_sigma_mps3: motion cv does not use this; it uses acceleration_sigma_mps2",
         ),
         (
             "{for_s: 5, white",

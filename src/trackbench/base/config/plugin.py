@@ -48,8 +48,9 @@ class PluginName:
         Raises:
             PydanticCustomError: it cannot be found.
         """
-        if not isinstance(name, str) or (":" not in name and name not in self.registry.names()):
-            raise problem_error(unknown_word(name, self.registry.names()))
+        names = self.registry.names()
+        if not isinstance(name, str) or (names and ":" not in name and name not in names):
+            raise problem_error(unknown_word(name, names))
         try:
             return self.registry.get(name, (info.context or {}).get("folder"))
         except InputError as error:
@@ -103,7 +104,7 @@ class Plugin(PluginName):
         name = value.get(self.key)
         try:
             if self.key not in value:
-                raise problem_error(f"missing; choose from: {', '.join(self.registry.names())}")
+                raise problem_error(f"missing; choose from: {', '.join(self.registry.names()) or 'module:Class'}")
             model = self.find(name, info)
         except PydanticCustomError as error:
             reject(base.__name__, [Problem((self.key,), error.message())])
