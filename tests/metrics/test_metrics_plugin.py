@@ -390,9 +390,7 @@ def test_the_schema_takes_every_form() -> None:
 WRITES = [
     ("chunk", "chunk.error[:] = 0"),
     ("chunk", "chunk.mean[:] = 0"),
-    ("chunk", "chunk.course_error[:] = 0"),
     ("chunk", "chunk.nees[:] = 0"),
-    ("chunk", "chunk.whitened[:] = 0"),
     ("chunk", "chunk.values[:] = 0"),
     ("chunk", "chunk.truth[:] = 0"),
     ("chunk", "chunk.time[:] = 0"),
