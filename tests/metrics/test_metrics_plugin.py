@@ -291,9 +291,7 @@ class Own(ConstantVelocity):
 WRITES = [
     ("chunk", "chunk.error[:] = 0"),
     ("chunk", "chunk.mean[:] = 0"),
-    ("chunk", "chunk.course_error[:] = 0"),
     ("chunk", "chunk.nees[:] = 0"),
-    ("chunk", "chunk.whitened[:] = 0"),
     ("chunk", "chunk.values[:] = 0"),
     ("chunk", "chunk.truth[:] = 0"),
     ("chunk", "chunk.time[:] = 0"),

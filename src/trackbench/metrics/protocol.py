@@ -10,19 +10,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from trackbench.base import linalg
 from trackbench.base.config import Config
 from trackbench.base.types import Array, Mask
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.ego import EgoScene
-from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval, ratio
 from trackbench.metrics.sums import ERROR
 from trackbench.results import MetricValue
 
 if TYPE_CHECKING:
-    from trackbench.metrics.traffic.options import TrafficScoreOptions
+    from trackbench.metrics.traffic.assignment import TrafficScoreOptions
 
 Direction = Literal["smaller", "larger"]
 #: What ``finish`` may give for one path; None where there is no value.
@@ -132,29 +130,16 @@ class Chunk:
     @cached_property
     def error(self) -> Array:
         """``(4, instants, batch)`` estimate minus truth."""
-        return _fixed((self._mean_by_run - self.truth).reshape(self.mean.shape))
-
-    @cached_property
-    def course_error(self) -> Array:
-        """``(instants, batch)`` rad, wrapped."""
-        return _fixed(course_error(self._mean_by_run, self.truth).reshape(self.scored.shape))
+        error = self.mean.reshape(*self.mean.shape[:2], -1, self.runs) - self.truth
+        # Shared by all metrics, so that none can change it.
+        error.flags.writeable = False
+        return error.reshape(self.mean.shape)
 
     @property
     def nees(self) -> Array:
         """``(instants, batch)``"""
         nees: Array = self.values[ERROR["nees"]]
         return nees
-
-    @cached_property
-    def whitened(self) -> Array:
-        """``(4, instants, batch)`` ``L^-1`` times the error, where the covariance is ``L L^T``."""
-        with np.errstate(all="ignore"):
-            return _fixed(linalg.cholesky(self.covariance).whiten(self.error))
-
-    @property
-    def _mean_by_run(self) -> Array:
-        """``(4, instants, objects, runs)``"""
-        return self.mean.reshape(*self.mean.shape[:2], -1, self.runs)
 
     @property
     def runs(self) -> int:
@@ -199,12 +184,6 @@ def raise_fault(cause: str, wrong: Mask, first: int) -> None:
     if np.any(wrong):
         step, member = np.argwhere(wrong)[0]
         raise Fault(cause, first + int(step), int(member))
-
-
-def _fixed(array: Array) -> Array:
-    """An array that nobody else has, so that it cannot be changed."""
-    array.flags.writeable = False
-    return array
 
 
 class Accumulator(Protocol):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from trackbench.base.errors import InputError, nearest_choices
 from trackbench.metrics.conditions import FIRST
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import Result
@@ -51,34 +50,6 @@ def recorded_estimates(result: Result) -> pd.DataFrame:
 def estimates_at(result: Result, time: float) -> list[EstimateMoment]:
     """Return the latest estimate of each tracker and object up to a time, of those that there are."""
     return _moments(latest_rows(recorded_estimates(result), time, "tracker", "object").dropna(subset=STATE))
-
-
-def require_time(first: float, last: float, time: float) -> None:
-    """Make sure that a time is one of a recording's.
-
-    Raises:
-        InputError: it is not.
-    """
-    # The last instant may not be a round number.
-    if not first - 1e-9 <= time <= last + 1e-9:
-        raise InputError(f"{time:g} s is not in the recording, which goes from {first:g} s to {last:g} s", key="--at")
-
-
-def require_name(name: str, known: Iterable[str], what: str) -> str:
-    """Return a name if it is one of those known.
-
-    Args:
-        name: of a vehicle or tracker.
-        known: those in the recording.
-        what: "vehicle" or "tracker"; also the option that gives it.
-
-    Raises:
-        InputError: it is not.
-    """
-    names = list(known)
-    if name not in names:
-        raise InputError(f"no {what} {name!r} in this recording; {nearest_choices(name, names)}", key=f"--{what}")
-    return name
 
 
 def worst(

@@ -10,6 +10,7 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Indices, Mask, Truth
+from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.models.motion import ConstantVelocity, process_noise_covariance
 from trackbench.models.sensors import SENSOR_MODELS
@@ -137,6 +138,8 @@ def conditional_bound(
         name: np.linalg.inv(np.linalg.inv(prior) + np.einsum("krio,krjo->koij", of.root, of.root)).transpose(0, 2, 3, 1)
         for name, of in sensors.items()
     }
+    # Of few runs NumPy's sums are as quick.
+    compute = kernels_of(compute, shape[1]) or by_numpy
     result = np.zeros((2, len(instants), *shape))
     covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, *shape))
     begun = np.zeros(shape, dtype=bool)

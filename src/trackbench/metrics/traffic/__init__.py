@@ -4,8 +4,7 @@ Pure functions of one run's histories; :func:`score_run` computes all at once, a
 means.
 """
 
-from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TruthHistory
-from trackbench.metrics.traffic.options import TrafficScoreOptions
+from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TrafficScoreOptions, TruthHistory
 from trackbench.metrics.traffic.run import RunScores, TrackedRun, score_run
 from trackbench.metrics.traffic.table import (
     ASSOCIATION_METRICS,

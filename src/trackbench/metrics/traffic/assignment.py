@@ -15,6 +15,19 @@ NO_DETECTION = -2
 Status = npt.NDArray[np.int8]
 
 
+class TrafficScoreOptions(NamedTuple):
+    """What is asked of a track."""
+
+    cutoff: float = 5.0
+    """m: distance of GOSPA, and of no similarity; up to half of it a track is on an object."""
+    switch_costs: float = 0.5
+    """s: a switch costs as much in T-GOSPA as missing the object for so long."""
+
+    def switch(self, spacing: float) -> float:
+        """Return the cost of an identity switch, m, where the instants are ``spacing`` s apart."""
+        return self.cutoff * float(np.sqrt(self.switch_costs / spacing / 2)) if spacing else 0.0
+
+
 class TruthHistory(NamedTuple):
     """T instants of N objects."""
 

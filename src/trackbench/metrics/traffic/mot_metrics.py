@@ -131,8 +131,6 @@ def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_coun
         object_counts: ``(N,)`` instants at which each object is there.
         track_counts: ``(tracks,)`` the same of the tracks.
     """
-    # A run with known identities does without the .3 s of this import.
-
     objects, tracks = len(object_counts), len(track_counts)
     together = pairs.object * tracks + pairs.track
     jaccard = _jaccard(pairs, similarity, objects, tracks)

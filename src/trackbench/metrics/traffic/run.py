@@ -16,6 +16,7 @@ from trackbench.metrics.traffic.assignment import (
     Nearby,
     NearPairs,
     TrackHistory,
+    TrafficScoreOptions,
     TruthHistory,
     count_by_gospa,
     excusing,
@@ -31,7 +32,6 @@ from trackbench.metrics.traffic.mot_metrics import (
     switches,
     track_of_each,
 )
-from trackbench.metrics.traffic.options import TrafficScoreOptions
 from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa
 from trackbench.metrics.traffic.table import DETECTION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS
 from trackbench.metrics.traffic.tgospa import tgospa

@@ -14,8 +14,13 @@ from trackbench.metrics.built_in.step_time import StepTime
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.evaluate import MetricSums, accumulators
 from trackbench.metrics.protocol import Metric, Scope
-from trackbench.metrics.traffic.assignment import NO_DETECTION, Associations, TrackHistory, TruthHistory
-from trackbench.metrics.traffic.options import TrafficScoreOptions
+from trackbench.metrics.traffic.assignment import (
+    NO_DETECTION,
+    Associations,
+    TrackHistory,
+    TrafficScoreOptions,
+    TruthHistory,
+)
 from trackbench.metrics.traffic.run import RunScores, TrackedRun, in_stretches, score_run
 from trackbench.metrics.traffic.table import TRACKS
 from trackbench.metrics.traffic.timeline import TIMELINE, Timeline

@@ -15,7 +15,6 @@ from trackbench.metrics.traffic.set_distances import GospaParts
 from trackbench.metrics.traffic.track_quality import RunSums
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.models.sensors.detection import detected_share
-from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.assume import distance_from_sensor
 from trackbench.trackers.multi.gate import in_field_of_view
 
@@ -116,18 +115,10 @@ def _densities(scan: Scan, predicted: Tracks) -> tuple[Array, Array]:
 
 
 def _pairs(predicted: Tracks, tracks: Tracks) -> tuple[Indices, Indices]:
-    """Tracks that were predicted, by their column there, and the detection that each used."""
-    if tracks.used is None:
-        none = np.zeros(0, dtype=np.intp)
-        return none, none
-    column = {id: k for k, id in enumerate(predicted.ids.tolist()) if id != NO_TRACK}
-    pairs = [
-        (column[id], used)
-        for id, used in zip(tracks.ids.tolist(), tracks.used.tolist(), strict=True)
-        if used >= 0 and id in column
-    ]
-    columns = np.array(pairs, dtype=np.intp).reshape(-1, 2)
-    return columns[:, 0], columns[:, 1]
+    """Return the columns of the predicted tracks that used a detection, and those detections."""
+    used = np.full(len(tracks.ids), NONE) if tracks.used is None else tracks.used
+    number, column = np.nonzero((tracks.ids[:, None] == predicted.ids) & (used >= 0)[:, None])
+    return column, used[number]
 
 
 def _log_score(scan: Scan, config: Sensor, predicted: Tracks, log_density: Array) -> float:

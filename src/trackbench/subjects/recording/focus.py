@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.base.errors import InputError, counted
+from trackbench.base.errors import InputError, counted, nearest_choices
 from trackbench.metrics.function_events import TrackEvent, events_of, function_events
-from trackbench.metrics.recorded_run import recorded_estimates, require_name, require_time, worst
+from trackbench.metrics.recorded_run import recorded_estimates, worst
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
 
@@ -83,6 +83,34 @@ def focus_of(result: Result, opening: Opening) -> Focus:
         if opening.vehicle is not None:
             _require_present(result, opening.vehicle, opening.at_s)
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
+
+
+def require_time(first: float, last: float, time: float) -> None:
+    """Make sure that a time is one of a recording's.
+
+    Raises:
+        InputError: it is not.
+    """
+    # The last instant may not be a round number.
+    if not first - 1e-9 <= time <= last + 1e-9:
+        raise InputError(f"{time:g} s is not in the recording, which goes from {first:g} s to {last:g} s", key="--at")
+
+
+def require_name(name: str, known: Iterable[str], what: str) -> str:
+    """Return a name if it is one of those known.
+
+    Args:
+        name: of a vehicle or tracker.
+        known: those in the recording.
+        what: "vehicle" or "tracker"; also the option that gives it.
+
+    Raises:
+        InputError: it is not.
+    """
+    names = list(known)
+    if name not in names:
+        raise InputError(f"no {what} {name!r} in this recording; {nearest_choices(name, names)}", key=f"--{what}")
+    return name
 
 
 def _require_present(result: Result, vehicle: str, time_s: float) -> None:

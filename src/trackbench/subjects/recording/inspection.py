@@ -21,8 +21,6 @@ from trackbench.metrics.recorded_run import (
     estimates_at,
     latest_rows,
     recorded_estimates,
-    require_name,
-    require_time,
     table_frame,
     worst,
 )
@@ -32,7 +30,14 @@ from trackbench.report.tables import TRACKER, text_table
 from trackbench.results import Result
 from trackbench.results.columns import split
 from trackbench.subjects.recording.data import Recorded, read
-from trackbench.subjects.recording.focus import WHOLE, Opening, costly_events, require_worst
+from trackbench.subjects.recording.focus import (
+    WHOLE,
+    Opening,
+    costly_events,
+    require_name,
+    require_time,
+    require_worst,
+)
 
 #: By tracker that has several motion models, by vehicle and by mode.
 Modes = dict[str, dict[str, dict[str, float]]]
