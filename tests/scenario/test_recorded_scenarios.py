@@ -188,7 +188,7 @@ def test_the_command_line_refuses_a_damaged_recording(tmp_path: Path) -> None:
     file = write(tmp_path, UDACITY, [*LINES[:7], LINES[7][:20]])
     done = CliRunner().invoke(cli, ["run", str(file), "--out", str(tmp_path / "out")], standalone_mode=False)
     assert isinstance(done.exception, InputError)
-    assert str(done.exception).startswith(f"{tmp_path / 'log.txt'}:8: the R line ends before")
+    assert str(done.exception).startswith(f"{tmp_path / 'log.txt'}:8: the R line has 1 columns")
     assert not (tmp_path / "out" / "recorded").exists()
 
 
