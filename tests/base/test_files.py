@@ -8,8 +8,9 @@ from typing import Any
 
 
 def test_a_file_in_no_ones_home(cli: Callable[..., Any], tmp_path: Path) -> None:
-    text = "name: a\ntruth: {source: recording, format: csv, path: ~nobody_of_this_name/a.csv, columns: {time: t}}\n"
+    text = "name: a\ntruth: {source: recording, format: udacity, path: ~nobody_of_this_name/a.csv}\n"
+    text += "sensors: {roof: {type: lidar, position_sigma_m: 1}}\ntrackers: {raw: {use: raw}}\nmonte_carlo: {runs: 1}\n"
     (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
     done = cli("check", "a.yaml")
     assert done.status == 2
-    assert "Could not determine home directory" in done.err
+    assert "there is no file ~nobody_of_this_name/a.csv" in done.err

@@ -121,7 +121,9 @@ def test_few_logs_of_one_scenario_are_compared_over_the_stretches_of_all(tmp_pat
     results = []
     for q in (3, 60):
         file = tmp_path / "both.yaml"
-        file.write_text(SCENARIO.replace("NAME", "both").replace("PATH", "logs").replace("Q", str(q)))
+        file.write_text(
+            SCENARIO.replace("NAME", "both").replace("PATH", "[logs/0.txt, logs/1.txt]").replace("Q", str(q))
+        )
         results.append(tb.run(file, workers=1))
     found = outcomes([[result] for result in results])
     assert found == {("both", "ekf"): "failed", ("both", "raw"): "passed"}

@@ -70,7 +70,7 @@ def test_the_held_out_score_is_that_of_the_estimates_in_the_held_out_stretches(t
 
 
 def test_of_several_logs_every_second_is_held_out(tmp_path: Path) -> None:
-    loaded = scenario(tmp_path, "logs", 300, 200, 200)
+    loaded = scenario(tmp_path, "[logs/log0.txt, logs/log1.txt, logs/log2.txt]", 300, 200, 200)
     tuning = tb.tune(loaded, ["ekf"], ranges=RANGE, trials=8)["ekf"]
     assert tuning.apart == ("other logs",)
     assert (tuning.train_scenes, tuning.held_out.scenes) == ((2,), {"log": 1})
@@ -90,9 +90,8 @@ def test_a_log_too_short_to_hold_anything_out_says_so(tmp_path: Path) -> None:
     assert any("a second log in truth.path" in remark for remark in verdict["remarks"])
 
 
-@pytest.mark.parametrize("path", ["logs", "[logs/log0.txt, logs/log1.txt]"])
-def test_the_written_scenario_finds_the_logs_from_another_folder(tmp_path: Path, path: str) -> None:
-    loaded = scenario(tmp_path, path, 60, 60)
+def test_the_written_scenario_finds_the_logs_from_another_folder(tmp_path: Path) -> None:
+    loaded = scenario(tmp_path, "[logs/log0.txt, logs/log1.txt]", 60, 60)
     out = tmp_path / "elsewhere" / "tuned.yaml"
     out.parent.mkdir()
     tb.tune(loaded, ["ekf"], ranges=RANGE, trials=2).save(out)

@@ -39,7 +39,7 @@ _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
 def expanded_path(path: str) -> Path:
     """The path with environment variables and the home folder filled in."""
-    return Path(os.path.expandvars(path)).expanduser()
+    return Path(os.path.expanduser(os.path.expandvars(path)))
 
 
 def find_log(path: Paths, folder: Path, key: str) -> Path:

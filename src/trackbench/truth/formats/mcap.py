@@ -98,7 +98,8 @@ def chosen_topic(topics: Mapping[str, str], schemas: Iterable[str], topic: str |
     if topic is not None and topic not in topics:
         raise InputError(f"there is no topic {topic!r} with tracks; {nearest_choices(topic, topics)}", file=file)
     if not topics:
-        raise InputError(f"there are no tracks in this file; known are messages of {', '.join(schemas)}", file=file)
+        message = f"there are no tracks in this file; known are messages of {', '.join(schemas)}"
+        raise InputError(message + "; format ros reads bags of ROS 2" * (TRACKS in schemas), file=file)
     if topic is None and len(topics) > 1:
         names = ", ".join(shortened_text(name, 40) for name in sorted(topics)[:5])
         have = f"{counted(len(topics), 'topic')} have {next(iter(topics.values()))}"
