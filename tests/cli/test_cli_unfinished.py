@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -74,7 +75,9 @@ def test_ctrl_c_and_kill(
     assert (tmp_path / "under_way").exists()
     assert out == ""
     if number == signal.SIGKILL:
-        assert (process.returncode, err) == (-signal.SIGKILL, "")
+        assert process.returncode == -signal.SIGKILL
+        # What cleans up after the workers of a command that was killed may say what it found.
+        assert [line for line in err.splitlines() if not re.search(r"resource_tracker|^  warnings\.warn", line)] == []
     else:
         assert (process.returncode, err) == (130, "interrupted: the unfinished run was not kept\n")
     assert {path: path.read_bytes() for path in (tmp_path / "results").rglob("*") if path.is_file()} == before
