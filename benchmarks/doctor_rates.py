@@ -15,7 +15,7 @@ import re
 import time
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
 from multiprocessing import get_context
@@ -144,7 +144,6 @@ def page(seen: Sequence[Seen]) -> str:
     injected = [one for one in seen if isinstance(one.task.what, int)]
     correct = [one for one in seen if isinstance(one.task.what, str)]
     hits, silent = sum(one.right for one in injected), sum(one.right for one in correct)
-    missed = [one for one in injected if not one.right]
     lines = [
         "# How often the doctor is right",
         "",
@@ -164,18 +163,7 @@ def page(seen: Sequence[Seen]) -> str:
         "",
         *table(named_faults(injected)),
     ]
-    if missed:
-        lines += ["", "Not named first:", ""]
-        lines += [
-            f"- {MUTANTS[one.task.what].name} (seed {one.task.seed}): {', '.join(one.found) or 'nothing'}"
-            for one in missed
-            if isinstance(one.task.what, int)
-        ]
-    return "\n".join([*lines, "", *correct_trackers(quiet_trackers(correct))])
-
-
-#: Correct trackers that are listed.
-LISTED = 5
+    return "\n".join(lines)
 
 
 def quiet_trackers(seen: Sequence[Seen]) -> dict[str, tuple[int, int, float, float]]:
@@ -188,20 +176,6 @@ def quiet_trackers(seen: Sequence[Seen]) -> dict[str, tuple[int, int, float, flo
         nees = [number for one in found for number in one.nees] or [np.nan]
         quiet[name] = sum(one.right for one in found), len(found), min(nees), max(nees)
     return quiet
-
-
-def correct_trackers(quiet: Mapping[str, tuple[int, int, float, float]]) -> list[str]:
-    """Return the correct trackers with the largest NEES in any drive."""
-    lines = [
-        f"The {LISTED} correct trackers with the largest mean NEES of position or velocity in any drive; 2 is right. "
-        "0.06 to 30 passes, in three drives with manoeuvres up to 150 and 600:",
-        "",
-        "| tracker | nothing found | NEES |",
-        "| --- | ---: | ---: |",
-    ]
-    for name, (right, number, least, most) in sorted(quiet.items(), key=lambda item: -item[1][3])[:LISTED]:
-        lines.append(f"| {name} | {right}/{number} | {least:.2g} to {most:.2g} |")
-    return lines
 
 
 def write_data(seen: Sequence[Seen]) -> None:
