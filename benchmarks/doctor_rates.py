@@ -2,8 +2,8 @@
 
     python benchmarks/doctor_rates.py [--workers N] [--objects one|several] [--only TEXT]
 
-Writes docs/doctor-rates.md and results/doctor_rates.json, unless only some of the faults are asked for; with --objects
-the other half of the page stays as it is.
+Writes results/doctor_rates.md and results/doctor_rates.json, unless only some of the faults are asked for; with
+--objects the other half of the page stays as it is.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.subject import SENSORS
 
-PAGE = Path(__file__).parents[1] / "docs" / "doctor-rates.md"
-DATA = Path(__file__).parents[1] / "results" / "doctor_rates.json"
+PAGE = Path(__file__).parents[1] / "results" / "doctor_rates.md"
+DATA = PAGE.with_suffix(".json")
 #: Number of seeds of the noise and the probes.
 SEEDS = 5
 #: Examinations of correct trackers, at least.
@@ -127,16 +127,11 @@ def named_faults(seen: Sequence[Seen]) -> Named:
 
 def table(named: Named) -> list[str]:
     """Return the rows of the faults that are not always named, and of all together."""
-    columns = list(named["all"])
-    lines = [
-        "| injected fault | " + " | ".join(column.replace("_", " ") for column in columns) + " |",
-        "| --- |" + " ---: |" * len(columns),
-    ]
+    lines = ["| injected fault | named first |", "| --- | ---: |"]
     for fault, cells in named.items():
         right, number = cells["all"]
         if right < number:
-            shown = ["{}/{}".format(*cells[column]) if column in cells else "" for column in columns]
-            lines.append(f"| {f'`{fault}`' if fault != 'all' else 'all'} | " + " | ".join(shown) + " |")
+            lines.append(f"| {f'`{fault}`' if fault != 'all' else 'all'} | {right}/{number} |")
     return lines
 
 
@@ -156,7 +151,7 @@ def page(seen: Sequence[Seen]) -> str:
         "nothing: all built-in filters with every motion model, calm to lively tunings, several starts, one sensor or "
         "two, and the trackers of the table without their faults.",
         "",
-        "Every fault is injected into correct trackers (columns): plain NumPy ones, ones made with FilterPy, and "
+        "Every fault is injected into correct trackers: plain NumPy ones, ones made with FilterPy, and "
         "built-in ones. It counts where its name is the first finding; of a wrong measurement noise also the sensor "
         "and the factor, within a factor of two. A row for each fault that is not always named; "
         "`results/doctor_rates.json` has all of them.",

@@ -4,12 +4,14 @@ from itertools import groupby
 
 import numpy as np
 
-R = np.array(json.load(open("scans/manifest.json"))["sensors"]["lidar"]["noise_covariance"])
-H, I, ENTRIES = np.eye(2, 4), np.eye(4), [(a, b) for a in range(4) for b in range(a, 4)]
-out = csv.writer(open("tracks.csv", "w", newline=""))
+with open("scans/manifest.json") as manifest:
+    R = np.array(json.load(manifest)["sensors"]["lidar"]["noise_covariance"])
+H, ENTRIES = np.eye(2, 4), [(a, b) for a in range(4) for b in range(a, 4)]
+file = open("tracks.csv", "w", newline="")  # noqa: SIM115
+out = csv.writer(file)
 states = ["x_m", "y_m", "vx_mps", "vy_mps", *(f"p_{a}{b}" for a, b in ENTRIES)]
 out.writerow(["scene", "run", "fingerprint", "time_s", "id", *states])
-rows = csv.DictReader(open("scans/scans.csv"))
+rows = csv.DictReader(open("scans/scans.csv"))  # noqa: SIM115
 for run, of_run in groupby(rows, lambda row: (row["scene"], row["run"], row["fingerprint"])):
     tracks, before, created = [], 0.0, 0
     for _, scan in groupby(of_run, lambda row: row["scan"]):
@@ -27,7 +29,7 @@ for run, of_run in groupby(rows, lambda row: (row["scene"], row["run"], row["fin
             track["missed"] += 1
             if away and min(away) < 16:
                 K, z = P @ H.T @ np.linalg.inv(S), found.pop(int(np.argmin(away)))
-                x, P = x + K @ (z - H @ x), (I - K @ H) @ P @ (I - K @ H).T + K @ R @ K.T
+                x, P = x + K @ (z - H @ x), (np.eye(4) - K @ H) @ P @ (np.eye(4) - K @ H).T + K @ R @ K.T
                 track["hits"], track["missed"] = track["hits"] + 1, 0
             track["x"], track["P"] = x, P
             if track["hits"] > 3:

@@ -116,7 +116,9 @@ def test_no_page_says_that_a_tracker_is_ahead_without_a_committed_verdict() -> N
 
 def test_comparisons_are_found() -> None:
     """Sentences that the patterns do not find cannot be wrong."""
-    page = "| scenario | what |\n| :-- | :-- |\n| `cut_in` | `jipda` before `gnn` by 0.92, `gnn` before `naive` by 0.22 |"
+    page = (
+        "| scenario | what |\n| :-- | :-- |\n| `cut_in` | `jipda` before `gnn` by 0.92, `gnn` before `naive` by 0.22 |"
+    )
     pairs = [(claim.better, claim.worse) for claim in claims(page, {"jipda", "gnn", "naive"})]
     assert pairs == [("jipda", "gnn"), ("gnn", "naive")]
 
