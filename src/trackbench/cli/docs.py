@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Iterator
 
 import click
@@ -13,13 +14,15 @@ import click
 from trackbench.cli.commands import cli
 from trackbench.cli.run import run_command
 
+#: The examples of a help text, which the pages on the commands have too.
+EXAMPLES = re.compile(r"\n\n  Examples?:(?:\n    .*)+")
 INTRODUCTION = """\
 # The command line
 
 <!-- Made from the help by `python -m trackbench.cli.docs`. Change the help texts, not this page. -->
 
-A reference: what each command prints with `--help`. Options that a command shares with `trackbench run` are
-explained there, and named below the others.
+A reference: what each command prints with `--help`, but for its examples. Options that a command shares with
+`trackbench run` are explained there, and named below the others.
 
 The result goes to stdout; progress, warnings and errors go to stderr. A progress bar is shown where stderr is a
 terminal; elsewhere a line every 30 s, and neither with `--quiet`. Colour is shown only where stdout is a terminal, and
@@ -56,8 +59,9 @@ def _commands(command: click.Command, context: click.Context) -> Iterator[str]:
         shared = [option for option in command.params if option.get_help_record(context) in _options_of_run(context)]
         shown.params = [option for option in command.params if option not in shared]
     shown.add_help_option = False
-    yield f"## {context.command_path}"
-    yield f"```text\n{shown.get_help(context)}\n```"
+    if command is not cli:
+        yield f"## {context.command_path}"
+        yield f"```text\n{EXAMPLES.sub('', shown.get_help(context))}\n```"
     if shared:
         yield f"As of [run](#trackbench-run): {', '.join(f'`{option.opts[-1]}`' for option in shared)}."
     if isinstance(command, click.Group):
