@@ -13,8 +13,8 @@ _INTRODUCTION = """\
 <!-- Made by `python -m trackbench.subjects.doctor.docs`. Change the checks, not this page. -->
 
 A reference: what [the doctor](doctor.md) can name, and what it asks of a tracker. `trackbench explain NAME` prints
-where to look and the fix of a fault, and how a check is made. A check of a drive asks whether the tracker is as near to its
-target as it states."""
+where to look and the fix of a fault, and how a check is made. A check of a drive asks whether the tracker is as near to
+its target as it states."""
 _DRIVE = "Is the tracker as near to its target as it states ("
 
 
