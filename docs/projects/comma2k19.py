@@ -225,14 +225,9 @@ def main() -> None:
     beside = [
         (what, a, b) for (what, a), b in zip(statistics(*real).items(), statistics(*simulated).values(), strict=True)
     ]
-    fill(
-        HERE / "comma2k19.md",
-        {
-            "doppler": doppler_table(logs),
-            "share": markdown(("share of the line of sight", "standard error"), [(f"{share:.2f}", f"{error:.2f}")]),
-            "radars": markdown(("", "real", "simulated"), beside),
-        },
-    )
+    print(f"share of the line of sight: {share:.2f} ± {error:.2f}")
+    radars = markdown(("", "real", "simulated"), beside)
+    fill(HERE / "comma2k19.md", {"doppler": doppler_table(logs), "radars": radars})
 
 
 if __name__ == "__main__":
