@@ -10,7 +10,6 @@ from benchmarks.scene import DT, SENSORS, weaving
 from tests.support import peers
 
 from trackbench.base.types import Array, Gaussian, Scan, Truth
-from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import Engine
 from trackbench.models.motion import Kinematics
 from trackbench.runner.loop import keep_freed_memory
@@ -71,8 +70,11 @@ def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:
 
 def estimates(of: Problem, name: str) -> Array:
     """``(runs, steps, n)`` the states by NumPy."""
-    stepper = Direct(prepared(of, name, "numpy"))
-    return np.stack([stepper.step(scan).state.T for scan in of.scans], axis=1)
+    tracker, state, states = prepared(of, name, "numpy"), None, []
+    for scan in of.scans:
+        state, estimate = tracker.step(state, scan)
+        states.append(estimate.state.T)
+    return np.stack(states, axis=1)
 
 
 def estimates_apart(of: Problem, name: str) -> float:
@@ -82,10 +84,10 @@ def estimates_apart(of: Problem, name: str) -> float:
     Raises:
         SystemExit: the fused engine did not compute the tracker.
     """
-    reference, fused = Direct(prepared(of, name, "numpy")), Direct(prepared(of, name, "fused"))
-    apart = 0.0
+    reference, fused = prepared(of, name, "numpy"), prepared(of, name, "fused")
+    apart, one, other = 0.0, None, None
     for scan in of.scans:
-        expected, found = reference.step(scan), fused.step(scan)
+        (one, expected), (other, found) = reference.step(one, scan), fused.step(other, scan)
         sigma = np.sqrt(np.einsum("ii...->i...", expected.covariance))
         means = (found.mean - expected.mean) / sigma
         covariances = (found.covariance - expected.covariance) / (sigma * sigma[:, None])
@@ -97,10 +99,10 @@ def estimates_apart(of: Problem, name: str) -> float:
 
 def filtering(of: Problem, name: str, engine: Engine) -> float:
     """Seconds that trackbench takes for all runs."""
-    stepper = Direct(prepared(of, name, engine))
+    tracker, state = prepared(of, name, engine), None
     begin = time.perf_counter()
     for scan in of.scans:
-        stepper.step(scan)
+        state, _ = tracker.step(state, scan)
     return time.perf_counter() - begin
 
 

@@ -49,6 +49,7 @@ RENAMED_VALUES: dict[str, dict[str, str]] = {}
 ADDED: dict[str, str] = {
     "*position_p95*": "a metric that the old commit does not have",
     "*velocity_p95*": "the same",
+    "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
     "*trackers[*].time_offset": "of tracks that were made elsewhere",
@@ -59,6 +60,17 @@ REMOVED: dict[str, str] = {
     "*trackers[*].run_spread": "trackers that use no measurement are not looked for",
     "*:precision*": "a run has the number of runs that it is given",
     "breakdown.parquet*": "result.json has the scores by manoeuvre and by range",
+    "*autocorrelation.parquet*": "only the correlation at a lag of one measurement is judged",
+    "*existence.parquet*": "a table that no page showed",
+    "*association.parquet*": "runs.parquet has the same numbers for each run",
+    "*steps.parquet:position_p10_m": "a column that no page showed",
+    "*steps.parquet:position_p90_m": "a column that no page showed",
+    "*siap_*": "metrics that stood beside GOSPA, HOTA and MOTA and said the same",
+    "*ospa2*": "a metric that stood beside T-GOSPA and said the same",
+    "*tgospa_half*": "T-GOSPA at another cost of a switch: set score.switch_costs_s",
+    "*tgospa_twice*": "T-GOSPA at another cost of a switch: set score.switch_costs_s",
+    "*track_breaks*": "a count against the sensor's own tracks, which are no truth",
+    "*track_swaps*": "a count against the sensor's own tracks, which are no truth",
 }
 #: Path that is not compared: why.
 LEFT_OUT: dict[str, str] = {

@@ -108,8 +108,7 @@ def scenario(target: Path, runs: Sequence[int], methods: dict[str, dict[str, Any
         "trackers": {
             name: {
                 "filter": "kf",
-                "motion": "cv",
-                "noise": "continuous",
+                "motion": "cv_continuous",
                 "acceleration_density_mps1p5": float(np.sqrt(0.02)),
                 "initial": {"velocity": "zero", "velocity_sigma_mps": 1},
                 "associate": associate,

@@ -10,7 +10,9 @@ import numpy as np
 
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, FieldOfView, Mask, Scan, Tracks
 from trackbench.metrics.intervals import ratio
-from trackbench.metrics.traffic import TrackHistory, TruthHistory, score_run
+from trackbench.metrics.traffic import TrackHistory, TruthHistory
+from trackbench.metrics.traffic.assignment import nearby
+from trackbench.metrics.traffic.run import count_by_clear
 from trackbench.models.motion.cv import ConstantVelocity
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
@@ -26,6 +28,8 @@ FALSE_ALARMS = 10.0
 RIM = 5.0
 #: By how much stated and real may differ.
 ROOM = 0.05
+#: Equal parts of the range from 0 to 1, and the distance from which on a track is on no object, m.
+BINS, CUTOFF = 10, 5.0
 #: A bin with fewer tracks of one scan is not looked at.
 LEAST = 500
 
@@ -126,10 +130,25 @@ def _bins(world: World, method: str, keys: dict[str, Any]) -> Array:
     for run in range(RUNS):
         status = np.where(seen[..., run], DUE, np.where(objects.exists[..., run], OPTIONAL, ABSENT)).astype(np.int8)
         truth = TruthHistory(DT * np.arange(SCANS), objects.state[..., run], status)
-        bins = score_run(truth, _history(answers, run)).existence
-        assert bins is not None
-        found.append(bins)
+        found.append(existence_bins(truth, _history(answers, run)))
     return np.stack(found, axis=-1)
+
+
+def existence_bins(truth: TruthHistory, tracks: TrackHistory) -> Array:
+    """``(3, 10)`` what is stated, tracks that are on an object, and all tracks, by the probability that they state.
+
+    Source: Murphy and Winkler (1977), "Reliability of subjective probability forecasts of precipitation and
+    temperature".
+    """
+    counted = count_by_clear(nearby(truth, tracks, CUTOFF))
+    real = np.zeros(counted.present.shape, dtype=bool)
+    real[counted.matched.instant, counted.matched.column] = True
+    assert tracks.existence is not None
+    stating = counted.present & np.isfinite(tracks.existence)
+    stated = tracks.existence[stating]
+    which = np.clip((stated * BINS).astype(np.intp), 0, BINS - 1)
+    weights = stated, real[stating].astype(float), np.ones(len(which))
+    return np.stack([np.bincount(which, weight, BINS) for weight in weights])
 
 
 def _objects(random: np.random.Generator, world: World) -> Objects:

@@ -12,7 +12,7 @@ from trackbench.metrics import Scorer, Target
 from trackbench.metrics.built_in.basic import Nees
 from trackbench.metrics.conditions import AGES, MANOEUVRES, SHAPE, Classes
 from trackbench.metrics.consistency import BEYOND, beyond_points
-from trackbench.metrics.evaluate import evaluate
+from trackbench.metrics.evaluate import MetricSums, evaluate, merge_sums
 from trackbench.results import MetricValue
 
 from .claim import Claim, rate
@@ -82,6 +82,14 @@ def nees_of(
         else np.full((INSTANTS, OBJECTS, 1), course)
     )
     truth = np.stack([0 * angle, 0 * angle, 10 * np.cos(angle), 10 * np.sin(angle)])
+    scene, metrics = np.repeat(np.arange(number), each) if common else np.zeros(runs, dtype=int), [Nees()]
+    sums = [_sums(truth, errors[..., scene == own], variances) for own in np.unique(scene)]
+    return evaluate(merge_sums(sums, metrics), scene, metrics).values["nees"]
+
+
+def _sums(truth: Array, errors: Array, variances: Array) -> MetricSums:
+    """What a scorer makes of errors ``(4, instants, objects, runs)`` in the runs of one scene."""
+    runs = errors.shape[3]
     target = Target(
         time=np.arange(INSTANTS) * DT,
         state=truth,
@@ -94,10 +102,8 @@ def nees_of(
     scorer = Scorer(target, _classes(), {})
     for instant in range(INSTANTS):
         covariance = np.broadcast_to(variances[instant] * np.eye(4)[..., None], (4, 4, OBJECTS * runs))
-        mean = (truth[:, instant] + errors[:, instant]).reshape(4, -1)
-        scorer.estimate(Estimate(mean, covariance))
-    scene = np.repeat(np.arange(number), each) if common else np.zeros(runs, dtype=int)
-    return evaluate(scorer.close(), scene, [Nees()]).values["nees"]
+        scorer.estimate(Estimate((truth[:, instant] + errors[:, instant]).reshape(4, -1), covariance))
+    return scorer.close()
 
 
 def _errors(random: np.random.Generator, objects: int, runs: int, over_time: float) -> Array:

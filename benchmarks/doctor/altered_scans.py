@@ -36,11 +36,6 @@ def scaled(kind: str, index: int | slice, factor: float) -> Alter:
     return component(kind, index, lambda value: factor * value)
 
 
-def stamped(kind: str, seconds: float) -> Alter:
-    """One sensor's scans with a wrong time."""
-    return lambda scan: scan._replace(time=scan.time + seconds) if scan.kind == kind else scan
-
-
 def azimuth(change: Callable[[Array], Array]) -> Alter:
     return component("radar", AZIMUTH, lambda angle: wrap_angle(change(angle)))
 

@@ -103,7 +103,6 @@ def any_filter(subject: ExaminedTracker) -> Iterator[Mutant]:
         ("measurement_ignored", "lidar_mean_kept", wrong.mean_kept("lidar"), "lidar"),
         ("covariance_not_reduced", "update", wrong.covariance_kept, None),
         ("velocity_not_kept", "update", wrong.velocity_shrunk, None),
-        ("gate_never_reopens", "fixed", wrong.gated, None),
     ]
     for fault, variant, change, kind in corrections:
         yield subject.behind(fault, variant, _with_correction, change, sensor=kind)

@@ -24,31 +24,6 @@ class InPlace:
         return symmetric(P)
 
 
-class TinyGate:
-    """A gate at the 5 % quantile of chi-square, not at the 95 % one."""
-
-    limit = 0.1
-
-    def update(self, x: Array, P: Array, scan: Any) -> Belief:
-        seen, R = self.position(scan)
-        mean, covariance = self.output(x, P)
-        away = seen - mean[:2]
-        d2 = away @ np.linalg.solve(covariance[:2, :2] + self.noise_of_gate(R), away)
-        return super().update(x, P, scan) if d2 <= self.limit else (x, P)
-
-    def noise_of_gate(self, R: Array) -> Array:
-        return R
-
-
-class GateWithoutNoise(TinyGate):
-    """The distance to the prediction is held against its covariance alone."""
-
-    limit = 6.0
-
-    def noise_of_gate(self, R: Array) -> Array:
-        return 1e-9 * R
-
-
 class OtherTime:
     """The prediction is over another time than that since the last scan."""
 
@@ -157,14 +132,6 @@ class AboutTheOldMean:
         mean, P = super().predict(x, P, dt)
         apart = self.state_spread(mean[None], before)[0]
         return mean, P + np.outer(apart, apart)
-
-
-class CovarianceStays:
-    """At a missed scan the mean is predicted, and the covariance is not."""
-
-    def advance(self, track: Track, scan: Any) -> Track:
-        later = super().advance(track, scan)
-        return later if scan.valid else later._replace(covariance=track.covariance)
 
 
 class Returns:
@@ -292,8 +259,6 @@ RETURNED = [("noise", ReturnsNoise), ("precision", ReturnsPrecision), ("root", R
 
 def mutants(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.mixed("covariance_update_wrong", "in_place", InPlace)
-    for variant, gate in (("five_percent", TinyGate), ("without_noise", GateWithoutNoise)):
-        yield subject.mixed("gate_too_small", variant, gate)
     for variant, time in TIMES:
         yield subject.mixed("wrong_dt", variant, time)
     for variant, returned in RETURNED:

@@ -81,31 +81,6 @@ class MeanWrappedFirst:
         return points - centre if of_mean else super().state_spread(points, centre)
 
 
-class FixedGate:
-    """Measurements farther than 5 m from the prediction are rejected, however uncertain it is."""
-
-    def update(self, x: Array, P: Array, scan: Any) -> Belief:
-        away = self.position(scan)[0] - self.output(x, P)[0][:2]
-        return (x, P) if np.hypot(*away) > 5.0 else super().update(x, P, scan)
-
-
-class FrozenGate:
-    """The gate has five standard deviations, and a rejected measurement leaves the covariance as it was before."""
-
-    rejected = False
-
-    def advance(self, track: Track, scan: Any) -> Track:
-        later = super().advance(track, scan)
-        return later._replace(covariance=track.covariance) if scan.valid and self.rejected else later
-
-    def update(self, x: Array, P: Array, scan: Any) -> Belief:
-        seen, R = self.position(scan)
-        mean, covariance = self.output(x, P)
-        away = seen - mean[:2]
-        self.rejected = away @ np.linalg.solve(covariance[:2, :2] + R, away) > 25.0
-        return (x, P) if self.rejected else super().update(x, P, scan)
-
-
 class MissedScanIsNothing:
     """At a missed scan the state stays, and so does its time: the next prediction is over the whole gap."""
 
@@ -241,8 +216,6 @@ STEPS = [
     ("covariance_not_reduced", "radar", CovarianceKeptAtRadar, "radar"),
     ("velocity_not_kept", "prediction", VelocityShrinksInPrediction, None),
     ("velocity_not_kept", "update", VelocityShrinksInUpdate, None),
-    ("gate_never_reopens", "fixed", FixedGate, None),
-    ("gate_never_reopens", "frozen", FrozenGate, None),
     ("missed_scan_not_predicted", "time_kept", MissedScanIsNothing, None),
     ("missed_scan_not_predicted", "time_stored", MissedScanTakesNoTime, None),
     ("process_noise_twice", "update", NoiseAlsoInUpdate, None),

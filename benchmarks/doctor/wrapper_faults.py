@@ -11,7 +11,7 @@ from . import altered_estimates as estimates
 from . import altered_scans as scans
 from .altered_scans import AZIMUTH, RANGE, RATE, YAW, X, Y
 from .mutant import ExaminedTracker, Mutant
-from .wrappers import AlteredEstimates, AlteredScans, MissedSkipped, SecondDropped, WrongClock
+from .wrappers import AlteredEstimates, AlteredScans, MissedSkipped, WrongClock
 
 ACCELERATION_SIGMA, YAW_ACCELERATION_SIGMA = 3.0, 0.5
 DEGREE = pi / 180
@@ -85,10 +85,6 @@ def timing(subject: ExaminedTracker) -> Iterator[Mutant]:
     }
     for variant, clock in clocks.items():
         yield subject.behind("wrong_dt", variant, WrongClock, clock)
-    for kind, seconds in (("radar", 0.05), ("radar", -0.05), ("lidar", 0.05)):
-        alter = scans.stamped(kind, seconds)
-        yield subject.behind("time_offset", f"{kind}_{seconds}", AlteredScans, alter, sensor=kind)
-    yield subject.behind("second_measurement_dropped", "any", SecondDropped)
     for variant, lost in (("skipped", False), ("skipped_and_lost", True)):
         yield subject.behind("missed_scan_not_predicted", variant, MissedSkipped, lost)
 

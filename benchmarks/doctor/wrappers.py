@@ -83,17 +83,6 @@ class Single:
         return state, (answer[0][..., 0], answer[1][..., 0])
 
 
-class SecondDropped(Single):
-    """A measurement at the time of the one before is taken as missed."""
-
-    def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
-        inner, last = (None, None) if state is None else state
-        if scan.time == last:
-            scan = scan._replace(valid=np.zeros_like(scan.valid))
-        inner, answer = self.inner_step(inner, scan)
-        return (inner, scan.time if scan.valid else last), answer
-
-
 class MissedSkipped(Single):
     """At a missed scan the last answer is given again; its time counts at the next measurement, or is lost."""
 

@@ -69,7 +69,7 @@ class MeanOfTwo:
 
 
 own = tb.run(tb.load("highway", {"trackers.mine": {"use": MeanOfTwo}}, runs=5, trackers=["raw", "mine"]))
-own.to_pandas().query("metric == 'position_rmse'")
+own.to_pandas().query("metric == 'position_rmse' and condition == ''")
 
 # %% [markdown]
 # ## Truth and scans

@@ -17,8 +17,8 @@ from trackbench.base.units import cos_sin
 from trackbench.models.sensors import Radar
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import ideal_sensors
+from trackbench.sensing.detections import sense_hidden
+from trackbench.sensing.scans import Measurements, ideal_sensors
 from trackbench.trackers.builtin import ekf
 
 HERE = Path(__file__).resolve().parent
@@ -82,7 +82,7 @@ class RateSlopes(NamedTuple):
     track: Array
 
 
-def sensed(path: Path) -> tuple[Scenario, HiddenMeasurements]:
+def sensed(path: Path) -> tuple[Scenario, Measurements]:
     """The scans of the first run of a scenario."""
     loaded = load_scenario(path)
     truth = truths_of(loaded)[0]
@@ -90,7 +90,7 @@ def sensed(path: Path) -> tuple[Scenario, HiddenMeasurements]:
     return loaded, sense_hidden(sensors, loaded.config.monte_carlo.seed, loaded.config.name, range(1))
 
 
-def track_logs(found: HiddenMeasurements) -> list[TrackLog]:
+def track_logs(found: Measurements) -> list[TrackLog]:
     """The detections by what caused them; false alarms are left out."""
     rows: dict[int, list[tuple[int, Scan]]] = {}
     for number, (scan, origins) in enumerate(zip(found.scans, found.origins, strict=True)):
@@ -186,7 +186,7 @@ def doppler_table(logs: list[TrackLog]) -> str:
     return markdown(head, rows)
 
 
-def statistics(loaded: Scenario, found: HiddenMeasurements) -> dict[str, str]:
+def statistics(loaded: Scenario, found: Measurements) -> dict[str, str]:
     """What is told of a radar."""
     logs = track_logs(found)
     time = np.array([scan.time for scan in found.scans])

@@ -87,13 +87,6 @@ def test_scans_of_now_and_earlier_come_with_each_step_and_before_the_first() -> 
         live.step(IDLE)
 
 
-@pytest.mark.parametrize(("changes", "end"), [({"truth.duration_s": 5}, 5), ({"truth.config.duration": 3}, 3)])
-def test_an_episode_lasts_as_long_as_the_scenario_or_the_environment(changes: Mapping[str, Any], end: float) -> None:
-    _, latest = drive(scenario(**changes))
-    assert (latest.terminated, latest.truncated) == (False, True)
-    assert latest.truth.time[-1] == pytest.approx(end)
-
-
 def test_an_episode_ends_with_a_collision() -> None:
     _, latest = drive(scenario(**{"truth.config.vehicles_density": 2, "truth.duration_s": 30}), FASTER)
     assert latest.terminated
@@ -134,21 +127,6 @@ def test_vehicles_may_come_and_episodes_may_go_on_side_by_side() -> None:
     for place, name in enumerate(same_drive.ids):
         there = same_drive.alive[:, place]
         assert np.array_equal(same_drive.px[there, place], last.truth.px[there, ids.index(name)])
-
-
-def test_vans_and_trucks_are_those_of_the_scenario() -> None:
-    loaded = scenario("traffic/dense_highway", **{"truth.duration_s": 1})
-    truth, live = tb.truth(loaded), tb.live(loaded).latest.truth
-    assert np.array_equal(live.length, truth.length)
-    assert len(set(live.length)) == 3
-
-
-def test_a_continuous_action_may_be_a_list_or_an_array() -> None:
-    loaded = scenario(**{"truth.duration_s": 2, "truth.config.action": {"type": "ContinuousAction"}})
-    results = [tb.live(loaded).step(action).truth.px for action in ([0.5, 0.0], np.array([0.5, 0.0]))]
-    assert np.array_equal(*results)
-    with pytest.raises(tb.InputError, match=r"action: \[2.0, 0.0\] is not in Box"):
-        tb.live(loaded).step([2.0, 0.0])
 
 
 @pytest.mark.parametrize("action", [7, -1, 1.0, None, "FASTER", [1]])

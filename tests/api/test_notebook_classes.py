@@ -13,8 +13,6 @@ import pytest
 from tests.support.past_results import SCENE
 
 import trackbench as tb
-from trackbench.api.provenance import provenance_of
-from trackbench.base.notebook_classes import reference_to
 from trackbench.metrics import Metric, ratio
 from trackbench.models.motion.cv import ConstantVelocity
 
@@ -58,12 +56,6 @@ def test_workers_and_another_definition_give_what_they_should() -> None:
     errors = [[result["mine"].position_rmse.value for result in results] for results in (alone, several)]
     assert errors[0] == errors[1]
     assert errors[0][1] > 2.9 > errors[0][0]
-
-
-def test_the_same_class_keeps_its_name() -> None:
-    mine = tracker(1.5)
-    first, again = (load(trackers__mine__use=mine).config.trackers["mine"].use for _ in range(2))
-    assert first == again
 
 
 def test_a_function_makes_a_tracker() -> None:
@@ -128,23 +120,10 @@ def test_a_class_that_is_no_tracker_is_named() -> None:
         tb.run(load(trackers__mine={"use": Empty}))
 
 
-def test_a_class_of_a_module_is_named_as_in_a_file() -> None:
-    assert reference_to(ConstantVelocity) == "trackbench.models.motion.cv:ConstantVelocity"
-
-
-def test_the_code_of_a_notebook_is_not_known() -> None:
-    assert provenance_of(load(trackers__mine={"use": tracker(0.0)})).code == {"mine": None}
-
-
 def test_without_the_class_the_command_line_says_what_to_do(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(SCENE.replace("use: raw", 'use: "__main__:Gone"'), encoding="utf-8")
     with pytest.raises(tb.InputError, match="put it into a file, or give tb"):
         tb.run(tmp_path / "scene.yaml")
-
-
-def test_the_doctor_takes_a_class() -> None:
-    found = tb.doctor(tracker(0.0), skip=["long_run"])
-    assert found.findings
 
 
 SCRIPT = f'''

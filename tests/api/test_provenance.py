@@ -12,7 +12,6 @@ import pytest
 import trackbench as tb
 from trackbench.api import provenance
 from trackbench.api.provenance import provenance_of
-from trackbench.results import Result
 
 SCENE = """\
 name: scene
@@ -69,11 +68,6 @@ def test_a_changed_work_tree_is_said_to_be_changed(scene: Path, commit: str) -> 
     assert made.commit_in_words == f"{commit[:10]} (changed)"
 
 
-def test_files_that_git_does_not_track_change_nothing(scene: Path, commit: str) -> None:
-    (scene.parent / "notes.txt").write_text("x", encoding="utf-8")
-    assert provenance_of(tb.load(scene)).changed is False
-
-
 def test_without_a_commit_the_reason_stands_there(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert provenance_of(tb.load(scene)).no_commit.startswith("git: not a git repository")
     assert provenance_of(tb.load("highway")).no_commit == "the scenario comes with trackbench"
@@ -106,35 +100,3 @@ def test_the_code_in_a_package_is_found_without_importing_it(scene: Path) -> Non
     (package / "mine.py").write_text(TRACKER, encoding="utf-8")
     made = provenance_of(tb.load(scene, {"trackers.mine.use": "pack.inner.mine:T"}))
     assert made.code == {"mine": hashlib.sha256(TRACKER.encode()).hexdigest()}
-
-
-def test_code_that_options_name_counts_too(scene: Path) -> None:
-    (scene.parent / "mine.py").write_text(TRACKER, encoding="utf-8")
-    (scene.parent / "other.py").write_text("", encoding="utf-8")
-    entry = {"trackers.mine": {"use": "mine:T", "options": {"model": "other:f", "url": "http://x", "at": "12:30"}}}
-    digests = [hashlib.sha256(text.encode()).hexdigest() for text in (TRACKER, "")]
-    assert provenance_of(tb.load(scene, entry)).code == {"mine": hashlib.sha256("".join(digests).encode()).hexdigest()}
-
-
-def test_the_report_says_it(scene: Path, commit: str) -> None:
-    (scene.parent / "mine.py").write_text(TRACKER, encoding="utf-8")
-    scene.write_text(SCENE.replace("{raw: ", "{mine: {use: 'mine:T'}, raw: "), encoding="utf-8")
-    result = tb.run(scene, in_process=True)
-    made = result.summary.provenance
-    assert made is not None
-    text = str(result.report())
-    section = text[text.index("Provenance") :]
-    assert f"{made.time:%Y-%m-%d %H:%M:%S} UTC" in section
-    assert f"{commit[:10]} (changed)" in section
-    assert hashlib.sha256(TRACKER.encode()).hexdigest()[:16] in section
-    old = result.updated(provenance=None)
-    assert "Provenance" not in str(old.report())
-
-
-def test_a_result_of_an_earlier_version_has_none(scene: Path) -> None:
-    result = tb.run(scene)
-    summary = {**result.json(), "schema_version": 4}
-    del summary["provenance"]
-    old = Result.from_json(summary, result.tables)
-    old.save(scene.parent / "old")
-    assert tb.Result.load(scene.parent / "old").summary.provenance is None

@@ -234,8 +234,7 @@ MISTAKES = [
     (
         "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",
         "motion: cv, acceleration_sigma_mps2: 2, time_constant_s: 4",
-        "7: trackers.ekf_singer.time_constant_s: motion cv does not use this; it uses noise and "
-        "acceleration_sigma_mps2 and acceleration_density_mps1p5",
+        "7: trackers.ekf_singer.time_constant_s: motion cv does not use this; it uses acceleration_sigma_mps2",
     ),
     ("amplitude_m: 3", "amplitude: 3", "2: truth.amplitude: unknown key; use amplitude_m (metres)"),
     ("source: weave", "source: weav", "2: truth.source: 'weav' is not known; did you mean 'weave'?"),

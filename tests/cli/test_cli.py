@@ -21,7 +21,6 @@ TABLES = {
     "steps",
     "nis",
     "runs",
-    "autocorrelation",
     "differences",
     "truth",
     "measurements",
@@ -248,12 +247,6 @@ def test_a_run_with_a_plug_in_writes_its_recording(tiny: Path, tmp_path: Path, t
     done = subprocess.run([trackbench, "run", "tiny.yaml"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "results" / "tiny" / "recording.rrd").is_file()
-
-
-def test_a_reader_that_goes_away_is_no_fault_of_a_plug_in(tiny: Path, tmp_path: Path, trackbench: str) -> None:
-    (tmp_path / "beside.py").write_text("from trackbench.models.motion.cv import ConstantVelocity as Own\n")
-    tiny.write_text(tiny.read_text().replace("motion: cv", 'motion: "beside:Own"'))
-    test_a_reader_that_goes_away_is_no_error(tiny, tmp_path, trackbench, "run tiny.yaml --no-recording")
 
 
 @pytest.mark.parametrize("command", ["schema", "list metrics", "run tiny.yaml --no-recording", "--help"])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -89,17 +87,6 @@ def test_one_run_in_a_terminal(cli: Cli, two: Path) -> None:
     assert "By position RMSE: ekf has the smallest, " in done.out
 
 
-def test_json_and_markdown(cli: Cli, two: Path) -> None:
-    done = cli("compare", "base/tiny", "new/tiny", "--json", "--out", "reports/comparison.md")
-    assert (done.status, done.err) == (0, "")
-    found = json.loads(done.out, parse_constant=pytest.fail)
-    assert found["scenarios"][0]["results"][1]["shared_runs"] == 12
-    assert {item["verdict"] for item in found["differences"]} == {"worse", "equivalent"}
-    page = (two / "reports" / "comparison.md").read_text(encoding="utf-8")
-    assert re.search(r"\| \*\*ekf B\*\* \| A \| .* \| worse \|", page)
-    assert [path.name for path in (two / "reports").iterdir()] == ["comparison.md"]
-
-
 def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
     limits = ("--fail-on-regression", "position_rmse:5", "--junit", "junit.xml")
     done = cli("compare", "base/tiny", "new/tiny", *limits)
@@ -167,13 +154,6 @@ def test_a_comparison_that_was_kept_is_shown_again(cli: Cli, two: Path) -> None:
     assert cli("report", "kept.json").out == first.out
     assert cli("report", "kept.json", "--format", "html", "--out", "again.html").status == 0
     assert "<h1>Comparison: tiny</h1>" in (two / "again.html").read_text(encoding="utf-8")
-
-
-def test_a_folder_of_several_scenarios(cli: Cli, versions: Path) -> None:
-    done = cli("compare", "base")
-    assert (done.status, done.err) == (0, "")
-    assert "2 trackers over 2 scenarios in 1 set of scenes" in " ".join(done.out.split())
-    assert "Time of a step" in done.out
 
 
 @pytest.mark.parametrize(

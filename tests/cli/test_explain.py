@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from trackbench.base.subjects import resolve
-from trackbench.cli.docs import INTRODUCTION
-from trackbench.cli.explain import FORMULAS, page, terms
+from trackbench.cli.explain import terms
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.verdicts import CONSISTENCY, TRUST
 from trackbench.subjects.doctor.findings import known_faults, questions
@@ -21,28 +18,6 @@ def test_every_term_of_a_table_and_an_examination_has_a_page() -> None:
     metrics = {field.name.partition(".")[0] for field in metric_paths()}
     words = {"diverged", "group", "shown", "likely", "unclear", "fragile"}
     assert names >= {*metrics, *known_faults(), *questions(), *CONSISTENCY, *TRUST, *words}
-
-
-def test_a_page_fits_80_columns_and_has_all_of_it() -> None:
-    for of in terms().values():
-        for term in of:
-            lines = page(term).splitlines()
-            assert max(map(len, lines)) <= 80
-            said = " ".join(" ".join(lines).split())
-            assert all(" ".join(text.split()) in said for _, text in term.page)
-
-
-@pytest.mark.parametrize("target", sorted(set(FORMULAS.values())))
-def test_a_formula_has_its_source(target: str) -> None:
-    assert any(
-        words in resolve(target).__doc__ for words in ("Source: ", "(Bar-Shalom, Li and Kirubarajan 2001", "sqrt")
-    )
-
-
-def test_a_formula_has_no_shape_of_an_array() -> None:
-    formulas = [text for of in terms().values() for term in of for heading, text in term.page if heading == "formula"]
-    assert formulas
-    assert not [text for text in formulas if re.search(r"\(\w+,\)|^\(", text)]
 
 
 @pytest.mark.parametrize(
@@ -75,8 +50,3 @@ def test_an_unknown_term_names_the_nearest(cli: Callable[..., Any], term: str, s
     done = cli("explain", term)
     assert (done.status, done.out) == (2, "")
     assert done.err == f"there is no page on {term!r}: {said}\n"
-
-
-def test_the_page_of_the_command_line_shows_what_is_printed(cli: Callable[..., Any]) -> None:
-    command, _, shown = INTRODUCTION.rpartition("```console\n$ trackbench ")[2].removesuffix("```\n").partition("\n")
-    assert cli(*command.split()).out == shown

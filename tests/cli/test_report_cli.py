@@ -82,12 +82,6 @@ def test_several_runs_are_a_comparison(cli: Cli, two: Path) -> None:
     assert (two / "tables").is_dir()
 
 
-def test_a_run_in_a_terminal(cli: Cli, two: Path) -> None:
-    shown = cli("report", str(two / "tiny")).out
-    assert shown.startswith("tiny: ")
-    assert "Truth and sensors" in shown
-
-
 def examination(folder: Path) -> Examination:
     finding = Finding("azimuth_not_wrapped", 0.9, "It jumped by 6.28 rad.", "radar", None, "probe")
     found = Examination("mine", [finding], [CheckResult("wrapping", "Is it wrapped?", False, "no")])
@@ -117,14 +111,6 @@ def test_a_damaged_examination_is_one_message(cli: Cli, tmp_path: Path, content:
     assert done.status == 2
     assert done.err.count("\n") == 1
     assert "examination.json" in done.err
-
-
-def test_what_is_no_result_is_refused(cli: Cli, tmp_path: Path) -> None:
-    done = cli("report", str(tmp_path / "none"))
-    assert done.status == 2
-    assert "none" in done.err
-    done = cli("report", str(tmp_path))
-    assert done.status == 2
 
 
 def test_a_file_where_a_folder_is_needed(cli: Cli, two: Path) -> None:

@@ -32,22 +32,6 @@ def test_help_and_version_wait_for_no_library(tmp_path: Path, option: str) -> No
     assert not loaded(tmp_path, option).intersection(SLOW)
 
 
-@pytest.mark.parametrize("command", ["view", "inspect"])
-def test_the_commands_of_a_finished_run_wait_for_no_scenario_and_no_filter(tmp_path: Path, command: str) -> None:
-    modules = loaded(tmp_path, command, "--help")
-    assert "trackbench.subjects.recording.commands" in modules
-    assert not modules & {"trackbench.scenario", "trackbench.filters"}
-
-
-def test_a_run_with_known_identities_waits_for_no_large_package_of_scipy(
-    tiny: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("TRACKBENCH_CACHE", str(tiny.parent / "cache"))
-    modules = loaded(tiny.parent, "run", "tiny.yaml", "--engine", "numpy")
-    assert "scipy.special" in modules
-    assert not modules & {"scipy.stats", "scipy.optimize"}
-
-
 def test_a_check_waits_for_the_simulator_alone_and_only_where_the_truth_is_not_stored(
     tiny: Path, monkeypatch: pytest.MonkeyPatch, run_tiny: Callable[..., Any]
 ) -> None:

@@ -20,12 +20,11 @@ from typing import Any
 import click
 import pytest
 from rich.console import Console
-from tests.support.results import with_differences
 
 from trackbench.cli import terminal
 from trackbench.cli.commands import cli as root
 from trackbench.report.console import print_summary
-from trackbench.results import ExpectationResult, Result
+from trackbench.results import Result
 
 Cli = Callable[..., Any]
 
@@ -54,10 +53,6 @@ def test_every_help_fits_its_terminal_and_has_an_example(
     assert not any(line.endswith("...") for line in lines[1:]), "a text is cut off"
     heading = next(i for i, line in enumerate(lines) if line.strip().startswith(("Example:", "Examples:")))
     assert any(f"trackbench {' '.join(path)}".rstrip() in line for line in lines[heading:])
-
-
-def test_the_first_help_fits_a_screen(cli: Cli) -> None:
-    assert len(cli("--help").out.splitlines()) <= 24
 
 
 def examples() -> Iterator[str]:
@@ -89,19 +84,6 @@ def test_quiet_says_the_outcome_and_what_failed(cli: Cli, tiny: Path) -> None:
     first, missed = done.out.splitlines()
     assert first == "tiny: 1 of 1 expectation failed"
     assert re.fullmatch(r"  FAILED ekf position_rmse \S+, wanted above 100", missed)
-
-
-def test_a_wrapped_line_begins_below_its_text(tiny_result: Result, capsys: pytest.CaptureFixture[str]) -> None:
-    name = "a" * 30
-    text = f"{name} position_rmse below 0.1 (90 % of the estimates are missing)"
-    item = ExpectationResult(
-        tracker=name, metric="position_rmse", operator="below", limit=0.1, value=0.2, passed=False, text=text
-    )
-    print_summary(tiny_result.updated(expectations=[item]), Console(width=50))
-    lines = capsys.readouterr().out.splitlines()
-    first = next(i for i, line in enumerate(lines) if line.startswith("  FAILED "))
-    assert lines[first + 1 :]
-    assert all(line.startswith(" " * len("  FAILED ")) for line in lines[first + 1 :])
 
 
 def test_verbose_says_what_is_done_and_leaves_stdout_alone(
@@ -177,14 +159,6 @@ def test_progress_with_the_time_left(
     assert any(re.match(r"1 of 2: writing tiny .* [12] of 3 files", line) for line in bars)
 
 
-def test_no_progress_where_there_is_no_terminal(tiny: Path, tmp_path: Path, trackbench: str) -> None:
-    done = subprocess.run(
-        [trackbench, "run", "tiny.yaml", "--no-recording"],
-        cwd=tmp_path, env={**os.environ, "FORCE_COLOR": "1"}, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert done.stderr == ""
-
-
 def test_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(terminal, "LINES_EVERY_S", 0.0)
     for quiet in (False, True):
@@ -194,12 +168,6 @@ def test_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str], mo
     first, second = capsys.readouterr().err.splitlines()
     assert first == "ekf: 0 of 10 trials"
     assert re.fullmatch(r"ekf: 4 of 10 trials, best 0\.12(, \d:\d\d left)?", second)
-
-
-def test_tuning_says_the_best_so_far(tiny: Path, tmp_path: Path, trackbench: str) -> None:
-    command = [trackbench, "tune", "tiny.yaml", "--trackers", "ekf", "--trials", "12", "--objective", "position_rmse"]
-    lines = on_a_terminal(command, tmp_path, {**os.environ, "TERM": "xterm"})
-    assert any(re.search(r"^ekf .* \d+ of \d+ trials, best 0\.\d+", line) for line in lines)
 
 
 def result_of(names: list[str], like: Result, position: float = 0.1) -> Result:
@@ -222,33 +190,6 @@ def test_the_table_fits_whatever_the_names(tiny_result: Result, longest: int, po
     for name in names:
         row = next(i for i, line in enumerate(lines) if line.split()[:1] == [name])
         assert len((lines[row] + lines[row + 1]).split()) >= 8, "a name is on the line of its numbers or right above"
-
-
-def test_letters_that_say_nothing_at_a_glance_are_left_out(tiny_result: Result) -> None:
-    names = [f"t{i}" for i in range(26)]
-    pattern = tiny_result.differences[0]
-    # Each differs from its partner alone, which takes a letter for every choice of partners: more than fit.
-    pairs = [pattern.model_copy(update={"a": names[i], "b": names[i + 1], "better": names[i]}) for i in range(0, 8, 2)]
-    result = with_differences(result_of(names, tiny_result), pairs)
-    console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
-    with console.file:
-        print_summary(result, console)
-        text = console.export_text()
-    assert "group: too many groups for this table; report.html has them" in text
-    assert "abcdefgh" not in text
-    assert max(map(len, text.splitlines())) <= 80
-
-
-@pytest.mark.parametrize("columns", [80, 120])
-def test_lists_fit(cli: Cli, tiny: Path, monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
-    monkeypatch.setenv("COLUMNS", str(columns))
-    folder = tiny.parent / "scenarios" / "a_folder_with_a_name_of_its_own"
-    folder.mkdir(parents=True)
-    tiny.rename(folder / "a_scenario_with_a_long_name.yaml")
-    for what in ("scenarios", "trackers", "filters", "motion-models", "sensors", "metrics", "envs"):
-        lines = cli("list", what).out.splitlines()
-        assert max(map(len, lines)) <= columns, what
-    assert str((folder / "a_scenario_with_a_long_name.yaml").relative_to(tiny.parent)) in cli("list", "scenarios").out
 
 
 def offered(trackbench: str, folder: Path, *words: str) -> list[str]:
@@ -282,17 +223,3 @@ def test_the_completion_script_is_one_of_its_shell(trackbench: str, shell: str, 
     if shutil.which(shell):
         (tmp_path / "script").write_text(done.stdout, encoding="utf-8")
         subprocess.run([shell, "-n", "script"], cwd=tmp_path, check=True)
-
-
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash here")
-def test_completion_in_bash(tiny: Path, tmp_path: Path, trackbench: str) -> None:
-    script = (
-        'eval "$(_TRACKBENCH_COMPLETE=bash_source trackbench)"; '
-        "COMP_WORDS=(trackbench run ti); COMP_CWORD=2; "
-        '_trackbench_completion trackbench; echo "${COMPREPLY[@]}"'
-    )
-    environment = {**os.environ, "PATH": f"{Path(trackbench).parent}:{os.environ['PATH']}"}
-    done = subprocess.run(
-        ["bash", "-c", script], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-    )
-    assert (done.stdout, done.stderr) == ("tiny.yaml\n", "")

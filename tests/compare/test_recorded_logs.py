@@ -11,9 +11,8 @@ import pytest
 from tests.support.udacity import synthetic_lines
 
 import trackbench as tb
-from trackbench.base.errors import InputError
 from trackbench.compare.assembly import compare_results
-from trackbench.compare.entries import Entry, find_results
+from trackbench.compare.entries import Entry
 from trackbench.compare.limits import Limit
 from trackbench.results import Result
 
@@ -105,18 +104,6 @@ def test_logs_with_other_noise_are_compared_unpaired(run: Run) -> None:
     (item,) = comparison.differences
     assert (item.paired_runs, item.verdict) == (None, "equivalent") or item.verdict == "undecided"
     assert item.ci95 is not None
-
-
-def test_a_damaged_table_of_stretches_is_refused(run: Run, tmp_path: Path) -> None:
-    import pyarrow.parquet as pq
-
-    run()[0].save(tmp_path / "before" / "log")
-    file = tmp_path / "before" / "log" / "stretches.parquet"
-    table = pq.read_table(file)
-    assert np.array_equal(table["stretch"].to_numpy(), np.tile(np.arange(4.0), 2))
-    pq.write_table(table.slice(1), file)
-    with pytest.raises(InputError, match=r"stretches\.parquet does not hold the 4 stretches of ekf"):
-        compare_results([find_results(tmp_path / "before")])
 
 
 def test_the_command_line_says_what_a_difference_rests_on(run: Run, tmp_path: Path, cli) -> None:

@@ -35,10 +35,6 @@ def example() -> ModuleType:
     return module
 
 
-def test_it_is_short() -> None:
-    assert len(FILE.read_text(encoding="utf-8").splitlines()) <= 120
-
-
 @pytest.mark.parametrize("scenario", ["traffic/dense_highway", "traffic/intersection"])
 def test_gymnasium_finds_nothing_to_complain_of(example: ModuleType, scenario: str) -> None:
     with warnings.catch_warnings():

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -119,22 +117,6 @@ def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
             assert not re.match(r"(https?:)?//", address), f"{style.name}: {address}"
 
 
-def test_the_search_index_is_a_script(some_pages: Path) -> None:
-    """A browser lets a page from a disk run scripts, and not fetch data."""
-    assert (some_pages / "searchindex.js").read_text(encoding="utf-8").startswith("Search.setIndex(")
-    elements = Page(some_pages / "search.html").elements
-    assert any(tag == "script" and (a.get("src") or "").startswith("searchindex.js") for tag, a in elements)
-
-
-@pytest.mark.parametrize("page", ["index.html", "projects/udacity-ukf.html"])
-def test_every_page_has_a_field_to_search(some_pages: Path, page: str) -> None:
-    elements = Page(some_pages / page).elements
-    (form,) = [a for tag, a in elements if tag == "form" and a.get("role") == "search"]
-    assert form["method"] == "get"
-    assert ((some_pages / page).parent / (form["action"] or "")).resolve() == (some_pages / "search.html").resolve()
-    assert any(tag == "input" and a.get("name") == "q" for tag, a in elements)
-
-
 @pytest.mark.browser
 @pytest.mark.parametrize(("query", "page"), [("Cholesky", "filters"), ("sensor_pose", "api"), ("zzzz", None)])
 def test_a_search_finds_from_a_disk(site: Path, tmp_path: Path, query: str, page: str | None) -> None:
@@ -150,54 +132,11 @@ def test_a_search_finds_from_a_disk(site: Path, tmp_path: Path, query: str, page
     assert console == []
 
 
-# Of each frame the blocks of code that are wider than they are shown, and how they let one see the rest.
-WIDE_CODE = """
-window.onload = () => {
-  const frames = [...document.querySelectorAll('iframe')].map(frame => {
-    const page = frame.contentDocument;
-    if (frame.title == 'print')
-      for (const sheet of page.styleSheets)
-        for (const rule of sheet.cssRules)
-          if (rule.media?.mediaText.startsWith('print')) rule.media.mediaText = 'all';
-    const wide = [...page.querySelectorAll('pre')].filter(code => code.scrollWidth > code.clientWidth + 1);
-    return {
-      inside: page.documentElement.scrollWidth <= frame.contentWindow.innerWidth,
-      code: [...new Set(wide.map(code => frame.contentWindow.getComputedStyle(code).overflowX))],
-    };
-  });
-  document.body.dataset.found = JSON.stringify(frames);
-};
-"""
-
-
-@pytest.mark.browser
-@pytest.mark.parametrize("page", WITH_WIDE_CODE)
-def test_code_is_not_cut_off(some_pages: Path, tmp_path: Path, page: str) -> None:
-    """On a desk and on paper long lines wrap; on a phone they scroll."""
-    frames = "".join(
-        f'<iframe title="{title}" src="{(some_pages / page).as_uri()}.html" style="width:{width}px"></iframe>'
-        for title, width in (("desk", 1400), ("print", 700), ("phone", 390))
-    )
-    wrapper = tmp_path / "frames.html"
-    wrapper.write_text(f'<meta charset="utf-8">{frames}<script>{WIDE_CODE}</script>', encoding="utf-8")
-    dom, _ = shown_by_browser(tmp_path, wrapper, "--allow-file-access-from-files")
-    found = re.search('data-found="(.*?)"', dom)
-    assert found
-    wrapped, scrolling = {"inside": True, "code": []}, {"inside": True, "code": ["auto"]}
-    assert json.loads(unescape(found[1])) == [wrapped, wrapped, scrolling]
-
-
 @pytest.mark.browser
 def test_a_browser_draws_a_page_without_complaint(site: Path, tmp_path: Path) -> None:
     dom, console = shown_by_browser(tmp_path, site / "motion-models.html")
     assert "<math" in dom
     assert console == []
-
-
-def test_every_image_says_what_it_shows(site: Path) -> None:
-    images = [(name, a) for name, page in pages(site) for tag, a in page.elements if tag == "img"]
-    assert images
-    assert [(name, a["src"]) for name, a in images if not a.get("alt")] == []
 
 
 @pytest.mark.parametrize("page", EQUATIONS)

@@ -10,7 +10,6 @@ import pytest
 from tests.support.places import DOCS
 
 import trackbench as tb
-from trackbench.subjects.functions.protocol import FUNCTIONS
 
 PAGE = DOCS / "functions.md"
 
@@ -32,9 +31,3 @@ def test_the_table_has_the_figures_of_the_scenario(tmp_path: Path, fenced: Calla
         values = metrics["position_rmse"].value, delay.value, delay.p05, delay.p95, metrics["warn_error.fcw"].value
         assert [float(text) for text in printed] == pytest.approx(values, abs=0.002), name
     assert result.summary.passed
-
-
-def test_every_function_is_described() -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    for name in FUNCTIONS.names():
-        assert f"| `{name}` |" in text

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from tests.driving.test_hostile_plug_ins import MISTAKES
-from tests.support.hostile import ACTS
 from tests.support.places import DOCS
 
 from trackbench.base import files
 from trackbench.scenario.load import MOST_ERRORS
 from trackbench.scenario.source import MAX_VALUES
 
-#: Words of the page.
-LONGEST = 800
 PAGE = (DOCS / "trust.md").read_text(encoding="utf-8")
 TEXT = " ".join(PAGE.split())
-
-
-def test_it_is_short() -> None:
-    assert len(PAGE.split()) <= LONGEST
 
 
 def test_the_limits_are_those_of_the_code() -> None:
@@ -25,7 +17,3 @@ def test_the_limits_are_those_of_the_code() -> None:
     assert f"| messages about one scenario | {MOST_ERRORS}, " in TEXT
     assert f"| a log as text | {files.LARGE >> 30} GiB |" in TEXT
     assert f"| `result.json` | {files.JSON >> 20} MiB |" in TEXT
-
-
-def test_as_many_plug_ins_are_tried_as_it_says() -> None:
-    assert f"{len(ACTS)} hostile trackers, and metrics with {len(MISTAKES)} mistakes" in TEXT

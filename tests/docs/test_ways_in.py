@@ -18,10 +18,6 @@ RESULTS = {
 }
 
 
-def test_every_way_in_is_tried() -> None:
-    assert set(RESULTS) == {page.stem for page in (DOCS / "start").glob("*.md")}
-
-
 @pytest.mark.docs_pages
 @pytest.mark.parametrize("reader", RESULTS)
 def test_a_way_in_runs_as_printed(reader: str, tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:

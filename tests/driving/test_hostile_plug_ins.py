@@ -25,6 +25,8 @@ MISTAKES = (
     *("leaves_a_child", "leaves_a_thread", "closes_stdout", "breaks_pickle", "makes_the_folder_a_file"),
 )
 CASES = [*(("tracker", act) for act in ACTS), *(("metric", act) for act in MISTAKES)]
+#: What Python itself prints of errors that nothing catches is a tracker's output, which is passed on.
+PRINTING = {"raises_in_a_thread", "raises_as_it_is_deleted", "logs_nonsense"}
 #: These are tried in every run of the tests.
 FAST = {("tracker", "leaves"), ("metric", "leaves"), ("metric", "breaks_pickle"), ("metric", "makes_the_folder_a_file")}
 
@@ -61,7 +63,7 @@ def test_no_plug_in_answers_for_the_bench(tmp_path: Path, trackbench: str, kind:
     while (processes := [*left(mark)]) and time.monotonic() < until:
         time.sleep(0.1)
     assert not processes
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in done.stderr or (kind == "tracker" and act in PRINTING)
     cannot_write = act in ("makes_results_a_file", "makes_the_folder_a_file")
     assert done.returncode in ((4,) if cannot_write else (0, 2, 3, 70)), done.stderr
     if done.returncode == 0:

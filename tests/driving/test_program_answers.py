@@ -9,10 +9,9 @@ import msgpack
 import numpy as np
 
 from trackbench.base.types import Scan
-from trackbench.driving.frames import NotAFrame, frame_message, packed_array, plain_estimate
-from trackbench.driving.program_steppers import answer_of
-from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM
-from trackbench.trackers.answers import TrackerFault
+from trackbench.driving.frames import NotAFrame, frame_message, message_answer, packed_array
+from trackbench.driving.steppers import plain_estimate
+from trackbench.trackers.answers import TrackerFault, checked_estimate, checked_tracks
 
 ONE = Scan(0.0, "roof", "lidar", np.ones(2), np.array(True), np.eye(2), np.zeros(3), np.zeros(2), 0.0)
 THREE = ONE._replace(measurement=np.ones((2, 3)), valid=np.ones(3, dtype=bool))
@@ -41,12 +40,14 @@ def outcome(content: bytes, batched: bool) -> str:
         message = frame_message(content)
         if message.get("type") not in ("estimate", "tracks", "none"):
             return "refused"
-        if plain_estimate([message], *([3] if batched else [])):
-            return "accepted"
         several = message["type"] == "tracks"
-        one = THREE if batched else ONE
-        form, scan = (TRACKS_FORM, SEVERAL) if several else (ESTIMATE_FORM, one)
-        form.check(answer_of(message, several), scan)
+        answer = message_answer(message, several)
+        if not several and not batched and plain_estimate([answer]):
+            return "accepted"
+        if several:
+            checked_tracks(answer, SEVERAL)
+        else:
+            checked_estimate(answer, THREE if batched else ONE)
     except (NotAFrame, TrackerFault) as refused:
         return "refused" if str(refused) and "\n" not in str(refused) else "not in one line"
     return "accepted"

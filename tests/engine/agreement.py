@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from tests.support.scenes import CONTINUOUS, LIDAR_NOISE, MOTIONS, NOISE, RADAR_NOISE, TRACKERS, scan, tracker
+from tests.support.scenes import LIDAR_NOISE, MOTIONS, NOISE, RADAR_NOISE, TRACKERS, scan, tracker
 
 from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
 from trackbench.engine.choice import Engine
@@ -45,8 +45,7 @@ FILTERS: Mapping[str, dict[str, Any]] = {
     "ukf_additive-imm": of_modes("ukf", "ca", "ctra", augmented=False),
     "ukf_classic-imm": of_modes("ukf", "ctrv", "ctra", sigma_points="classic", kappa=0.5),
     "ekf-imm3": of_modes("ekf", "cv", "ca", "ctra"),
-    "kf-cv-continuous": {"filter": "kf", "motion": "cv", **CONTINUOUS["cv"]},
-    "ukf-ca-continuous": {"filter": "ukf", "motion": "ca", **CONTINUOUS["ca"]},
+    "kf-cv_continuous": {"filter": "kf", "motion": "cv_continuous", **NOISE["cv_continuous"]},
     **{
         f"{filter}-{motion}": {"filter": filter, "motion": motion, **NOISE[motion]}
         for filter in ("ekf", "ukf")
@@ -64,12 +63,9 @@ CHOSEN = (
     "ukf_additive-ca",
     "ckf-cv-diagonal",
     "ekf-imm",
-    "ukf-ca-continuous",
+    "ukf-cv_continuous",
     "ekf-singer",
     "ukf-ct",
-    "ekf-ct_known",
-    "ukf-cv_path",
-    "ekf-bicycle",
 )
 CASES = [pytest.param(name, marks=() if name in CHOSEN else pytest.mark.slow) for name in FILTERS]
 #: Largest difference between the engines, relative or in sigmas.

@@ -165,4 +165,4 @@ def test_blocks_of_another_truth_in_each_run_score_as_one():
     whole = work(of, {"lidar": LIDAR}, {"kf": config("kf")}, 30)
     one = block_of(whole, range(30)).outcomes["kf"].scores
     two = merge([block_of(whole, runs).outcomes["kf"].scores for runs in (range(11), range(11, 30))])
-    np.testing.assert_allclose(two.errors.per_run, one.errors.per_run, rtol=1e-12)
+    np.testing.assert_allclose(two.per_run, one.per_run, rtol=1e-12)

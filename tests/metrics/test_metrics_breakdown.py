@@ -8,9 +8,10 @@ from tests.metrics.test_metrics_scorer import estimate, target
 from tests.support.scenes import truth
 
 from trackbench.metrics import Scorer
-from trackbench.metrics.breakdown import band_name, breakdown, class_sums
+from trackbench.metrics.breakdown import band_name, breakdown
 from trackbench.metrics.conditions import AGES, JUMPS, MANOEUVRES, SHAPE, condition_classes
 from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.evaluate import independent_scores
 from trackbench.metrics.intervals import ratio, root
 from trackbench.models.sensors import Lidar
 from trackbench.sensing.scans import ideal_sensors
@@ -144,7 +145,7 @@ def scored(errors, codes, runs, covariance=None):
     made = Scorer(of, np.asarray(codes, dtype=np.int16), {})
     for error in errors:
         made.estimate(estimate(error, covariance))
-    return class_sums(made.close()[ESTIMATES.name].errors.cells, runs)
+    return independent_scores(made.close()[ESTIMATES.name], np.zeros(runs, dtype=int))
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["the same in every run", "its own in each run"])

@@ -1,30 +1,35 @@
-"""Sums over innovations: the autocorrelation against a loop over all pairs."""
+"""Sums over innovations: the correlation of successive ones against a loop over all pairs."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.conftest import Run
 
 from trackbench.metrics import innovations
 from trackbench.metrics.innovations import Innovations
-from trackbench.metrics.sums import LAGS, NIS
+from trackbench.metrics.sums import NIS
 
 
 def by_hand(white, used):
-    """Sums for each lag of innovations ``(times, m, batch)`` that count where ``used`` ``(times, batch)``."""
-    found = np.zeros((3, LAGS + 1))
+    """Pairs, products and squares at lags 0 and 1 of innovations ``(times, m, batch)`` that are ``used``."""
+    found = np.zeros((3, 2))
     for later in range(len(white)):
-        for lag in range(min(LAGS, later) + 1):
+        for lag in range(min(1, later) + 1):
             both = used[later] & used[later - lag]
             a, b = white[later][:, both], white[later - lag][:, both]
             found[:, lag] += [both.sum(), (a * b).sum(), (a * a).sum()]
     return found
 
 
+def require_sums(found, white, used):
+    expected = by_hand(white, used)
+    np.testing.assert_allclose(found.per_run[3:6].sum(axis=1), expected[:, 1], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found.per_run[:2].sum(axis=1), expected[[0, 2], 0], rtol=1e-12)
+
+
 @pytest.mark.parametrize("chunk", [1, 3, 8, 20])
 @pytest.mark.parametrize("share", [1.0, 0.7], ids=["every measurement", "some missing"])
-def test_every_lag_has_the_sums_of_all_pairs(chunk, share, monkeypatch):
+def test_successive_innovations_have_the_sums_of_all_pairs(chunk, share, monkeypatch):
     monkeypatch.setattr(innovations, "CHUNK", chunk)
     random = np.random.default_rng(3)
     white, used = random.normal(size=(45, 2, 6)), random.random((45, 6)) < share
@@ -33,11 +38,7 @@ def test_every_lag_has_the_sums_of_all_pairs(chunk, share, monkeypatch):
     for item, valid in zip(white, used, strict=True):
         collected.add(item, valid, valid)
     found = collected.scores()
-    expected = by_hand(white, used)
-    np.testing.assert_allclose(found.lags, expected, rtol=1e-12, atol=1e-12)
-    # The sums per run are of lag one.
-    np.testing.assert_allclose(found.per_run[3:6].sum(axis=1), expected[:, 1], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(found.per_run[:2].sum(axis=1), expected[[0, 2], 0], rtol=1e-12)
+    require_sums(found, white, used)
 
 
 def test_a_measurement_without_an_innovation_counts_in_no_pair():
@@ -49,7 +50,7 @@ def test_a_measurement_without_an_innovation_counts_in_no_pair():
     for k, item in enumerate(white):
         collected.add(None if k in missing else item, *[np.ones(4, dtype=bool)] * 2)
     found = collected.scores()
-    np.testing.assert_allclose(found.lags, by_hand(white, used), rtol=1e-12, atol=1e-12)
+    require_sums(found, white, used)
     np.testing.assert_array_equal(np.flatnonzero(found.per_step[0] == 0), missing)
     np.testing.assert_array_equal(np.flatnonzero(found.per_step[NIS["missing"]]), missing)
 
@@ -65,18 +66,6 @@ def test_an_innovation_that_cannot_be_summed_does_not_count(bad):
     for item in white:
         collected.add(item, *[np.ones(6, dtype=bool)] * 2)
     found = collected.scores()
-    np.testing.assert_allclose(found.lags, by_hand(white, used), rtol=1e-12, atol=1e-12)
+    require_sums(found, white, used)
     np.testing.assert_array_equal(found.per_step[NIS["count"]], used.sum(axis=1))
     np.testing.assert_array_equal(found.per_step[NIS["missing"]], (~used).sum(axis=1))
-
-
-def test_the_table_agrees_with_the_whiteness_at_lag_one(run_tiny: Run):
-    result = run_tiny("monte_carlo.runs=6")
-    table = result.tables["autocorrelation"].to_pylist()
-    tracker = next(entry for entry in result.json()["trackers"] if entry["name"] == "ekf")
-    for sensor, whiteness in tracker["metrics"]["whiteness"].items():
-        rows = {row["lag"]: row for row in table if row["sensor"] == sensor}
-        assert rows[0]["correlation"] == pytest.approx(1)
-        assert rows[1]["correlation"] == pytest.approx(whiteness["value"], rel=1e-12)
-        assert [rows[1]["low"], rows[1]["high"]] == pytest.approx(whiteness["bounds95"])
-    assert {row["tracker"] for row in table} == {"ekf"}

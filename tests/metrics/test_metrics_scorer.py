@@ -9,8 +9,8 @@ from tests.support.scenes import TRACKERS, block_of, random_walk, scan, truth, v
 
 from trackbench.base.types import Estimate
 from trackbench.metrics import Fault, Scorer, Target, evaluate, health, scorer
-from trackbench.metrics.breakdown import class_sums
-from trackbench.metrics.estimates import ESTIMATES, percentiles
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.evaluate import independent_scores
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import Failure
@@ -72,11 +72,6 @@ def scored_together(of, estimates, sensors=None):
     return {name: item.close()[ESTIMATES.name] for name, item in made.items()}
 
 
-def errors(scores):
-    """The sums of all errors."""
-    return scores.errors
-
-
 def test_errors_by_hand():
     # One object moving east at 10 m/s, two instants, two runs; errors in px of 3 and 0, in py of 4 and 0, and so on.
     state = np.zeros((4, 2, 1))
@@ -99,9 +94,8 @@ def test_errors_by_hand():
     # Two runs of 62.5 and 2.5: an interval that says nothing, and a sum beyond chi-square of 8 degrees of freedom.
     assert found["nees"].verdict == "optimistic"
     assert found["coverage"].value == 1.0
-    np.testing.assert_allclose(errors(scores).per_run[1:3].sum(axis=0), [25, 1])
-    np.testing.assert_allclose(errors(scores).per_step[1:3].sum(axis=0), [25, 1])
-    np.testing.assert_allclose(scores.spread[:, 0], np.percentile([5, 0], [10, 90]))
+    np.testing.assert_allclose(scores.per_run[1:3].sum(axis=0), [25, 1])
+    np.testing.assert_allclose(scores.per_step[1:3].sum(axis=0), [25, 1])
 
 
 def test_nees_with_a_full_covariance_agrees_with_numpy():
@@ -114,7 +108,7 @@ def test_nees_with_a_full_covariance_agrees_with_numpy():
     scores = scored(target(state, batch), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
     error = mean.T - state[:, 0, 0]
     expected = [e @ np.linalg.solve(p, e) for e, p in zip(error, covariance, strict=True)]
-    np.testing.assert_allclose(errors(scores).per_run[5], expected, rtol=1e-12)
+    np.testing.assert_allclose(scores.per_run[5], expected, rtol=1e-12)
 
 
 def test_the_course_of_an_object_at_rest_is_not_scored():
@@ -123,7 +117,7 @@ def test_the_course_of_an_object_at_rest_is_not_scored():
     mean = np.zeros((4, 2))
     mean[3] = 5.0
     scores = scored(target(state, 1), [([], estimate(mean))])
-    assert errors(scores).per_run[6, 0] == 1
+    assert scores.per_run[6, 0] == 1
     assert values(scores)["course_rmse"].value == pytest.approx(90)
 
 
@@ -133,27 +127,14 @@ def test_the_course_error_goes_the_short_way_round():
     assert values(scores)["course_rmse"].value == pytest.approx(2 * np.rad2deg(np.arctan(0.01)))
 
 
-def test_percentiles_are_those_of_numpy_over_what_is_in_use():
-    random = np.random.default_rng(0)
-    values, use = (
-        np.abs(random.normal(size=(5, 40))),
-        random.random((5, 40)) < np.array([1.0, 0.8, 0.3, 0.05, 0.0])[:, None],
-    )
-    use[3] = np.arange(40) == 7
-    found = percentiles((0.1, 0.9), np.where(use, values**2, np.nan))
-    for k in range(4):
-        np.testing.assert_allclose(found[:, k], np.percentile(values[k][use[k]], [10, 90]))
-    assert np.isnan(found[:, 4]).all()
-
-
 def test_what_is_not_there_or_not_yet_due_is_not_scored():
     state = np.zeros((4, 3, 2))
     alive = [[True, False], [True, True], [False, True]]
     mean = np.full((4, 2), 2.0)
     scores = scored(target(state, 1, alive=alive, start=1.0), [([], estimate(mean))] * 3)
     # The settling time cuts the first instant; then both objects, then the second one alone.
-    np.testing.assert_array_equal(errors(scores).per_step[0], [0, 2, 1])
-    assert scores.due[0] == errors(scores).per_run[0, 0] == 3
+    np.testing.assert_array_equal(scores.per_step[0], [0, 2, 1])
+    assert scores.due[0] == scores.per_run[0, 0] == 3
 
 
 def test_a_lane_without_an_estimate_costs_coverage():
@@ -162,7 +143,7 @@ def test_a_lane_without_an_estimate_costs_coverage():
     half = estimate(np.array([[1.0, np.nan]] * 4))
     whole = estimate(np.ones((4, 2)))
     scores = scored(target(state, 2), [([], nothing), ([], half), ([], whole), ([], whole)])
-    assert errors(scores).per_run[[ERROR["count"], ERROR["given"]]].tolist() == [[4, 4], [3, 2]]
+    assert scores.per_run[[ERROR["count"], ERROR["given"]]].tolist() == [[4, 4], [3, 2]]
     assert values(scores)["coverage"].value == pytest.approx(5 / 8)
     # The measured positions are those of the truth: what is missing costs nothing here.
     assert values(scores)["position_rmse"].value == pytest.approx(np.sqrt(2 * 5 / 8))
@@ -206,12 +187,12 @@ def test_a_track_that_ends_is_charged_the_worse_of_its_last_estimate_and_the_mea
     first, none = estimate(np.array([[5.0, np.nan], [0, np.nan], [0.5, np.nan], [0, np.nan]])), np.full((4, 2), np.nan)
     scores = scored(target(state, 2), [([], estimate(none)), ([], first), ([], estimate(none)), ([], estimate(none))])
     # Measured is 0 m at all instants: at 2 m the estimate of 5 m is worse, at 3 m the measured position.
-    assert errors(scores).per_run[ERROR["px"]].tolist() == [0 + 16 + 9 + 9, 0 + 1 + 4 + 9]
-    assert errors(scores).charged_per_run[ERROR["px"]].tolist() == [0 + 9 + 9, 0 + 1 + 4 + 9]
+    assert scores.per_run[ERROR["px"]].tolist() == [0 + 16 + 9 + 9, 0 + 1 + 4 + 9]
+    assert scores.charged_per_run[ERROR["px"]].tolist() == [0 + 9 + 9, 0 + 1 + 4 + 9]
     # No velocity at all is worse than .5 m/s.
-    assert errors(scores).per_run[ERROR["vx"]].tolist() == [1 + 0.25 + 1 + 1, 4.0]
-    assert errors(scores).per_run[ERROR["given"]].tolist() == [1, 0]
-    assert scores.errors.per_run[ERROR["nees"]].tolist() == [16.25, 0]
+    assert scores.per_run[ERROR["vx"]].tolist() == [1 + 0.25 + 1 + 1, 4.0]
+    assert scores.per_run[ERROR["given"]].tolist() == [1, 0]
+    assert scores.per_run[ERROR["nees"]].tolist() == [16.25, 0]
     assert health(scores).missing_estimates == 7
 
 
@@ -228,7 +209,7 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, mon
     monkeypatch.setattr(scorer, "BATCH", batch)
     for name, outcome in block_of(whole, range(5)).outcomes.items():
         found = outcome.scores
-        for field in ("due", "diverged", "repaired", "spread"):
+        for field in ("due", "diverged", "repaired"):
             a, b = getattr(found, field), getattr(expected[name].scores, field)
             np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
         same_errors(found, expected[name].scores)
@@ -323,10 +304,9 @@ TWO = {
 def same_errors(found, expected):
     """Also what is charged for missing estimates, and of each class."""
     for field in ("per_step", "per_run", "charged_per_step", "charged_per_run"):
-        a, b = (getattr(scores.errors, field) for scores in (found, expected))
+        a, b = (getattr(scores, field) for scores in (found, expected))
         np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
-    runs = expected.errors.per_run.shape[1]
-    moments = [scores.errors.classes or class_sums(scores.errors.cells, runs) for scores in (found, expected)]
+    moments = [independent_scores(scores, np.zeros(len(scores.due), dtype=int)).classes for scores in (found, expected)]
     for field in ("total", "square", "product", "parts"):
         a, b = (getattr(item, field) for item in moments)
         np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
@@ -354,7 +334,6 @@ def test_merged_blocks_are_one_block(own):
                 a, b = getattr(merged.nis[sensor], field), getattr(single.nis[sensor], field)
                 # The whiteness products cancel, so that they are as exact as their terms.
                 np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
-            np.testing.assert_allclose(merged.nis[sensor].lags, single.nis[sensor].lags, rtol=1e-12, atol=1e-9)
     assert one.digests == [digest for part in parts for digest in part.digests]
     for sensor in SENSORS:
         np.testing.assert_array_equal(one.detections[sensor], sum(part.detections[sensor] for part in parts))
@@ -370,7 +349,7 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     assert found["position_rmse"].value < 1e-5
     assert found["velocity_rmse"].without_charged < 1e-4
     # It has no velocity before the second measurement.
-    assert errors(scores).per_run[ERROR["given"]].tolist() == [19, 19, 19]
+    assert scores.per_run[ERROR["given"]].tolist() == [19, 19, 19]
 
 
 def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.metrics.test_metrics_scorer import SENSORS, TWO, errors, estimate, scored, target
+from tests.metrics.test_metrics_scorer import SENSORS, TWO, estimate, scored, target
 from tests.support.scenes import SHARED, block_of, random_walk, scan, truth, values, work
 
 from trackbench.metrics import Interval, evaluate
@@ -96,7 +96,7 @@ def test_scenes_are_what_is_independent():
         assert interval.influence.shape == (3,)
         assert interval.influence.sum() == pytest.approx(0.0, abs=1e-12)
         total = np.stack(
-            [found.evaluations[name].scores.per_run[:, 4 * k : 4 * k + 4].sum(axis=1) for k in range(3)], axis=1
+            [found.evaluations[name].scores.of_runs.per_run[:, 4 * k : 4 * k + 4].sum(axis=1) for k in range(3)], axis=1
         )
         expected = np.sqrt(total[1:3].sum() / total[0].sum())
         assert found.evaluations[name].values["position_rmse"].value == pytest.approx(expected, rel=1e-12)
@@ -117,19 +117,12 @@ def test_scenes_of_different_length_are_added_instant_by_instant():
     whole = scenes(2, 2)
     short, long = (run_block(whole, piece).outcomes["raw"].scores for piece in whole.pieces())
     both = merge([short, long])
-    count = errors(both).per_step[ERROR["count"]]
+    count = both.per_step[ERROR["count"]]
     assert len(count) == len(whole.scenes[1].instants()) > len(whole.scenes[0].instants())
     np.testing.assert_array_equal(
-        count[: short.spread.shape[1]], errors(short).per_step[0] + errors(long).per_step[0][: short.spread.shape[1]]
+        count[: short.per_step.shape[1]], short.per_step[0] + long.per_step[0][: short.per_step.shape[1]]
     )
     assert both.due.shape == (4,)
-
-
-def test_the_first_scene_may_be_the_shortest():
-    whole = scenes(2, 2)
-    both = merge([run_block(whole, piece).outcomes["raw"].scores for piece in whole.pieces()])
-    assert both.spread.shape == (2, len(whole.scenes[1].instants()))
-    assert np.isnan(both.spread[:, -1]).all()
 
 
 @pytest.mark.parametrize(("share", "alone", "better"), [(0.05, 0.3, "a"), (0.2, 0.15, "a"), (0.2, 0.05, None)], ids=str)
@@ -154,7 +147,7 @@ def test_an_object_out_of_view_of_every_sensor_is_not_scored_for_long():
     near = {"lidar": SENSORS["lidar"].model_copy(update={"max_range_m": 50.0, "detection_probability": 1.0})}
     for lost_after, last in ((1.0, 3.0), (2.5, 4.5)):
         whole = replace(work(of, near, {"ekf": TWO["ekf"]}, 2), lost_after=lost_after)
-        count = errors(block_of(whole, range(2)).outcomes["ekf"].scores).per_step[ERROR["count"]]
+        count = block_of(whole, range(2)).outcomes["ekf"].scores.per_step[ERROR["count"]]
         assert time[np.flatnonzero(count)[-1]] == pytest.approx(last)
 
 
@@ -181,9 +174,7 @@ def test_silence_of_a_sensor_is_no_excuse():
     time = np.arange(60) * 0.1
     of = truth(time, *(values[:, None, None] for values in (10 + 2 * time, 0 * time, 2 + 0 * time, 0 * time)))
     silent = {"lidar": SENSORS["lidar"].model_copy(update={"dropouts": (Dropout(from_s=2, to_s=5),)})}
-    count = errors(block_of(work(of, silent, {"ekf": TWO["ekf"]}, 2), range(2)).outcomes["ekf"].scores).per_step[
-        ERROR["count"]
-    ]
+    count = block_of(work(of, silent, {"ekf": TWO["ekf"]}, 2), range(2)).outcomes["ekf"].scores.per_step[ERROR["count"]]
     assert (count[5:] == 2).all()
 
 
@@ -193,11 +184,11 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     (scores,) = (block_of(whole, range(1)).outcomes[name].scores for name in ("ekf",))
     parts = independent_scores(scores, np.zeros(1, dtype=np.intp))
     assert parts.per_part.shape == (len(ERROR), 2), "ten seconds, none shorter than four"
-    np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(parts.per_part.sum(axis=1), scores.per_run[:, 0], rtol=1e-12)
     stretch = stretch_numbers(len(whole.scenes[0].instants()), 10.0)
-    expected = np.bincount(stretch, errors(scores).per_step[ERROR["px"]])
+    expected = np.bincount(stretch, scores.per_step[ERROR["px"]])
     np.testing.assert_allclose(parts.per_part[ERROR["px"]], expected, rtol=1e-12)
-    assert parts.classes.total[0, 0] == errors(scores).per_run[0, 0]
+    assert parts.classes.total[0, 0] == scores.per_run[0, 0]
     # The moments over stretches are those of the sums themselves.
     position = parts.per_part[ERROR["px"]] + parts.per_part[ERROR["py"]]
     assert parts.classes.square[2, 0] == pytest.approx((position**2).sum(), rel=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import spherical_jn
-from tests.support.scenes import CONTINUOUS, NOISE
+from tests.support.scenes import NOISE
 
 from trackbench.base.types import Gaussian
 from trackbench.models.motion import (
@@ -18,14 +18,12 @@ from trackbench.models.motion import (
     turning,
 )
 from trackbench.models.motion.base import UNKNOWN_ANGLE
-from trackbench.models.motion.bicycle import KinematicBicycle
-from trackbench.models.motion.ct import Turn, TurnKnown
+from trackbench.models.motion.ct import Turn
 from trackbench.models.motion.singer import Singer
 
 MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items()}
 #: With noise that is constant over a step, which may be integrated as such.
-STEPWISE = {name: model for name, model in MODELS.items() if name != "singer"}
-MODELS |= {f"{name} continuous": MOTION_MODELS[name](**keys) for name, keys in CONTINUOUS.items()}
+STEPWISE = {name: model for name, model in MODELS.items() if name not in ("singer", "cv_continuous")}
 TURNING = ("ctrv", "ctra")
 
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
@@ -70,12 +68,8 @@ def finite_difference(function, x: np.ndarray, size: float = 1e-3) -> np.ndarray
 
 def rate(model, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Time derivative of a state under constant driving noise, from the definition of each model."""
-    if isinstance(model, KinematicBicycle):
-        w = x[2] * np.sin(x[4]) / model.rear_axle_m
-        return np.array([x[2] * np.cos(x[3]), x[2] * np.sin(x[3]), noise[0], w + noise[1], noise[1]])
-    if isinstance(model, Turn | TurnKnown):
-        w = x[4] if isinstance(model, Turn) else model.turn_rate_radps
-        return np.array([x[2], x[3], noise[0] - w * x[3], noise[1] + w * x[2], *noise[2:]])
+    if isinstance(model, Turn):
+        return np.array([x[2], x[3], noise[0] - x[4] * x[3], noise[1] + x[4] * x[2], *noise[2:]])
     if isinstance(model, Singer):
         return np.concatenate([x[2:], -x[4:] / model.time_constant_s])
     if model.components[2] == "v":
@@ -117,10 +111,8 @@ def each(matrix: np.ndarray, x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("dt", INTERVALS)
 def test_jacobians_agree_with_finite_differences(model, dt):
     x = states(model)
-    # A bicycle of a short wheelbase turns by many radians for each of its slip.
-    size, limit = (2e-5, 1e-6) if isinstance(model, KinematicBicycle) else (1e-3, 1e-8)
-    expected = finite_difference(lambda s: model.transition(s, dt), x, size)
-    np.testing.assert_allclose(each(model.jacobian(x, dt), x), expected, atol=limit)
+    expected = finite_difference(lambda s: model.transition(s, dt), x)
+    np.testing.assert_allclose(each(model.jacobian(x, dt), x), expected, atol=1e-8)
     expected = finite_difference(model.to_cartesian, x)
     np.testing.assert_allclose(each(model.cartesian_jacobian(x), x), expected, atol=1e-8)
 
@@ -162,9 +154,6 @@ def test_noise_gain_is_what_constant_driving_noise_adds(model, driver, dt):
         x[3] = 2.0
     noise = np.zeros(len(model.noise_sigma))
     noise[min(driver, len(noise) - 1)] = 1.3
-    if isinstance(model, TurnKnown):
-        # What a turn adds over the step is left out of its gain, as in the source.
-        model = model.model_copy(update={"turn_rate_radps": 0.0})
     expected = integrated(model, x, noise, dt) - x
     np.testing.assert_allclose(model.noise_gain(x, dt) @ noise, expected, atol=1e-9)
 

@@ -11,16 +11,14 @@ from scipy import stats
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import minimize_scalar
 from tests.support.reference import smoothed
-from tests.support.scenes import CONTINUOUS, NOISE, scan, tracker
+from tests.support.scenes import NOISE, scan, tracker
 from tests.support.udacity import data_folder
 
-from trackbench.base.units import difference
 from trackbench.filters import Belief
-from trackbench.models.motion import MOTION_MODELS, ConstantAcceleration, ConstantVelocity, process_noise_covariance
-from trackbench.models.motion.bicycle import KinematicBicycle
-from trackbench.models.motion.ct import Turn, TurnKnown
+from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, process_noise_covariance
+from trackbench.models.motion.ct import Turn
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
-from trackbench.models.motion.cv_path import PathConstantVelocity
+from trackbench.models.motion.cv import ContinuousNoiseVelocity
 from trackbench.models.motion.singer import Singer
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
@@ -58,8 +56,7 @@ def of_singer(time_constant: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("model", "drift", "density"),
     [
-        (ConstantVelocity(noise="continuous", acceleration_density_mps1p5=1.7), np.eye(2, k=1), 1.7**2),
-        (ConstantAcceleration(noise="continuous", jerk_density_mps2p5=1.7), np.eye(3, k=1), 1.7**2),
+        (ContinuousNoiseVelocity(acceleration_density_mps1p5=1.7), np.eye(2, k=1), 1.7**2),
         *((singer(tau), of_singer(tau), 2 * 2.0**2 / tau) for tau in (0.5, 1.0, 3.0, 60.0)),
     ],
 )
@@ -71,9 +68,9 @@ def test_process_noise_is_the_integral_of_the_white_noise(model, drift, density,
     np.testing.assert_allclose(model.transition(x, dt), model.jacobian(x, dt) @ x, rtol=1e-14)
 
 
-@pytest.mark.parametrize("model", [*(CONTINUOUS | {"singer": NOISE["singer"]}).items()], ids=lambda item: item[0])
-def test_what_noise_of_continuous_time_adds_does_not_depend_on_the_number_of_steps(model):
-    made = MOTION_MODELS[model[0]](**model[1])
+@pytest.mark.parametrize("name", ["cv_continuous", "singer"])
+def test_what_noise_of_continuous_time_adds_does_not_depend_on_the_number_of_steps(name):
+    made = MOTION_MODELS[name](**NOISE[name])
     x = np.zeros(len(made.components))
     p = np.zeros((len(x), len(x)))
     for _ in range(20):
@@ -108,11 +105,11 @@ def test_the_covariance_of_singer_has_the_digits_of_its_closed_form_at_any_ratio
 def test_singer_ends_as_constant_acceleration_and_as_constant_velocity():
     x, dt = np.linspace(1.0, 2.0, 6), 0.4
     slow = singer(1e9, np.sqrt(1e9 / 2) * 1.5)
-    jerk = ConstantAcceleration(noise="continuous", jerk_density_mps2p5=1.5)
-    np.testing.assert_allclose(process_noise_covariance(slow, x, dt), process_noise_covariance(jerk, x, dt), rtol=1e-8)
-    np.testing.assert_allclose(slow.jacobian(x, dt), jerk.jacobian(x, dt), rtol=1e-8)
+    f, q = integrated(np.eye(3, k=1), 1.5**2, dt)
+    np.testing.assert_allclose(per_axis(process_noise_covariance(slow, x, dt)), q, rtol=1e-7)
+    np.testing.assert_allclose(per_axis(slow.jacobian(x, dt)), f, rtol=1e-8, atol=1e-14)
     fast = singer(1e-9, 1.5 / np.sqrt(2e-9))
-    white = ConstantVelocity(noise="continuous", acceleration_density_mps1p5=1.5)
+    white = ContinuousNoiseVelocity(acceleration_density_mps1p5=1.5)
     np.testing.assert_allclose(
         process_noise_covariance(fast, x, dt)[:4, :4], process_noise_covariance(white, x[:4], dt), rtol=1e-7
     )
@@ -122,71 +119,13 @@ def test_singer_ends_as_constant_acceleration_and_as_constant_velocity():
 def test_turns_end_as_constant_velocity_and_go_the_way_of_ctrv():
     x, dt = np.array([3.0, -4.0, 6.0, 8.0]), 0.7
     straight = ConstantVelocity(acceleration_sigma_mps2=2.0)
-    still = TurnKnown(acceleration_sigma_mps2=2.0, turn_rate_radps=0.0)
-    np.testing.assert_array_equal(still.jacobian(x, dt), straight.jacobian(x, dt))
-    np.testing.assert_array_equal(process_noise_covariance(still, x, dt), process_noise_covariance(straight, x, dt))
     state_rate = Turn(acceleration_sigma_mps2=2.0, yaw_acceleration_sigma_radps2=0.1)
     np.testing.assert_allclose(state_rate.jacobian(np.append(x, 0.0), dt)[:4, :4], straight.jacobian(x, dt), atol=1e-15)
     polar = ConstantTurnRateVelocity(acceleration_sigma_mps2=2.0, yaw_acceleration_sigma_radps2=0.1)
     yaw = np.arctan2(8.0, 6.0)
     for rate in (-3.0, -0.2, 1e-9, 0.5, 2.0):
         turning = polar.to_cartesian(polar.transition(np.array([3.0, -4.0, 10.0, yaw, rate]), dt))
-        made = TurnKnown(acceleration_sigma_mps2=2.0, turn_rate_radps=rate)
-        np.testing.assert_allclose(made.transition(x, dt), turning, atol=1e-13)
-        np.testing.assert_allclose(made.jacobian(x, dt) @ x, turning, atol=1e-13)
         np.testing.assert_allclose(state_rate.transition(np.append(x, rate), dt), np.append(turning, rate), atol=1e-13)
-
-
-def test_noise_along_and_across_is_that_of_constant_velocity_turned_by_the_course():
-    x, dt = np.array([3.0, -4.0, 6.0, -8.0]), 0.7
-    alike = PathConstantVelocity(along_sigma_mps2=2.0, across_sigma_mps2=2.0)
-    straight = ConstantVelocity(acceleration_sigma_mps2=2.0)
-    for state in (x, np.zeros(4)):
-        np.testing.assert_allclose(
-            process_noise_covariance(alike, state, dt), process_noise_covariance(straight, state, dt), atol=1e-15
-        )
-    model = PathConstantVelocity(along_sigma_mps2=2.0, across_sigma_mps2=0.5)
-    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
-    plane = turn @ np.diag([4.0, 0.25]) @ turn.T
-    axis = np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
-    np.testing.assert_allclose(process_noise_covariance(model, x, dt), np.kron(axis, plane), rtol=1e-13)
-
-
-def test_a_bicycle_goes_the_way_of_the_simulator_s_vehicle_and_closes_its_circle():
-    """highway-env moves the centre of its vehicles, whose axles are half their length from it, by Polack (2017)."""
-    from highway_env.vehicle.kinematics import Vehicle
-
-    vehicle = Vehicle(None, [2.0, -3.0], heading=0.4, speed=12.0)
-    vehicle.act({"steering": 0.15, "acceleration": 0.0})
-    slip = np.arctan(np.tan(0.15) / 2)
-    model = KinematicBicycle(acceleration_sigma_mps2=1.0, slip_rate_sigma_radps=0.1, rear_axle_m=vehicle.LENGTH / 2)
-    begin = np.array([2.0, -3.0, 12.0, 0.4 + slip, slip])
-    for _ in range(20_000):
-        vehicle.step(1e-4)
-    end = model.transition(begin, 2.0)
-    np.testing.assert_allclose(end[:2], vehicle.position, atol=2e-3)
-    np.testing.assert_allclose(end[3] - end[4], vehicle.heading, atol=1e-9)
-    radius = model.rear_axle_m / np.sin(slip)
-    closed = model.transition(begin, 2 * np.pi * radius / 12.0)
-    np.testing.assert_allclose(difference(closed, begin, model.angular), np.zeros(5), atol=1e-12)
-    half = model.transition(begin, np.pi * radius / 12.0)
-    np.testing.assert_allclose(np.hypot(*(half - begin)[:2]), 2 * radius, rtol=1e-12)
-
-
-@pytest.mark.parametrize("heading", [-2.0, 0.4])
-def test_of_a_bicycle_nothing_but_its_slip_says_where_the_body_points(heading):
-    """Positions show the yaw and, while it moves, the slip: the observability matrix loses rank at rest alone."""
-    model = KinematicBicycle(acceleration_sigma_mps2=1.0, slip_rate_sigma_radps=0.1)
-
-    def rank(speed: float) -> int:
-        x, rows, product = np.array([0.0, 0.0, speed, heading, 0.05]), [], np.eye(5)
-        for _ in range(5):
-            rows.append(product[:2])
-            product = model.jacobian(x, 0.3) @ product
-            x = model.transition(x, 0.3)
-        return int(np.linalg.matrix_rank(np.concatenate(rows), tol=1e-9))
-
-    assert (rank(8.0), rank(0.0)) == (5, 3)
 
 
 CAR = data_folder() / "published" / "car_track.json"
@@ -196,9 +135,9 @@ CAR = data_folder() / "published" / "car_track.json"
 @pytest.mark.parametrize(
     ("noise", "filtered", "smooth"),
     [
-        ({"noise": "continuous", "acceleration_density_mps1p5": 1.0}, 0.4253824660526518, 0.26497104638205465),
+        ({"motion": "cv_continuous", "acceleration_density_mps1p5": 1.0}, 0.4253824660526518, 0.26497104638205465),
         # As constant as the step is long, it has the same variance per second: to the digits that are known.
-        ({"acceleration_sigma_mps2": np.sqrt(1.0 / 0.1)}, 0.4253303, 0.2649843),
+        ({"motion": "cv", "acceleration_sigma_mps2": np.sqrt(1.0 / 0.1)}, 0.4253303, 0.2649843),
     ],
     ids=["continuous", "piecewise"],
 )
@@ -211,14 +150,14 @@ def test_the_car_of_saerkkae_has_every_printed_digit(noise, filtered, smooth):
         return float(np.sqrt(((np.array(positions).T - truth) ** 2).sum(axis=0).mean()))
 
     assert rmse(measured.T) == pytest.approx(0.7679855237247215, rel=1e-15)
-    filter = tracker(filter="kf", motion="cv", **noise).filter
+    filter = tracker(filter="kf", **noise).filter
     belief, beliefs = Belief(np.array([0.0, 0.0, 1.0, -1.0]), np.eye(4)), []
     for k, y in enumerate(measured.T):
         seen = scan("lidar", 0.1 * k, y, noise=0.25 * np.eye(2))
         belief = filter.update(filter.predict(belief, 0.1), seen).belief
         beliefs.append(belief)
     afterwards = smoothed(filter, beliefs, [0.1] * (len(beliefs) - 1))
-    digits = 1e-14 if "noise" in noise else 5e-8
+    digits = 1e-14 if noise["motion"] == "cv_continuous" else 5e-8
     assert rmse([belief.mean[:2] for belief in beliefs]) == pytest.approx(filtered, abs=digits)
     assert rmse([belief.mean[:2] for belief in afterwards]) == pytest.approx(smooth, abs=digits)
 
@@ -265,14 +204,14 @@ def test_with_continuous_noise_consistency_does_not_depend_on_the_rate():
     """A truth of white acceleration, its measurements thinned: the NEES stays 4, by chi-square bounds of 99 %."""
     runs, dt, density = 2000, 0.05, 0.45
     random = np.random.default_rng(11)
-    model = ConstantVelocity(noise="continuous", acceleration_density_mps1p5=density)
+    model = ContinuousNoiseVelocity(acceleration_density_mps1p5=density)
     gain, states = density * model.noise_gain(np.zeros(4), dt), [np.zeros((4, runs))]
     for _ in range(80):
         states.append(model.transition(states[-1], dt) + gain @ random.normal(size=(4, runs)))
     measured = [x[:2] + 0.15 * random.normal(size=(2, runs)) for x in states]
 
     def at_the_end(every: int, noise) -> tuple[float, float]:
-        filter = tracker(filter="kf", motion="cv", **noise).filter
+        filter = tracker(filter="kf", **noise).filter
         belief = Belief(random.normal(size=(4, runs)), np.eye(4)[..., None] * np.ones(runs))
         for k in range(0, 81, every):
             belief = belief if k == 0 else filter.predict(belief, every * dt)
@@ -282,18 +221,18 @@ def test_with_continuous_noise_consistency_does_not_depend_on_the_rate():
         return float(np.einsum("ir,rij,jr->", error, np.linalg.inv(p), error)), float(p[0, 2, 2])
 
     low, high = stats.chi2.ppf([0.005, 0.995], 4 * runs)
-    continuous = {"noise": "continuous", "acceleration_density_mps1p5": density}
+    continuous = {"motion": "cv_continuous", "acceleration_density_mps1p5": density}
     for every in (1, 2, 4, 8):
         assert low < at_the_end(every, continuous)[0] < high, every
     # Piecewise constant noise that is right at one rate is too large at an eighth of it.
-    piecewise = {"acceleration_sigma_mps2": density / np.sqrt(dt)}
+    piecewise = {"motion": "cv", "acceleration_sigma_mps2": density / np.sqrt(dt)}
     assert low < at_the_end(1, piecewise)[0] < high
     assert at_the_end(8, piecewise)[0] < 0.8 * low
 
 
 @pytest.mark.parametrize("steps", [1, 20])
 def test_a_density_is_the_spread_of_the_velocity_after_a_second_at_any_rate(steps):
-    model = ConstantVelocity(noise="continuous", acceleration_density_mps1p5=3.1)
+    model = ContinuousNoiseVelocity(acceleration_density_mps1p5=3.1)
     x, p = np.zeros(4), np.zeros((4, 4))
     for _ in range(steps):
         f = model.jacobian(x, 1.0 / steps)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.support.changed import selected_tests
-from tests.support.places import ROOT
 
 
 def test_the_test_of_a_module_has_its_name_or_imports_it(tmp_path: Path) -> None:
@@ -22,8 +21,3 @@ def test_the_test_of_a_module_has_its_name_or_imports_it(tmp_path: Path) -> None
     assert len(selected_tests([source / "alone.py"], tmp_path)) == 3
     changed = [Path("tests/base/test_other.py"), Path("tests/base/test_gone.py"), Path("docs/index.md")]
     assert selected_tests(changed, tmp_path) == ["tests/base/test_other.py"]
-
-
-def test_every_module_has_tests() -> None:
-    modules = [file.relative_to(ROOT) for file in (ROOT / "src" / "trackbench" / "compare").glob("[a-z]*.py")]
-    assert [module.name for module in modules if not selected_tests([module])] == []

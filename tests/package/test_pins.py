@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import tomllib
-import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -101,18 +100,3 @@ def test_the_hashes_are_those_of_the_index() -> None:
     pins = pins_of(text_of("dev"))
     index = compiled(_marked(name, f"=={pin.version}", pin) for name, pin in pins.items())
     assert {name for name, pin in pins.items() if not pin.hashes <= index[name].hashes} == set()
-
-
-def test_newer_patch_releases_are_told() -> None:
-    pins = pins_of(text_of("dev"))
-    newest = compiled(
-        _marked(name, f">={pin.version},=={pin.version.major}.{pin.version.minor}.*", pin) for name, pin in pins.items()
-    )
-    newer = [
-        f"{name} {pin.version} -> {newest[name].version}"
-        for name, pin in sorted(pins.items())
-        if newest[name].version > pin.version
-    ]
-    if newer:
-        warnings.warn(f"newer patch releases (make pins UPGRADE=--upgrade): {', '.join(newer)}", stacklevel=1)
-    assert newest.keys() == pins.keys()

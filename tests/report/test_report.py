@@ -259,7 +259,7 @@ def test_every_tracker_failed() -> None:
                 summary,
                 {
                     **make_tables(),
-                    **dict.fromkeys(("steps", "nis", "estimates", "autocorrelation", "differences"), empty),
+                    **dict.fromkeys(("steps", "nis", "estimates", "differences"), empty),
                 },
             )
         )

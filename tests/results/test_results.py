@@ -20,7 +20,7 @@ from trackbench.results.declared import LABELLED
 
 
 def numbers_of(table: str) -> list[str]:
-    return [column.name for column in LABELLED[table].columns if column.kind != "name"]
+    return [column.name for column in LABELLED[table].columns if not column.is_name]
 
 
 SMALL = Result.from_json(
@@ -240,8 +240,8 @@ def test_text_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         (b"", "result.json: not a readable result: "),
         (b'{"schema_version": 1', "result.json: not a readable result: "),
         (b"\xff\xfe", "result.json: not a readable result: "),
-        (b"[1, 2]", "result.json: schema_version is not 4 or 5"),
-        (b'{"schema_version": 1}', "schema_version is not 4 or 5: this result is of another version"),
+        (b"[1, 2]", "result.json: schema_version is not 6"),
+        (b'{"schema_version": 1}', "schema_version is not 6: this result is of another version"),
         (f'{{"schema_version": {SCHEMA_VERSION}}}'.encode(), "not a result: scenario: Field required"),
         (json_text({**SMALL.json(), "ranking": []}).encode(), "ranking does not name its trackers"),
     ],
@@ -260,9 +260,9 @@ def test_damaged_tables_are_refused_when_they_are_read(tmp_path: Path, content: 
     file = tmp_path / "run" / "steps.parquet"
     file.unlink() if content is None else file.write_bytes(content)
     loaded = results.Result.load(tmp_path / "run")
-    assert loaded.summary == SMALL.summary
+    assert loaded.json() == SMALL.json()
     with pytest.raises(
-        InputError, match=r"no steps\.parquet" if content is None else "not a readable table: "
+        InputError, match=r"no steps\.parquet" if content is None else "not the table that this run wrote"
     ) as caught:
         _ = loaded.tables.steps
     assert str(tmp_path / "run") in str(caught.value)
@@ -275,27 +275,12 @@ def test_a_folder_without_a_result(tmp_path: Path) -> None:
         results.Result.load(tmp_path / "nowhere")
 
 
-# What is done to a table of a run, and what is said of it.
-TABLE_EDITS = [
-    (lambda table: table.drop_columns(["nees"]), "no column nees, or several: not the table estimates of a run"),
-    (lambda table: table.set_column(2, "time_s", pa.array(["x"] * len(table))), "time_s is a column of string"),
-    (lambda table: table.set_column(0, "tracker", pa.array(["ekff"] * len(table))), "did you mean 'ekf'?"),
-    (lambda table: table.set_column(3, "px_m", pa.array([1] * len(table))), "px_m is a column of int64"),
-    (lambda table: table.slice(1), "has not each time of the others once"),
-    (lambda table: pa.concat_tables([table, table]), "has not each time of the others once"),
-    (lambda table: table.set_column(2, "time_s", pa.nulls(len(table), pa.float64())), "time_s is not finite"),
-    (lambda table: table.set_column(2, "time_s", pa.array([1e30] * len(table))), "or beyond 1e+09 s"),
-]
-
-
-@pytest.mark.parametrize(("edit", "message"), TABLE_EDITS)
-def test_a_table_that_is_none_of_a_run(tiny_result: Result, tmp_path: Path, edit, message: str) -> None:
+def test_a_table_that_was_changed_is_refused(tiny_result: Result, tmp_path: Path) -> None:
     tiny_result.save(tmp_path / "run", {})
     file = tmp_path / "run" / "estimates.parquet"
-    pq.write_table(edit(pq.read_table(file)), file)
-    with pytest.raises(InputError) as caught:
+    pq.write_table(pq.read_table(file).slice(1), file)
+    with pytest.raises(InputError, match="not the table that this run wrote") as caught:
         _ = results.Result.load(tmp_path / "run").tables.estimates
-    assert message in str(caught.value)
     assert str(caught.value).startswith(str(file))
 
 
@@ -314,14 +299,6 @@ def test_json_larger_than_any_result_is_not_read(tmp_path: Path) -> None:
     os.truncate(tmp_path / "result.json", files.JSON + 1)
     with pytest.raises(InputError, match="larger than 64 MiB"):
         Result.load(tmp_path)
-
-
-def test_measurements_without_their_arrival_are_none_of_a_run(tiny_result: Result, tmp_path: Path) -> None:
-    tiny_result.save(tmp_path / "run", {})
-    file = tmp_path / "run" / "measurements.parquet"
-    pq.write_table(pq.read_table(file).drop_columns(["arrival_time_s"]), file)
-    with pytest.raises(InputError, match="no column arrival_time_s"):
-        _ = results.Result.load(tmp_path / "run").tables.measurements
 
 
 def test_values_that_differ_by_rounding_are_in_the_order_of_the_scenario() -> None:

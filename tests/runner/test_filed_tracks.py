@@ -108,7 +108,7 @@ def test_a_constant_offset_is_shown_and_taken_out_only_when_it_is_asked(tmp_path
     assert low < -offset < high < low + 5e-3
     assert shown.offset_shown
     moved = offset_shown(tmp_path, late, time_offset_s=-offset)
-    assert moved.siap_position.value < 0.2
+    assert moved.motp.value < 0.2
     assert moved.matched_share.value == pytest.approx(260 / 300)
     assert not moved.offset_shown
 
@@ -148,7 +148,7 @@ def test_the_interval_of_an_offset_covers_it(cars: int, bias: float) -> None:
 
 def test_what_tracks_do_not_state_is_not_available(tmp_path: Path) -> None:
     result = scored(tmp_path, exact(np.arange(0, 10, 0.05)))["theirs"]
-    for path in ("nees", "velocity_rmse", "siap_velocity", "step_time", "association_right"):
+    for path in ("nees", "velocity_rmse", "step_time", "association_right"):
         assert result.metrics[path].value is None
         assert result.metrics[path].reason
 

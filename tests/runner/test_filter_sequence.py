@@ -80,7 +80,7 @@ def test_a_sequence_gives_the_scores_of_its_steps(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(filter_sequence, "through", counted)
     scenario = tb.load(name, {"truth.duration_s": 8}, runs=RUNS)
     by_sequences = outcomes(monkeypatch, scenario, by_steps=False)
-    every = sum(outcome.scores.errors.per_step.shape[1] for outcome in by_sequences.values())
+    every = sum(outcome.scores.per_step.shape[1] for outcome in by_sequences.values())
     assert instants[0] > 0.6 * every
     by_steps = outcomes(monkeypatch, scenario, by_steps=True)
     assert by_sequences.keys() == by_steps.keys()
@@ -205,5 +205,5 @@ def test_estimates_after_measurements_and_after_predictions(monkeypatch: pytest.
     file.write_text(UNREAD, encoding="utf-8")
     by_sequences, by_steps = (outcomes(monkeypatch, tb.load(file), steps) for steps in (False, True))
     same(by_sequences["mine"], by_steps["mine"], "mine")
-    errors = by_sequences["mine"].scores.errors.per_run
+    errors = by_sequences["mine"].scores.per_run
     assert np.sqrt((errors[1] + errors[2]).sum() / errors[0].sum()) < 0.5

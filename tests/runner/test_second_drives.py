@@ -190,7 +190,7 @@ def test_who_looks_at_the_others_in_wide_batches_alone_fails_there(plug_ins: tup
 def test_who_draws_random_numbers_is_shown(outcome: Result) -> None:
     text = StringIO()
     print_summary(outcome, Console(file=text, width=80))
-    line = "random = True, so its errors are compared with those of each member alone"
+    line = "random = True, so it is not asked again"
     shown = " ".join(text.getvalue().split())
     assert any(f"{names}: {line}" in shown for names in ("SaysSo and SaysDrawing", "SaysDrawing and SaysSo"))
 

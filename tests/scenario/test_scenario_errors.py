@@ -97,8 +97,8 @@ BAD = [
         "ekf: {filter: ekf",
         "ekf: {position_sigma_m: 3, filter: ekf",
         [
-            "21: trackers.ekf.position_sigma_m: unknown key; choose from: noise, acceleration_sigma_mps2, "
-            "acceleration_density_mps1p5, filter, motion, sensors, advance_at, late, lag_s, process_noise_diag, "
+            "21: trackers.ekf.position_sigma_m: unknown key; choose from: acceleration_sigma_mps2, "
+            "filter, motion, sensors, advance_at, late, lag_s, process_noise_diag, "
             "initial, sigma_points, augmented, alpha, beta, kappa, iterations, sensor_models, measurement_noise, "
             "assume, smoother, associate, sweep"
         ],
@@ -276,16 +276,16 @@ BAD = [
         "motion: cv, acceleration_sigma_mps2: 3",
         "motion: ca, acceleration_sigma_mps2: 3",
         [
-            "21: trackers.ekf.acceleration_sigma_mps2: motion ca does not use this; it uses noise and jerk_sigma_mps3 "
-            "and jerk_density_mps2p5",
+            "21: trackers.ekf.acceleration_sigma_mps2: motion ca does not use this; it uses jerk_sigma_mps3",
+            "21: trackers.ekf.jerk_sigma_mps3: missing: motion ca needs jerk_sigma_mps3",
         ],
     ),
     (
         "filter: ukf",
         "filter: kf",
         [
-            "22: trackers.ukf.motion: kf needs a linear motion model: use ca or ct_known or cv or singer, or "
-            "filter: ekf with ctrv"
+            "22: trackers.ukf.motion: kf needs a linear motion model: use ca or cv or cv_continuous or "
+            "singer, or filter: ekf with ctrv"
         ],
     ),
     (

@@ -289,8 +289,6 @@ def make_tables() -> dict[str, pa.Table]:
                 "time_s": TIME,
                 "position_rmse_m": error,
                 "velocity_rmse_mps": 2.1 * error,
-                "position_p10_m": 0.4 * error,
-                "position_p90_m": 1.6 * error,
                 "nees_mean": nees,
                 "nees_low": np.full(TIME.size, 3.6),
                 "nees_high": np.full(TIME.size, 4.4),
@@ -355,23 +353,9 @@ def make_tables() -> dict[str, pa.Table]:
         for name in paths
     ]
     roads = [{"line": np.full(2, i), "x_m": [0, 600], "y_m": [4 * i - 2, 4 * i - 2]} for i in range(5)]
-    correlation = [
-        {
-            "tracker": [name] * 21,
-            "sensor": [sensor] * 21,
-            "lag": np.arange(21.0),
-            "correlation": 0.5 ** np.arange(21.0),
-            "low": np.full(21, -0.02),
-            "high": np.full(21, 0.02),
-        }
-        for name in RMSE
-        if name not in ("raw", "alpha_beta")
-        for sensor in SENSORS
-    ]
     parts = {
         "steps": steps,
         "nis": nis,
-        "autocorrelation": correlation,
         "estimates": estimates,
         "truth": truth,
         "measurements": measurements,

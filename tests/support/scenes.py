@@ -29,11 +29,9 @@ NOISE = {
     "ctra": {"jerk_sigma_mps3": 3.0, "yaw_acceleration_sigma_radps2": 0.4},
     "singer": {"acceleration_sigma_mps2": 2.0, "time_constant_s": 3.0},
     "ct": {"acceleration_sigma_mps2": 2.0, "yaw_acceleration_sigma_radps2": 0.4},
-    "ct_known": {"acceleration_sigma_mps2": 2.0, "turn_rate_radps": 0.3},
-    "cv_path": {"along_sigma_mps2": 2.0, "across_sigma_mps2": 1.0},
-    "bicycle": {"acceleration_sigma_mps2": 2.0, "slip_rate_sigma_radps": 0.1},
+    "cv_continuous": {"acceleration_density_mps1p5": 1.5},
 }
-#: Those that every filter is tried with; the others, and other forms of the noise, each with one or two.
+#: Those that every filter is tried with; the others each with one or two.
 MOTIONS = ("cv", "ca", "ctrv", "ctra")
 
 #: Every filter with every motion model it takes, and the variants of the unscented filter.
@@ -50,10 +48,6 @@ TRACKERS: dict[str, dict[str, object]] = {
     }.items()
     for motion in MOTIONS
     if name != "kf" or motion in ("cv", "ca")
-}
-CONTINUOUS = {
-    "cv": {"noise": "continuous", "acceleration_density_mps1p5": 1.5},
-    "ca": {"noise": "continuous", "jerk_density_mps2p5": 1.5},
 }
 
 RADAR_NOISE = np.diag(np.square([0.3, 0.02, 0.2]))

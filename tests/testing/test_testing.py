@@ -97,11 +97,6 @@ def test_the_built_in_trackers_pass(name: str, motion: str) -> None:
     check_tracker(name, motion=motion, **SIGMAS[motion])
 
 
-@pytest.mark.parametrize("initial", ["first_measurement", "two_measurements"])
-def test_every_start_from_measurements_passes(initial: str) -> None:
-    check_tracker("ekf", motion="cv", initial=initial, **SIGMAS["cv"])
-
-
 @pytest.mark.parametrize("use", ["alpha_beta:AlphaBeta", "alpha_beta_batched:BatchedAlphaBeta"])
 def test_the_examples_of_the_documentation_pass(use: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(EXAMPLES)
@@ -202,16 +197,6 @@ def test_none_on_a_missed_measurement() -> None:
     assert found[MISSES].startswith("it gave None after an estimate")
 
 
-def test_raising_on_a_missed_measurement() -> None:
-    class Stops(Good):
-        def step(self, state: Any, scan: Scan) -> Any:
-            if not scan.valid:
-                raise SystemExit(1)
-            return super().step(state, scan)
-
-    assert broken(Stops) == {MISSES: "SystemExit: 1"}
-
-
 @pytest.mark.parametrize(
     ("answer", "problem"),
     [
@@ -229,14 +214,6 @@ def test_the_wrong_form(answer: Any, problem: str) -> None:
             return state, answer
 
     assert broken(Wrong)[FORM].startswith(problem)
-
-
-def test_no_pair() -> None:
-    class Single:
-        def step(self, state: Any, scan: Scan) -> Any:
-            return np.ones(4)
-
-    assert broken(Single)[FORM].startswith("step must return (state, estimate), not ndarray")
 
 
 def test_the_sensor_s_frame_taken_for_the_fixed_one() -> None:

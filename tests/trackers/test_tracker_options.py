@@ -15,7 +15,7 @@ from trackbench.trackers.config import FilterConfig
 Q = [20.0, 20.0, 4.0, 4.0]
 P0 = [100.0, 100.0, 250.0, 250.0]
 SPEED_RADAR = "speed_radar:SpeedRadar"
-SIZES = {"cv": 4, "ca": 6, "ctrv": 5, "ctra": 6, "singer": 6, "ct": 5, "bicycle": 5}
+SIZES = {"cv": 4, "ca": 6, "ctrv": 5, "ctra": 6, "singer": 6, "ct": 5}
 MEASUREMENT = np.array([[500.0], [0.4], [7.0]])
 
 
@@ -159,25 +159,8 @@ def test_radial_velocity_starts_a_track():
             {"motion": "cv", "process_noise_diag": Q, "initial": {"from": "truth", "velocity": "radial"}},
             "initial.velocity: not used with from: truth; remove it, or use from: first_measurement",
         ),
-        ({"motion": "cv"}, "acceleration_sigma_mps2: missing: motion cv needs acceleration_sigma_mps2"),
         (
-            {"motion": "cv", "noise": "continuous"},
-            "acceleration_density_mps1p5: missing: motion cv with noise: continuous needs acceleration_density_mps1p5",
-        ),
-        (
-            {"motion": "ca", "noise": "continuous", "jerk_density_mps2p5": 1.0, "jerk_sigma_mps3": 1.0},
-            "jerk_sigma_mps3: not used with noise: continuous, which needs jerk_density_mps2p5",
-        ),
-        (
-            {"motion": {"model": "ca", "jerk_density_mps2p5": 1.0, "jerk_sigma_mps3": 1.0}},
-            "motion.jerk_density_mps2p5: not used with noise: piecewise, which needs jerk_sigma_mps3",
-        ),
-        (
-            {"motion": "cv", "noise": "contiuous", "acceleration_sigma_mps2": 1.0},
-            "noise: 'contiuous' is not known; did you mean 'continuous'?",
-        ),
-        (
-            {"motion": "cv", "noise": "continuous", "process_noise_diag": Q, "acceleration_density_mps1p5": 1.0},
+            {"motion": "cv_continuous", "process_noise_diag": Q, "acceleration_density_mps1p5": 1.0},
             "acceleration_density_mps1p5: not used with process_noise_diag, which says it all; remove one of them",
         ),
         (

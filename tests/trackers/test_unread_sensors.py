@@ -125,7 +125,7 @@ def test_the_process_noise_belongs_to_the_interval() -> None:
     silent = {**RADAR, "dropouts": [{"from_s": 0, "to_s": 60}]}
     kf = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "sensors": ["lidar"]}
     # White in continuous time, with the variance per second that the truth has.
-    white = {**kf, "noise": "continuous", "acceleration_density_mps1p5": 2 * 0.05**0.5}
+    white = {**kf, "motion": "cv_continuous", "acceleration_density_mps1p5": 2 * 0.05**0.5}
     white.pop("acceleration_sigma_mps2")
     trackers = {"kf": kf, "scaled": {**kf, "acceleration_sigma_mps2": 2 * 0.5**0.5}, "white": white}
 

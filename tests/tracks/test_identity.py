@@ -11,8 +11,7 @@ from trackbench.base.types import DUE, Array
 from trackbench.document.files import document_text
 from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory, TrafficScoreOptions, TruthHistory, score_run
 from trackbench.report.result import result_document
-from trackbench.report.sentences import other_switch_costs
-from trackbench.results import MetricValue, Result
+from trackbench.results import Result
 
 RENAMED = """
 import numpy as np
@@ -73,21 +72,6 @@ def test_identities_that_change_every_second_rank_below_those_of_the_same_tracks
 def test_the_report_says_what_a_switch_costs(renamed: Result) -> None:
     document = result_document(renamed)
     assert "A switch costs as much as missing the object for 0.5 s." in document_text(document)
-    for tracker in renamed.scored:
-        values = [tracker.metrics[path].value or 0.0 for path in ("tgospa_half", "tgospa", "tgospa_twice")]
-        assert values == sorted(values)
-
-
-def test_another_order_at_another_cost_is_named(renamed: Result) -> None:
-    assert other_switch_costs(renamed).endswith("With 0.25 s and with 1 s the order is the same.")
-    first, second, *rest = [tracker.name for tracker in renamed.contenders]
-    metrics = {**renamed[first].metrics, "tgospa_twice": MetricValue(value=99.0, unit="m")}
-    trackers = [
-        tracker.model_copy(update={"metrics": metrics}) if tracker.name == first else tracker
-        for tracker in renamed.summary.trackers
-    ]
-    sentence = other_switch_costs(renamed.updated(trackers=trackers))
-    assert sentence.endswith(f" s. With 1 s the order is another: {', '.join([second, *rest, first])}.")
 
 
 def wandering(rate: float, seed: int, factor: float = 1.0) -> tuple[TruthHistory, TrackHistory]:
@@ -119,14 +103,6 @@ def test_a_rate_twice_as_high_gives_the_same_value(seed: int) -> None:
     assert slow == pytest.approx(fast, rel=0.005)
     # Switches are what it mostly is.
     assert slow > 1.5 * value("gospa", wandering(20, seed))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_other_costs_are_those_of_the_metric_with_that_cost(seed: int) -> None:
-    histories = wandering(10, seed)
-    for path, cost in (("tgospa_half", 0.25), ("tgospa_twice", 1.0)):
-        expected = value("tgospa", histories, TrafficScoreOptions(switch_costs=cost))
-        assert value(path, histories) == pytest.approx(expected, rel=1e-12)
 
 
 def test_what_is_beside_gospa_is_what_the_identities_cost() -> None:

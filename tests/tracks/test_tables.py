@@ -6,13 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from matplotlib.path import Path as Outline
 
 import trackbench as tb
-from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.traffic import timeline
@@ -27,9 +24,9 @@ def test_every_table_is_as_stated(traffic_result: Result) -> None:
     stated = {name: table for name, table in HIDDEN.items() if name not in absent}
     assert set(traffic_result.tables) == set(stated)
     for name, table in stated.items():
-        assert {column.name for column in table.columns if column.required} <= set(
-            traffic_result.tables[name].column_names
-        ), name
+        # Of a sensor's own tracks, where there is no truth.
+        names = {column.name for column in table.columns} - {"own_track"}
+        assert names <= set(traffic_result.tables[name].column_names), name
 
 
 def test_the_costs_of_the_events_are_all_that_is_missed_and_false(traffic_result: Result) -> None:
@@ -59,19 +56,6 @@ def test_associations_are_of_detections_that_are_there(traffic_result: Result) -
     oracle = taken[taken["tracker"] == "oracle"].merge(measurements, on=["scan", "detection"])
     assert len(oracle) == (taken["tracker"] == "oracle").sum() > 50
     assert "false alarm" not in set(oracle["object"])
-    association = traffic_result.to_pandas("association").set_index("tracker")
-    assert association.loc["oracle", ["wrong_object", "clutter", "missed"]].sum() == 0
-    for tracker in ("gnn", "naive"):
-        share = association.loc[tracker, "right"] / association.loc[tracker].sum()
-        assert traffic_result[tracker].metrics["association_right"].value == pytest.approx(share)
-
-
-def test_existence_adds_up(traffic_result: Result) -> None:
-    bins = traffic_result.to_pandas("existence")
-    assert set(bins["tracker"]) == {"pmb"}
-    known = bins[bins["count"] > 0]
-    assert ((known["stated"] >= known["from"]) & (known["stated"] <= known["to"])).all()
-    assert known["real"].between(0, 1).all()
 
 
 def test_the_events_that_are_kept_are_the_dearest(
@@ -85,17 +69,6 @@ def test_the_events_that_are_kept_are_the_dearest(
         others = [event.cost_m2 for event in events_of(result, tracker) if event.run > 0]
         every = [event.cost_m2 for event in events_of(traffic_result, tracker) if event.run > 0]
         assert others == every[:2]
-
-
-def test_a_table_of_another_run_is_refused(traffic_folder: Path, tmp_path: Path) -> None:
-    for file in traffic_folder.iterdir():
-        if file.suffix in (".parquet", ".json"):
-            (tmp_path / file.name).write_bytes(file.read_bytes())
-    events = pq.read_table(tmp_path / "events.parquet")
-    names = pa.array(["other" for _ in range(len(events))])
-    pq.write_table(events.set_column(0, "tracker", names), tmp_path / "events.parquet")
-    with pytest.raises(InputError, match="tracker 'other' is none of this run"):
-        _ = Result.load(tmp_path).tables.events
 
 
 def test_the_edge_is_where_the_distance_is_the_threshold() -> None:

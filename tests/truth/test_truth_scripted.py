@@ -272,7 +272,7 @@ def test_blocks_of_runs_see_their_own_truth() -> None:
     of = work(truth, {"lidar": Lidar(rate_hz=20, position_sigma_m=0.1)}, {"kf": kf}, 6)
     whole, part = block_of(of, range(6)), block_of(of, range(3, 5))
     assert part.digests == whole.digests[3:5]
-    some, every = (block.outcomes["kf"].scores.errors.per_run for block in (part, whole))
+    some, every = (block.outcomes["kf"].scores.per_run for block in (part, whole))
     np.testing.assert_allclose(some, every[:, 3:5], rtol=1e-9)
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.driving.steppers import TRACKS_FORM, Batched
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 
@@ -132,7 +131,7 @@ def _reading(method: str, **more: Any) -> Make:
     """A built-in tracker that uses one sensor only for a part of its work."""
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": method}}
     built = FilterConfig.model_validate({**given, **more})
-    return lambda: Batched(build_multi(built), TRACKS_FORM)
+    return lambda: build_multi(built)
 
 
 SOUND: dict[str, Make] = {

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from trackbench.driving.steppers import TRACKS_FORM, Batched, Looped, Stepper
+from trackbench.driving.steppers import ForeignTracker
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 
-Make = Callable[[], Stepper]
+Make = Callable[[], Any]
 BOTH = ("lidar", "radar")
 
 
@@ -35,7 +35,7 @@ class TrafficSubject:
 
 def looped(tracker: Callable[..., Any], **options: Any) -> Make:
     """Of a class that follows one run."""
-    return lambda: Looped(partial(tracker, **options), 1, TRACKS_FORM)
+    return partial(ForeignTracker, partial(tracker, **options), 1, several=True)
 
 
 def config(method: str, filter: str = "ekf", motion: str = "cv", sigma: float = 3.0, **associate: Any) -> FilterConfig:
@@ -47,5 +47,4 @@ def config(method: str, filter: str = "ekf", motion: str = "cv", sigma: float = 
 
 def built_in(method: str, *arguments: Any, **associate: Any) -> Make:
     """A built-in tracker; arguments as those of :func:`config`."""
-    found = config(method, *arguments, **associate)
-    return lambda: Batched(build_multi(found), TRACKS_FORM)
+    return partial(build_multi, config(method, *arguments, **associate))

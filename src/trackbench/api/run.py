@@ -21,7 +21,7 @@ from trackbench.base.execution import executor as executor_of
 from trackbench.base.subjects import offered
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.processes import INSIDE
+from trackbench.driving.process import INSIDE
 from trackbench.engine.choice import EngineName
 from trackbench.results import Result
 from trackbench.scenario import Scenario

@@ -111,8 +111,8 @@ def _deaths_explained() -> Iterator[None]:
         yield
     except Exception as error:
         if isinstance(error, BrokenExecutor | CancelledError) or type(error).__name__ == "KilledWorker":
-            codes = re.search(r"\{.+\}", str(error))
-            problem = f"no result: the process of a worker ended{f' {codes[0]}' if codes else ''}"
+            statuses = ", ".join(sorted(set(re.findall(r"[A-Z]+\(-?[1-9][0-9]*\)", str(error)))))
+            problem = f"no result: the process of a worker ended{f' ({statuses})' if statuses else ''}"
             raise TrackbenchError(f"{problem}; a plug-in may have ended it, or the memory was not enough") from error
         raise
 

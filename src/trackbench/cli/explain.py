@@ -34,12 +34,10 @@ FORMULAS = {
     "whiteness": "trackbench.metrics.built_in.basic:Whiteness",
     "gospa": "trackbench.metrics.traffic.set_distances:gospa",
     "ospa": "trackbench.metrics.traffic.set_distances:ospa",
-    "ospa2": "trackbench.metrics.traffic.set_distances:ospa2",
     "tgospa": "trackbench.metrics.traffic.tgospa:tgospa",
     "hota": "trackbench.metrics.traffic.mot_metrics:hota",
     "idf1": "trackbench.metrics.traffic.mot_metrics:identity",
     "mota": "trackbench.metrics.traffic.mot_metrics:clear_matches",
-    "siap": "trackbench.metrics.traffic.track_quality:siap",
     "confirm_latency": "trackbench.metrics.traffic.track_quality:confirmation",
 }
 #: Those whose parts have the formula of the whole.

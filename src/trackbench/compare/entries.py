@@ -19,7 +19,7 @@ from trackbench.base.types import Array
 from trackbench.metrics import Interval, Metric, clustered
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.sums import SHORTEST
-from trackbench.results import MetricValue, Result
+from trackbench.results import Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.recorded_checks import same_every_run
@@ -28,8 +28,6 @@ from trackbench.scenario.recorded_checks import same_every_run
 LEFT_OUT = ("score.metrics=[]", "expect=[]", "recording.scene=0")
 #: Trackers that any scenario may have, also one without sensors, by whether identities are known.
 ANY = {"known": "trackers={raw: {use: raw}}", "hidden": "trackers={one: {use: tracks, path: none.csv}}"}
-#: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
-AGREEMENT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -134,39 +132,18 @@ class Entry:
             over_stretches: whether it is what each stretch of time adds instead.
 
         Raises:
-            InputError: the table does not hold the metric, or is not that of this run.
+            InputError: the table does not hold the metric.
         """
-        name, number = ("stretches", "stretch") if over_stretches else ("runs", "run")
-        table = self.table(name)
+        table = self.table("stretches" if over_stretches else "runs")
         if self.failure(tracker) or len(table) == 0:
             return None
         rows = table.filter(pc.equal(table["tracker"], tracker))
-        expected = self.stretches if over_stretches else self.result.summary.runs
-        if not np.array_equal(self._column(rows, number), np.arange(expected)):
-            message = f"{name}.parquet does not hold the {expected} {name} of {tracker}, each once and in order"
-            raise InputError(message, file=self.label)
-        values, *others = (self._column(rows, name) for name in metric.columns)
-        count = others[0] if others else np.ones(len(values))
-        if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(values)):
-            raise InputError(
-                f"{name}.parquet: {metric.columns[0]} or its number of terms holds what no run leaves", file=self.label
-            )
-        interval = metric.of_runs(values, *others)
-        if interval is None:
-            return None
-        stated = self.result[tracker].metrics.get(metric.path.removesuffix(".mean"), MetricValue(unit="1")).value
-        if stated is None or not abs(stated - interval.value) <= AGREEMENT * max(abs(interval.value), 1.0):
-            ours = f"{name}.parquet gives {tracker} a {metric.path} of {interval.value:.6g}"
-            problem = f"{ours}, {results.SUMMARY} one of {stated}: they are not of the same run"
-            raise InputError(problem, file=self.label)
         if runs is not None:
             rows = rows.filter(pa.array(np.isin(self._column(rows, "run"), runs)))
-            interval = metric.of_runs(*(self._column(rows, column) for column in metric.columns))
+        interval = metric.of_runs(*(self._column(rows, column) for column in metric.columns))
         if interval is None or over_stretches:
             return interval and interval._replace(of_stretches=True)
         scene = self._column(rows, "scene")
-        if not np.array_equal(scene, np.round(np.clip(np.nan_to_num(scene), 0, expected))):
-            raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
         truth = self.result.summary.truth
         clusters = clustered(interval, scene.astype(np.intp), in_time=truth.log_stretches > 0)
         return clusters._replace(few_decide=truth.few_scenes_decide)

@@ -18,52 +18,45 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from trackbench.base import notebook_classes
+from trackbench.base.errors import TrackbenchError
 from trackbench.driving.faults import error_message
 from trackbench.driving.frames import VERSION, answer_frame, message_frame, message_scan, read_message
-from trackbench.driving.printed import say_stray_errors
-from trackbench.driving.steppers import Stateful, Stepper, local, refuse_truth
-from trackbench.trackers.answers import is_random, shaped_estimate
-from trackbench.trackers.config import PluginConfig
-from trackbench.trackers.filtered import FilterTracker
+from trackbench.driving.steppers import refuse_truth
+from trackbench.trackers.answers import TRACKS, checked_tracks, is_random, shaped_estimate, unpack
 from trackbench.trackers.published import check_tracker_options, create
 
-#: How the trackers are served: for all members of a batch, their answers checked; each as it is; not at all, when the
-#: class is only looked for.
-MODES = BATCH, EACH, CHECK = ("batch", "each", "check")
-
-#: What the host says of copies: there are some, and it answers whether one was made.
+#: What the host says of copies: it makes some, and answers whether one was made.
 COPIES = {"copies": True, "confirms": True}
-#: A tracker as it is served: as it is, or for a batch.
-Tracker = Stateful[Any] | Stepper
 
 
 class Host:
     """Answers the messages of the bench.
 
     Args:
-        reference: of the tracker, ``module:Class`` or a published name.
-        folder: where its module is looked for first.
-        mode: how it is served, one of ``MODES``.
+        reference: ``module:Class`` or a published name.
+        folder: where the tracker's module is looked for first.
         send: writes a frame.
     """
 
-    def __init__(self, reference: str, folder: Path | None, mode: str, send: Callable[[bytes], None]) -> None:
-        self._reference, self._folder, self._mode, self._send = reference, folder, mode, send
-        self._hello: Mapping[str, Any] = {}
-        self._unused: Tracker | None = None
-        self._trackers: dict[int, Tracker | BaseException] = {}
+    def __init__(self, reference: str, folder: Path | None, send: Callable[[bytes], None]) -> None:
+        self._reference, self._folder, self._send = reference, folder, send
+        self._several = False
+        self._make: Callable[[], Any]
+        self._spare: list[Any] = []
+        self._trackers: dict[int, tuple[Any, Any]] = {}
 
     def answer(self, message: Mapping[str, Any]) -> bytes | None:
         """Do what a message asks for, and return the frame of the answer; None where none is due."""
         match message["type"]:
             case "scan":
-                return self._step(message["id"], message)
+                return self._step(message)
             case "hello":
                 return self._greet(message)
             case "start":
-                self._trackers[message["id"]] = self._started()
+                # This message has no answer: a tracker whose making may fail is made at its first scan.
+                self._trackers[message["id"]] = self._spare.pop() if self._spare else None, None
             case "copy":
-                self._trackers[message["id"]] = _copied(self._trackers[message["of"]])
+                self._trackers[message["id"]] = _copied(*self._trackers[message["of"]])
                 return message_frame({"type": "done"})
             case "end":
                 self._trackers.pop(message["id"], None)
@@ -71,45 +64,28 @@ class Host:
                 return self._work(message)
         return None
 
-    def _step(self, number: int, message: Mapping[str, Any]) -> bytes:
-        tracker = self._trackers[number]
-        if isinstance(tracker, BaseException):
-            raise tracker
-        return answer_frame(number, tracker.step(message_scan(message)))
+    def _step(self, message: Mapping[str, Any]) -> bytes:
+        number, scan = message["id"], message_scan(message)
+        tracker, state = self._trackers[number]
+        if tracker is None:
+            tracker = self._make()
+        state, answer = unpack(tracker.step(state, scan), TRACKS if self._several else "estimate")
+        self._trackers[number] = tracker, state
+        return answer_frame(number, (checked_tracks if self._several else shaped_estimate)(answer, scan))
 
     def _greet(self, hello: Mapping[str, Any]) -> bytes:
-        self._hello = hello
+        self._several = hello["identities"] == "hidden"
         if "classes" in hello:
             notebook_classes.loads(hello["classes"])
-        check_tracker_options(self._reference, hello["options"], self._folder)
-        answer: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, **COPIES}
-        if self._mode == CHECK:
-            return message_frame(answer)
-        tracker = self._unused = self._made()
-        if isinstance(tracker, Stepper):
-            traits = {"batched": True, "separate": not tracker.traits.batched, "random": tracker.traits.random}
-        else:
-            traits = {"batched": tracker.batched, "random": is_random(tracker.tracker)}
-        return message_frame(answer | traits)
-
-    def _made(self) -> Tracker:
-        options = dict(self._hello["options"])
-        if self._mode == EACH:
-            tracker = create(self._reference, options, self._folder)()
-            if isinstance(tracker, FilterTracker):
-                refuse_truth(tracker)
-            return Stateful(tracker, shaped_estimate)
-        config = PluginConfig(use=self._reference, options=options)
-        several = self._hello["identities"] == "hidden"
-        return local(config, self._folder, self._hello["batch"], lambda tracker: tracker, several)
-
-    def _started(self) -> Tracker | BaseException:
-        tracker, self._unused = self._unused, None
-        try:
-            return tracker or self._made()
-        except BaseException as error:
-            # It is raised when the tracker is given a scan: this message has no answer.
-            return error
+        about: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, **COPIES}
+        if not hello["batch"]:
+            check_tracker_options(self._reference, hello["options"], self._folder)
+            return message_frame(about)
+        self._make = create(self._reference, dict(hello["options"]), self._folder)
+        made = self._make()
+        refuse_truth(made)
+        self._spare = [made]
+        return message_frame(about | {"batched": bool(getattr(made, "batched", False)), "random": is_random(made)})
 
     def _work(self, message: Mapping[str, Any]) -> bytes:
         """Call a function of the bench, ``module:name``, that looks into a tracker and tells of its progress."""
@@ -123,8 +99,10 @@ class Host:
         return message_frame({"type": "returned", "pickled": pickle.dumps(returned)})
 
 
-def _copied(tracker: Tracker | BaseException) -> Tracker | BaseException:
-    return tracker.copied() if isinstance(tracker, Stateful) else copy.deepcopy(tracker)
+def _copied(tracker: Any, state: Any) -> tuple[Any, Any]:
+    if hasattr(tracker, "__del__") and not hasattr(tracker, "__deepcopy__"):
+        raise TrackbenchError("it has a destructor, which the end of a copy would call")
+    return copy.deepcopy((tracker, state))
 
 
 def serve_tracker(arguments: Sequence[str]) -> NoReturn:
@@ -132,11 +110,9 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
     parser = argparse.ArgumentParser(prog="python -m trackbench.driving.host", description=__doc__)
     parser.add_argument("tracker", help="module:Class, or a published name")
     parser.add_argument("--folder", type=Path, help="where its module is looked for first")
-    parser.add_argument("--mode", choices=MODES, default=BATCH, help="how it is served")
     options = parser.parse_args(arguments)
     requests, answers, own, leave = os.fdopen(os.dup(0), "rb"), os.dup(1), os.getpid(), os._exit
     _give_streams(answers)
-    say_stray_errors(options.tracker)
 
     def send(frame: bytes) -> None:
         if os.getpid() != own:
@@ -146,25 +122,21 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
         while rest:
             rest = rest[os.write(answers, rest) :]
 
-    host = Host(options.tracker, options.folder, options.mode, send)
-    while True:
-        try:
+    host = Host(options.tracker, options.folder, send)
+    try:
+        while True:
             message = read_message(requests.read)
-        except (EOFError, OSError):
-            leave(0)
-        except BaseException:
-            # What it takes to understand a request is broken by the tracker.
-            os._exit(1)
-        try:
-            answer = host.answer(message)
-        except BaseException as error:
-            answer = message_frame(error_message(error))
-        if answer is None:
-            continue
-        try:
-            send(answer)
-        except OSError:
-            leave(0)
+            try:
+                answer = host.answer(message)
+            except BaseException as error:
+                answer = message_frame(error_message(error))
+            if answer is not None:
+                send(answer)
+    except (EOFError, OSError):
+        leave(0)
+    finally:
+        # What it takes to understand a request is broken by the tracker.
+        os._exit(1)
 
 
 def _give_streams(answers: int) -> None:

@@ -1,11 +1,10 @@
-"""A program that follows objects, as the bench speaks to it: one in another language, or the host of one in Python."""
+"""A program that serves trackers, as the bench speaks to it: one in another language, or the host of one in Python."""
 
 from __future__ import annotations
 
 import os
 import platform
-import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,17 +12,20 @@ from typing import Any
 from trackbench.base import notebook_classes
 from trackbench.base.errors import InputError, TrackbenchError, shortened_text
 from trackbench.base.types import Scan
-from trackbench.driving.child import SHOWN, ChildProcess
-from trackbench.driving.faults import TrackFault
-from trackbench.driving.frames import VERSION, ScanFrames, id_of, message_frame, packed_array
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.frames import VERSION, message_answer, message_frame, packed_array, scan_frames
 from trackbench.driving.isolation import Isolation, lacking
-from trackbench.driving.processes import HOST, Launch
+from trackbench.driving.process import HOST, SHOWN, TrackerProcess
 from trackbench.models.sensors import Sensor
+from trackbench.trackers.answers import KEPT_THERE, TrackerFault
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.foreign import Command
 
+#: Bytes of scans that are on their way at once: a pipe holds as many, so that neither side waits for the other to read.
+ON_THE_WAY = 1 << 15
 
-class Program(ChildProcess):
+
+class Program(TrackerProcess):
     """A program that serves trackers, each with a number.
 
     Args:
@@ -31,9 +33,8 @@ class Program(ChildProcess):
         folder: where its path starts, and where it runs; of a class where its module is looked for first.
         isolation: the longest that it may take to answer, and the most memory.
         several: whether it is to follow several objects.
-        batch: how many members the bench follows at once.
+        batch: number of members that the bench follows at once; 0 of a class that is only to be found.
         sensors: of the scenario, by name.
-        mode: how a class of Python is served, one of ``host.MODES``.
 
     Raises:
         InputError: there is no such program or class, or it does not take the options.
@@ -48,17 +49,18 @@ class Program(ChildProcess):
         several: bool,
         batch: int = 1,
         sensors: Mapping[str, Sensor] = {},
-        mode: str = "batch",
     ) -> None:
         if missing := lacking():
             raise InputError(f"programs cannot be started: {platform.system()} has no {missing}")
         hello = _hello(config, several, batch, sensors)
-        super().__init__(isolation, _launch(config, folder, mode), _name(config))
-        self.members = batch
-        self._unsent += hello
-        self._numbers = 0
+        if isinstance(config.use, Command):
+            command, name = config.use.resolved(folder), f"{config.use.name}: "
+            super().__init__(isolation, command, str((folder or Path.cwd()).resolve()), name)
+        else:
+            super().__init__(isolation, *host_command(config.reference, folder))
+        self.members, self._several, self._numbers = batch, several, 0
         try:
-            self.send()
+            self.send(hello)
             self._understand(self.receive())
         except BaseException:
             self.close()
@@ -96,23 +98,41 @@ class Program(ChildProcess):
         if self.fault is None:
             self._unsent += message_frame({"type": "end", "id": number})
 
-    def answer(self, number: int) -> dict[str, Any]:
-        """Return the next answer, which is due from the tracker of this number.
+    def ask(self, numbers: Sequence[int], scans: Sequence[Scan], members: Sequence[int] | None = None) -> list[Any]:
+        """Give each of some trackers a scan; return their answers, of which the form is not checked.
+
+        Args:
+            numbers: of the trackers.
+            scans: one for each.
+            members: of the batch, each of which has one of these trackers; None of a tracker for all members.
 
         Raises:
-            TrackFault: the tracker failed; its process has ended, is late, or answered something else.
+            TrackFault: a tracker failed; the process has ended, is late, or answered something else.
         """
+        frames, answers = scan_frames(numbers, scans), list[Any]()
+        at_once = max(1, ON_THE_WAY // max(map(len, frames), default=1))
+        for first in range(0, len(frames), at_once):
+            self.send(*frames[first : first + at_once])
+            for number in numbers[first : first + at_once]:
+                try:
+                    answers.append(self._answer(number))
+                except (TrackFault, TrackerFault) as error:
+                    fault = fault_of(error)
+                    fault.member = fault.member if members is None else members[len(answers)]
+                    raise fault from error
+        return answers
+
+    def __deepcopy__(self, memo: object) -> Program:
+        # Its trackers are copied, each by itself.
+        return self
+
+    def _answer(self, number: int) -> Any:
         answer = self.receive()
         kind = answer.get("type")
         if kind not in ("estimate", "none", "tracks") or answer.get("id") != number:
             asked = f"a scan of tracker {number}"
             raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
-        return answer
-
-    def ask(self, number: int, scan: Scan) -> dict[str, Any]:
-        """Give a tracker a scan; return its answer."""
-        self.send([ScanFrames(scan).of(id_of(number), scan)])
-        return self.answer(number)
+        return message_answer(answer, self._several)
 
     def _understand(self, answer: Mapping[str, Any]) -> None:
         version = answer.get("version")
@@ -120,32 +140,41 @@ class Program(ChildProcess):
             raise self.failed(f"it answered hello with {_said(answer.get('type'))}, where hello with a version is due")
         if version != VERSION:
             raise self.failed(f"it speaks version {version} of the protocol, and this trackbench {VERSION}")
-        names = ("batched", "separate", "random", "copies", "confirms")
-        self.batched, self.separate, self.random, self.copies, self.confirms = (
-            answer.get(name) is True for name in names
+        self.batched, self.random, self.copies, self.confirms = (
+            answer.get(name) is True for name in ("batched", "random", "copies", "confirms")
         )
 
 
-def host_launch(*arguments: str) -> Launch:
-    """Return the launch of a tracker in Python, with the arguments of ``host.serve_tracker``."""
+class ProgramTracker:
+    """A tracker in a program, which also has its state."""
+
+    def __init__(self, program: Program, number: int | None = None) -> None:
+        self.program, self.number = program, program.start() if number is None else number
+        self.batched, self.random = program.batched, program.random
+
+    def step(self, state: str | None, scan: Scan) -> tuple[str, Any]:
+        """Return what stands for its state, and the answer."""
+        return KEPT_THERE, self.program.ask([self.number], [scan])[0]
+
+    def __deepcopy__(self, memo: object) -> ProgramTracker:
+        return ProgramTracker(self.program, self.program.copy(self.number))
+
+    def __del__(self) -> None:
+        self.program.end(self.number)
+
+
+def host_command(reference: str, folder: Path | None = None) -> tuple[list[str], str]:
+    """Return the command of a tracker in Python, and its working directory.
+
+    Args:
+        reference: ``module:Class`` or a published name.
+        folder: where its module is looked for first.
+    """
     here = "."
     # It may have been deleted.
     with suppress(FileNotFoundError):
         here = os.getcwd()
-    return Launch([*HOST, *arguments], here, os.pathsep.join(sys.path))
-
-
-def _launch(config: PluginConfig, folder: Path | None, mode: str) -> Launch:
-    if isinstance(config.use, Command):
-        command = config.use.resolved(folder)
-        return Launch(command, str((folder or Path.cwd()).resolve()), os.environ.get("PYTHONPATH"))
-    own = [] if folder is None else ["--folder", str(folder)]
-    return host_launch(config.reference, "--mode", mode, *own)
-
-
-def _name(config: PluginConfig) -> str:
-    """Return the text with which messages about a program begin."""
-    return f"{config.use.name}: " if isinstance(config.use, Command) else ""
+    return [*HOST, reference, *([] if folder is None else ["--folder", str(folder)])], here
 
 
 def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str, Sensor]) -> bytes:

@@ -1,20 +1,21 @@
-"""Any tracker as one that takes a whole batch, its answers checked."""
+"""Trackers that are not built in, each stepped for a whole batch; and smoothers."""
 
 from __future__ import annotations
 
-import copy
-from abc import ABC, abstractmethod
+import math
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import Any, Generic, NamedTuple, Self, TypeVar
+from typing import Any
 
 import numpy as np
 
-from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array, Estimate, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.faults import fault_of
+from trackbench.driving.program import ProgramTracker
 from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import (
+    ASYMMETRY,
+    KEPT_THERE,
     NO_TRACK,
     TRACKS,
     Tracker,
@@ -25,146 +26,35 @@ from trackbench.trackers.answers import (
     require_kept,
     unpack,
 )
-from trackbench.trackers.builtin import build
-from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
-from trackbench.trackers.multi import MultiObjectState, MultiObjectTracker, build_multi
-from trackbench.trackers.published import create
-from trackbench.trackers.track_steps import TrackState
-
-Answer = TypeVar("Answer")
 
 
-class Traits(NamedTuple):
-    """What a tracker says of itself."""
-
-    batched: bool
-    """Whether it takes every member of a batch at once."""
-    random: bool = False
-    """Whether it draws random numbers."""
-
-
-class Stepper(ABC):
-    """A tracker made ready for a batch: of tracks, or of runs with several objects each."""
-
-    traits = Traits(batched=True)
-
-    @abstractmethod
-    def step(self, scan: Scan, origins: Indices | None = None) -> Any:
-        """The estimate of every member, None while there is none; or the tracks of all runs, ids padded with -1.
-
-        Args:
-            scan: ``measurement`` ``(m, batch)``, with hidden identities ``(m, D, runs)``.
-            origins: ``(2, D, runs)`` the objects that each detection stems from, for the tracker that knows them.
-        """
-
-    @property
-    def engine_used(self) -> EngineUsed | None:
-        """What computed the steps so far; None of a tracker that is not built in."""
-        return None
-
-    def close(self) -> None:  # noqa: B027 - in this process nothing is left to end
-        """It is no longer needed."""
-
-
-#: Sets the engine and the first states of a built-in tracker.
-Prepare = Callable[[Any], Any]
-
-
-def local(
-    config: FilterConfig | PluginConfig, folder: Path | None, batch: int, prepare: Prepare, several: bool = False
-) -> Stepper:
-    """A fresh tracker in this process, as a scenario names it.
-
-    Args:
-        config: the scenario's entry.
-        folder: where a tracker's module is looked for first.
-        batch: how many tracks, or runs, it follows at once.
-        prepare: sets the engine of a built-in tracker, and its first states where it starts from the truth.
-        several: whether it follows several objects.
+def refuse_truth(tracker: Any) -> None:
+    """Refuse a filter that a plug-in has made and that starts from the truth, which a plug-in is not given.
 
     Raises:
-        InputError: a plug-in cannot be found or does not take its options, or it is a smoother.
+        InputError: the filter starts from the truth.
     """
-    form = TRACKS_FORM if several else ESTIMATE_FORM
-    if isinstance(config, FilterConfig):
-        if several:
-            return DirectTracks(prepare(build_multi(config)))
-        if config.smoother is not None:
-            raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
-        return Direct(prepare(build(config)))
-    make = create(config.reference, config.options, folder)
-    tracker = make()
-    if isinstance(tracker, FilterTracker) and not several:
-        return Direct(prepare(refuse_truth(tracker).reading_only(config.sensors)))
-    return Batched(tracker, form) if getattr(tracker, "batched", False) else Looped(make, batch, form)
-
-
-def refuse_truth(tracker: FilterTracker) -> FilterTracker:
-    """A filter that a plug-in has made, which is given no truth.
-
-    Raises:
-        InputError: it starts from the truth.
-    """
-    if tracker.starts_from_truth:
+    if isinstance(tracker, FilterTracker) and tracker.starts_from_truth:
         message = "starts from the truth, which only a built-in filter is given; use another initial"
         raise InputError(message, key="initial")
-    return tracker
 
 
-class Direct(Stepper):
-    """A built-in tracker of one object, whose answers have the right form by construction."""
+class Offline:
+    """A smoother, which gets all scans before the first step.
 
-    def __init__(self, tracker: FilterTracker) -> None:
-        self.tracker = tracker
-        self.state: TrackState | None = None
-
-    def step(self, scan: Scan, origins: Indices | None = None) -> Estimate:
-        """Estimates of every member of the batch."""
-        self.state, estimate = self.tracker.step(self.state, scan)
-        return estimate
-
-    @property
-    def engine_used(self) -> EngineUsed:
-        """What computed the steps so far."""
-        return self.tracker.engine_used
-
-
-class DirectTracks(Stepper):
-    """A built-in tracker of several objects, whose answers have the right form by construction."""
-
-    def __init__(self, tracker: MultiObjectTracker) -> None:
-        self.tracker = tracker
-        self._state: MultiObjectState | None = None
-
-    def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
-        """The tracks of all runs."""
-        self._state, tracks = self.tracker.step(self._state, scan, origins if self.tracker.wants_origins else None)
-        return tracks
-
-    def predicted(self, run: int) -> Tracks:
-        """The tracks of one run as they were expected at the latest scan, before its detections."""
-        assert self._state is not None
-        return self.tracker.predicted(self._state, run)
-
-    @property
-    def engine_used(self) -> EngineUsed:
-        """What computed the steps so far."""
-        return self.tracker.engine_used
-
-
-class Offline(Stepper):
-    """A smoother, which gets all scans before the first step."""
+    Args:
+        tracker: the smoother.
+        scans: all scans, in the order of the steps.
+    """
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
         self._tracker, self._scans = tracker, scans
-        self._estimates: Iterator[Estimate] | None = None
 
-    def step(self, scan: Scan, origins: Indices | None = None) -> Estimate:
-        """Estimates of every member of the batch at the next scan."""
-        if self._estimates is None:
-            self._estimates = iter(self._tracker.estimates(self._scans))
-        return next(self._estimates)
+    def step(self, state: Iterator[Estimate] | None, scan: Scan) -> tuple[Iterator[Estimate], Estimate]:
+        """Return the estimates of later scans, and that of every member of the batch at this scan."""
+        state = iter(self._tracker.estimates(self._scans)) if state is None else state
+        return state, next(state)
 
     @property
     def engine_used(self) -> EngineUsed:
@@ -172,128 +62,132 @@ class Offline(Stepper):
         return self._tracker.tracker.engine_used
 
 
-class AnswerForm(NamedTuple):
-    """What a tracker answers, of one object or of several."""
+class ForeignTracker:
+    """A tracker that is not built in, stepped for all members of a batch; its answers are checked.
 
-    kind: type[Estimate] | type[Tracks]
-    check: Callable[[Any, Scan], Any]
-    """Makes an answer one of the right form, or raises a TrackerFault."""
-    what: str
-    """``step`` returns beside the state, in messages."""
-    joined: Callable[[Any], Any]
-    """One answer from those of all members."""
-
-
-class Stateful(Generic[Answer]):
-    """A tracker with its state.
+    One that takes batches is stepped once a scan. Of any other, each member has one, stepped from the member's first
+    measurement on. They may be objects of this process, or be in a program.
 
     Args:
-        tracker: a fresh one.
-        check: makes its answer to a scan one of the right form, or raises.
-        what: ``step`` has to return beside the state, in messages.
+        make: gives a fresh tracker.
+        batch: number of members: tracks, or runs.
+        several: whether it follows several objects.
     """
 
-    def __init__(self, tracker: Any, check: Callable[[Any, Scan], Answer], what: str = "estimate") -> None:
-        self.tracker = tracker
-        self.state: Any = None
-        self._check, self._what = check, what
+    def __init__(self, make: Callable[[], Tracker], batch: int, several: bool) -> None:
+        first = make()
+        self.batched, self.random = bool(getattr(first, "batched", False)), is_random(first)
+        self.program = first.program if isinstance(first, ProgramTracker) else None
+        """The program in which its trackers are; None where they are in this process."""
+        self._trackers: list[Any] = [first, *(make() for _ in range(0 if self.batched else batch - 1))]
+        self._states: list[Any] = [None] * len(self._trackers)
+        self._batch, self._several = batch, several
+        self._members = list(range(len(self._trackers))) if self.batched or several else []
+        """Members whose first measurement has come."""
+        self._has_answered = np.zeros(len(self._trackers), dtype=bool)
 
-    @property
-    def batched(self) -> bool:
-        """Whether it says that it takes a batch at once."""
-        return bool(getattr(self.tracker, "batched", False))
-
-    def step(self, scan: Scan, *more: Any) -> Answer:
-        """The answer to a scan; ``more``: what else the tracker is given.
-
-        Raises:
-            TrackerFault: what it returned is no answer.
-        """
-        self.state, unchecked = unpack(self.tracker.step(self.state, scan, *more), self._what)
-        return self._check(unchecked, scan)
-
-    def copied(self) -> Self:
-        """An independent one with the same state, by ``copy.deepcopy``, which raises whatever a tracker raises.
+    def step(self, state: object, scan: Scan) -> tuple[str, Any]:
+        """Return what stands for the state, and the answer for all members; None before the first estimate.
 
         Raises:
-            TrackbenchError: the tracker has a destructor.
+            TrackFault: a tracker failed, or its answer has the wrong form; of one that takes no batches it says of
+                which member.
         """
-        if hasattr(self.tracker, "__del__") and not hasattr(self.tracker, "__deepcopy__"):
-            raise TrackbenchError("it has a destructor, which the end of a copy would call")
-        twin = copy.copy(self)
-        twin.tracker, twin.state = copy.deepcopy((self.tracker, self.state))
-        return twin
+        if len(self._members) < len(self._trackers):
+            self._members = sorted({*self._members, *np.flatnonzero(scan.valid).tolist()})
+        members = self._members
+        if self.batched:
+            scans = [scan]
+        else:
+            scans = [(scan_of_run if self._several else scan_of_member)(scan, member) for member in members]
+        answers = self._answers(members, scans)
+        plain = None if self.batched or self._several else plain_estimate(answers)
+        if plain is None:
+            return KEPT_THERE, self._checked(members, scans, answers)
+        if len(members) == self._batch:
+            self._has_answered[:] = True
+            return KEPT_THERE, plain
+        self._has_answered[members] = True
+        mean, covariance = np.full((4, self._batch), np.nan), np.full((4, 4, self._batch), np.nan)
+        mean[:, members], covariance[:, :, members] = plain.mean, plain.covariance
+        return KEPT_THERE, Estimate(mean, covariance)
 
+    def close(self) -> None:
+        """End the program in which the trackers are."""
+        if self.program is not None:
+            self.program.close()
 
-class Batched(Stepper):
-    """A tracker that steps every member of the batch at once."""
-
-    def __init__(self, tracker: Any, form: AnswerForm) -> None:
-        self._tracker = Stateful(tracker, form.check, form.what)
-        self._wants_origins = form.kind is Tracks and bool(getattr(tracker, "wants_origins", False))
-        self._estimated = False
-        self.traits = Traits(batched=True, random=is_random(tracker))
-
-    def step(self, scan: Scan, origins: Indices | None = None) -> Any:
-        """Answers of every member of the batch, or None before the first."""
-        answer = self._tracker.step(scan, *((origins,) if self._wants_origins else ()))
-        require_kept(answer, self._estimated, finite=False)
-        self._estimated = answer is not None
-        return answer
-
-
-class Looped(Stepper):
-    """A tracker of one track, or of one run: a fresh one for each member.
-
-    A tracker of one object is called from the member's first measurement on.
-    """
-
-    def __init__(self, make: Callable[[], Tracker], batch: int, form: AnswerForm) -> None:
-        self._trackers = [Stateful(make(), form.check, form.what) for _ in range(batch)]
-        self._form = form
-        self._begun = [form.kind is Tracks] * batch
-        self._estimated = [False] * batch
-        self.traits = Traits(batched=False, random=any(is_random(each.tracker) for each in self._trackers))
-
-    def step(self, scan: Scan, origins: Indices | None = None) -> Any:
-        """Step every member that has begun.
-
-        Raises:
-            TrackFault: a member's tracker raised, or its answer has the wrong form.
-        """
+    def _answers(self, members: Sequence[int], scans: Sequence[Scan]) -> list[Any]:
+        """Return the unchecked answers of members that have begun."""
+        if self.program is not None:
+            numbers = [self._trackers[member].number for member in members]
+            return self.program.ask(numbers, scans, None if self.batched else members)
         answers = []
-        for member in range(len(self._trackers)):
+        for member, scan in zip(members, scans, strict=True):
             try:
-                answers.append(self._answer(member, scan))
+                step = self._trackers[member].step(self._states[member], scan)
+                self._states[member], answer = unpack(step, TRACKS if self._several else "estimate")
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
-                raise fault_of(error, member) from error
-        return self._form.joined(answers)
+                raise fault_of(error, None if self.batched else member) from error
+            answers.append(answer)
+        return answers
 
-    def _answer(self, member: int, scan: Scan) -> Any:
-        own = scan_of_run(scan, member) if scan.valid.ndim == 2 else scan_of_member(scan, member)
-        self._begun[member] = self._begun[member] or bool(own.valid)
-        if not self._begun[member]:
+    def _checked(self, members: Sequence[int], scans: Sequence[Scan], answers: Sequence[Any]) -> Any:
+        """Return the answers of members that have begun as one for all members."""
+        checked: list[Any] = [None] * len(self._trackers)
+        for member, scan, unchecked in zip(members, scans, answers, strict=True):
+            try:
+                answer = (checked_tracks if self._several else checked_estimate)(unchecked, scan)
+                require_kept(answer, bool(self._has_answered[member]), finite=not self.batched)
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                raise fault_of(error, None if self.batched else member) from error
+            checked[member] = answer
+            self._has_answered[member] = answer is not None
+        if self.batched:
+            return checked[0]
+        return joined_tracks(checked) if self._several else joined_estimates(checked)
+
+
+def plain_estimate(answers: Sequence[Any]) -> Estimate | None:
+    """Return the estimate ``(4, n)`` of n answers that are right and have a mean and a covariance alone.
+
+    None where an answer needs a closer look. Many answers are checked at once in less time than each by itself.
+    """
+    for answer in answers:
+        if not isinstance(answer, tuple) or len(answer) < 2 or any(part is not None for part in answer[2:]):
             return None
-        answer = self._trackers[member].step(own)
-        require_kept(answer, self._estimated[member])
-        self._estimated[member] = answer is not None
-        return answer
+        if type(answer[0]) is not np.ndarray or type(answer[1]) is not np.ndarray:
+            return None
+    try:
+        mean = np.array([answer[0] for answer in answers]).T.copy()
+        covariance = np.array([answer[1] for answer in answers]).transpose(1, 2, 0).copy()
+    except ValueError:
+        return None
+    if mean.shape != (4, len(answers)) or covariance.shape != (4, 4, len(answers)):
+        return None
+    if mean.dtype != float or covariance.dtype != float:
+        return None
+    if not math.isfinite(np.add.reduce(mean, axis=None) + np.add.reduce(covariance, axis=None)):
+        return None
+    mirrored = covariance.swapaxes(0, 1)
+    # Bytes are compared in less time than numbers.
+    if mirrored.tobytes() != covariance.tobytes():
+        gap = np.abs(covariance - mirrored).max()
+        if gap > ASYMMETRY * covariance.max(axis=(0, 1)).min():
+            return None
+    return Estimate(mean, covariance)
 
 
 def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
-    """One estimate with a last axis of members; NaN where there is none.
+    """Return one estimate with a last axis of members; NaN where there is none.
 
     Raises:
         TrackerFault: innovations or mode probabilities of several sizes.
     """
-    whole = [answer for answer in answers if answer is not None and all(part is None for part in answer[2:])]
-    if 0 < len(whole) == len(answers):
-        # Most trackers say no more than that, and it is joined in less time.
-        mean = np.array([answer.mean for answer in whole]).T.copy()
-        covariance = np.array([answer.covariance for answer in whole]).transpose(1, 2, 0).copy()
-        return Estimate(mean, covariance)
     for name in ("mode_probabilities", "innovation"):
         values = [getattr(answer, name, None) for answer in answers]
         sizes = sorted({len(value) for value in values if value is not None})
@@ -322,7 +216,7 @@ def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
 
 
 def joined_tracks(answers: Sequence[Tracks]) -> Tracks:
-    """The tracks of several runs with a last axis of runs, padded."""
+    """Return the tracks of several runs with a last axis of runs, padded."""
     fills = {"ids": NO_TRACK, "used": NO_TRACK}
     return Tracks(*(_joined(answers, name, fills.get(name, np.nan)) for name in Tracks._fields))  # type: ignore[arg-type]
 
@@ -339,7 +233,3 @@ def _joined(answers: Sequence[Any], name: str, fill: float = np.nan) -> Array | 
             index: tuple[Any, ...] = (*map(slice, value.shape), member)
             result[index] = value
     return result
-
-
-ESTIMATE_FORM = AnswerForm(Estimate, checked_estimate, "estimate", joined_estimates)
-TRACKS_FORM = AnswerForm(Tracks, checked_tracks, TRACKS, joined_tracks)

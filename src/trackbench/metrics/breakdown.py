@@ -13,7 +13,7 @@ from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEU
 from trackbench.metrics.consistency import BEYOND, DIRECTIONS
 from trackbench.metrics.count_intervals import effective_number, share_interval
 from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
-from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ClassSums
+from trackbench.metrics.sums import ERROR_FIELDS, ClassSums, Scores
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
@@ -48,62 +48,62 @@ _NUMBER = [1 if name in DOF or name in BEYOND else 0 for name in ROWS]
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
 
-def _condition_columns(classes: Indices) -> Indices:
-    """``(columns, classes)`` those in which the estimates of each class count."""
-    manoeuvre, band, age, jump = np.unravel_index(classes, SHAPE)
-    return np.stack([np.zeros_like(band), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _JUMP + jump])
-
-
-def breakdown_sums(errors: Array) -> Array:
-    """``(fields, ...)`` what is kept of each class, from sums of errors with rows ``ERROR_FIELDS``."""
-    return np.tensordot(_COMBINED, errors, 1)
-
-
-def class_sums(cells: Cells, parts: int, scenes: bool = False) -> ClassSums:
-    """The sums of each condition over independent parts.
+def class_sums(codes: Indices, errors: Array, beyond: Array) -> ClassSums:
+    """Return the sums under each condition over independent parts.
 
     Args:
-        cells: with rows ``ROWS``.
-        parts: how many there are.
-        scenes: whether they are scenes.
+        codes: ``(classes,)`` of :func:`trackbench.metrics.conditions.condition_classes`.
+        errors: ``(17, classes, parts)`` sums of the errors of each class, rows ``ERROR_FIELDS``.
+        beyond: ``(3, classes, parts)`` numbers of NEES beyond each point of chi-square.
     """
-    total, square, product = np.zeros((3, len(ROWS), _COLUMNS))
-    sums = ClassSums(total, square, product, np.zeros((1, _COLUMNS)), scenes)
-    codes, place = np.unique(cells.code, return_inverse=True)
-    counted = _condition_columns(codes)
-    for column in np.unique(counted):
-        here = (counted == column).any(axis=0)[place]
-        by_part = np.stack([np.bincount(cells.part[here], row[here], parts) for row in cells.values])
-        sums.total[:, column] = by_part.sum(axis=1)
-        sums.square[:, column] = (by_part**2).sum(axis=1)
-        sums.product[:, column] = (by_part * by_part[_NUMBER]).sum(axis=1)
-        sums.parts[:, column] = (by_part[0] > 0).sum()
-    return sums
+    manoeuvre, band, age, jump = np.unravel_index(codes, SHAPE)
+    columns = np.stack([0 * band, _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _JUMP + jump])
+    counts = (columns[..., None] == np.arange(_COLUMNS)).any(axis=0)
+    values = np.concatenate([np.tensordot(_COMBINED, errors, 1), beyond])
+    return moments(np.einsum("kc,rkp->prc", counts.astype(float), values, optimize=True))
 
 
-def sum_classes(scores: BlockScores) -> None:
-    """Sum the classes of a block of one scene over its runs, of which there may be many."""
-    errors, cells = scores.errors, scores.errors.cells
-    errors.classes = class_sums(cells, len(scores.due) if scores.single_runs is None else scores.stretch[-1] + 1)
-    codes, place = np.unique(cells.code, return_inverse=True)
-    values = [np.bincount(place, row, len(codes)) for row in cells.values]
-    errors.cells = Cells(codes, np.zeros_like(codes), np.array(values))
+def moments(by_part: Array) -> ClassSums:
+    """Return the sums and their moments from the sums of each part ``(parts, fields, conditions)``."""
+    return ClassSums(
+        total=by_part.sum(axis=0),
+        square=(by_part**2).sum(axis=0),
+        product=(by_part * by_part[:, _NUMBER]).sum(axis=0),
+        parts=(by_part[:, :1] > 0).sum(axis=0).astype(float),
+    )
 
 
-def breakdown(sums: ClassSums) -> Breakdown:
+def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | None) -> ClassSums:
+    """Return the sums of several blocks as one.
+
+    Args:
+        blocks: the number of runs of each, and its sums.
+        scene: ``(runs,)`` the scene of each run where scenes are the parts; None where the parts of the blocks are.
+    """
+    if scene is None:
+        names = ("total", "square", "product", "parts")
+        return ClassSums(**{name: np.sum([getattr(item, name) for _, item in blocks], axis=0) for name in names})
+    first = np.cumsum([0, *(runs for runs, _ in blocks)])[:-1]
+    by_scene = np.zeros((scene[-1] + 1, len(ROWS), _COLUMNS))
+    np.add.at(by_scene, scene[first], np.stack([item.total for _, item in blocks]))
+    return moments(by_scene)
+
+
+def breakdown(scores: Scores) -> Breakdown:
     """The scores of one tracker by condition; what did not occur is left out."""
+    sums, scenes = scores.classes, scores.scenes
     if not sums.total[0, 0]:
         return Breakdown(all=ConditionScores(count=0, given=0, runs=0), manoeuvre={}, range={}, age={}, jump={})
     occurred = np.flatnonzero(sums.total[0])
 
     def each(names: Sequence[str], first: int) -> dict[str, ConditionScores]:
-        return {name: _scores(sums, column) for column, name in enumerate(names, first) if column in occurred}
+        return {name: _scores(sums, scenes, column) for column, name in enumerate(names, first) if column in occurred}
 
     return Breakdown(
-        all=_scores(sums, 0),
+        all=_scores(sums, scenes, 0),
         manoeuvre=each(MANOEUVRES, _MANOEUVRE),
         range={
-            band_name(band): _scores(sums, _BAND + band, *_edges(band))
+            band_name(band): _scores(sums, scenes, _BAND + band, *_edges(band))
             for band in range(BANDS)
             if _BAND + band in occurred
         },
@@ -125,9 +125,12 @@ def _edges(band: int) -> tuple[float | None, float | None]:
     return edges[band], edges[band + 1]
 
 
-def _scores(sums: ClassSums, column: int, from_m: float | None = None, to_m: float | None = None) -> ConditionScores:
+def _scores(
+    sums: ClassSums, scenes: bool, column: int, from_m: float | None = None, to_m: float | None = None
+) -> ConditionScores:
+    parts = Parts(int(sums.parts[0, column]), scenes)
     values = {
-        name if name in DOF else f"{name}_rmse": _value(sums, row, column, name)
+        name if name in DOF else f"{name}_rmse": _value(sums, row, column, name, parts)
         for row, name in enumerate(FIELDS)
         if name not in ("count", "given")
     }
@@ -135,30 +138,26 @@ def _scores(sums: ClassSums, column: int, from_m: float | None = None, to_m: flo
     return ConditionScores(
         count=count,
         given=given,
-        runs=int(sums.parts[0, column]),
+        runs=parts.number,
         from_m=from_m,
         to_m=to_m,
-        beyond=_beyond(sums, column),
+        beyond=_beyond(sums, column, parts),
         **values,
     )
 
 
-def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
+def _value(sums: ClassSums, row: int, column: int, name: str, parts: Parts) -> MetricValue:
     number = _NUMBER[row]
     if not sums.total[number, column]:
         return MetricValue(unit="1", dof=DOF[name], reason="no estimate was given")
     mean = float(sums.total[row, column] / sums.total[number, column])
-    parts, reach = _parts(sums, column), _reach(sums, row, column)
+    reach = _reach(sums, row, column)
     if name in DOF:
         return _with_reach(mean, reach, parts, unit="1", dof=DOF[name])
     error = math.sqrt(mean)
     # The root's interval by the delta method.
     slope = 0.5 / error if error > 0 else 0.0
     return _with_reach(error, slope * reach, parts, unit="m" if name == "position" else "m/s")
-
-
-def _parts(sums: ClassSums, column: int) -> Parts:
-    return Parts(int(sums.parts[0, column]), sums.scenes)
 
 
 def _reach(sums: ClassSums, row: int, column: int) -> float:
@@ -173,14 +172,14 @@ def _reach(sums: ClassSums, row: int, column: int) -> float:
     )
 
 
-def _beyond(sums: ClassSums, column: int) -> dict[str, MetricValue]:
+def _beyond(sums: ClassSums, column: int, parts: Parts) -> dict[str, MetricValue]:
     """By point, the share of the NEES beyond it, where enough are expected.
 
     The variance of a rare share is known badly, and too small where few happen to be beyond: its design effect is taken
     for at least that at the nearest point. Of errors that are normal it is less, since extremes depend less.
     """
     shares: dict[str, MetricValue] = {}
-    given, parts = sums.total[1, column], _parts(sums, column)
+    given = sums.total[1, column]
     if not given or parts.too_few:
         return shares
     effective = given

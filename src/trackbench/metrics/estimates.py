@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask
-from trackbench.metrics.breakdown import breakdown_sums
+from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.consistency import BEYOND, beyond_points
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.protocol import Chunk, Scope, SquaredErrors
-from trackbench.metrics.sums import ERROR, ERROR_FIELDS, BlockScores, Cells, ErrorSums, merge, stretch_numbers
+from trackbench.metrics.sums import ERROR, ERROR_FIELDS, BlockScores, merge, stretch_numbers
 
 if TYPE_CHECKING:
     from trackbench.metrics.score_sequence import ScoreSequence
@@ -64,7 +64,6 @@ class _Summing:
         self._charged_per_run = np.zeros((rows, scope.runs))
         self._diverged = np.zeros(scope.runs, dtype=bool)
         self._repaired = np.zeros(scope.runs)
-        self._spread = np.full((2, instants), np.nan)
         self._innovations = {
             name: Innovations(count, objects, scope.runs, scope.compute) for name, count in scope.measurements.items()
         }
@@ -76,7 +75,7 @@ class _Summing:
                 self._innovations[sensor].add(innovation.whitened, innovation.used, innovation.due)
         self._repaired += chunk.repaired
         here, scored, values = chunk.instants, chunk.scored, chunk.values
-        self._note_spread(here, chunk.squares[0], scored, chunk.given)
+        self._note_divergence(chunk.squares[0], scored & chunk.given)
         if (chunk.starting & ~scored).any():
             values = np.where(scored, values, 0.0)
         self._per_step[:, here] = values.sum(axis=-1)
@@ -100,51 +99,44 @@ class _Summing:
             squares: the squared errors.
             repaired: ``(runs,)`` number of repaired covariances.
         """
-        fields, here, square = len(ERROR_FIELDS), scores.here, squares.squares[0]
-        self._per_step[:, here] = scores.per_step
+        fields = len(ERROR_FIELDS)
+        self._per_step[:, scores.here] = scores.per_step
         self._per_class += scores.by_class[:fields]
         # Beyond one point and not beyond the next.
         self._passed -= np.diff(scores.by_class[fields:], axis=0, append=0.0)
         self._repaired += repaired
-        self._note_spread(here, square, squares.scored, squares.given)
+        self._note_divergence(squares.squares[0], squares.scored & squares.given)
 
     def innovations(self, sensor: str) -> Innovations:
         """Those of a sensor."""
         return self._innovations[sensor]
 
-    def _note_spread(self, here: slice, square: Array, scored: Mask, given: Mask) -> None:
-        """Note what squared errors of the position ``(instants, batch)`` tell of divergence and of their spread."""
-        far = (square > self._target.divergence**2) & given & scored
+    def _note_divergence(self, square: Array, counts: Mask) -> None:
+        """Note the runs in which a squared error of the position ``(instants, batch)`` that counts is too large."""
+        far = (square > self._target.divergence**2) & counts
         if far.any():
             self._diverged |= self._by_run(np.asarray(far.any(axis=0))) > 0
-        if self._scope.first:
-            self._spread[:, here] = percentiles((0.1, 0.9), np.where(scored, square, np.nan))
 
     def scores(self) -> BlockScores:
         """The sums of everything added."""
+        errors, beyond = self._per_class, np.cumsum(self._passed[::-1], axis=0)[::-1]
+        codes, stretch = divmod(self._codes, self._stretches)
+        if self._scope.single:
+            part = stretch[:, None] == np.arange(self._stretches)
+            errors, beyond = errors * part, beyond * part
         return BlockScores(
-            errors=ErrorSums(
-                self._per_step,
-                self._per_class.sum(axis=1),
-                self._charged_per_step,
-                self._charged_per_run,
-                self._cells(self._per_class),
-            ),
+            per_step=self._per_step,
+            per_run=self._per_class.sum(axis=1),
+            charged_per_step=self._charged_per_step,
+            charged_per_run=self._charged_per_run,
             due=self._by_run(self._target.each(self._target.due).sum(axis=0)),
             diverged=self._diverged.astype(float),
             repaired=self._repaired,
             nis={name: item.scores() for name, item in self._innovations.items()},
-            spread=self._spread,
+            classes=[(self._scope.runs, class_sums(codes, errors, beyond))],
             duration=self._duration,
             single_runs=() if self._scope.single else None,
         )
-
-    def _cells(self, per_class: Array) -> Cells:
-        """What occurred."""
-        cell, run = np.nonzero(per_class[0])
-        code, stretch = divmod(self._codes[cell], self._stretches)
-        beyond = np.cumsum(self._passed[::-1, cell, run], axis=0)[::-1]
-        return Cells(code, run + stretch, np.concatenate([breakdown_sums(per_class[:, cell, run]), beyond]))
 
     def _by_run(self, batch: Array) -> Array:
         """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
@@ -175,19 +167,3 @@ class _Summing:
         farthest = np.searchsorted(points, nees.reshape(-1)[here]) - 1
         # Of one axis, where it is ten times as fast.
         np.add.at(self._passed.reshape(-1), (farthest * len(self._codes) + place) * runs + here % runs, 1.0)
-
-
-def percentiles(shares: tuple[float, ...], squares: Array) -> Array:
-    """``(shares, rows)`` errors below which each share of a row lies, interpolated linearly between the two nearest
-    (type 7 of Hyndman and Fan 1996, "Sample quantiles in statistical packages"); NaN where a row has none.
-
-    Args:
-        shares: 0 to 1.
-        squares: ``(rows, errors)`` of the errors, NaN where one does not count.
-    """
-    rank = np.asarray(shares)[:, None] * np.maximum(np.isfinite(squares).sum(axis=1) - 1, 0)
-    ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)
-    # NaN is sorted to the end.
-    ordered = np.partition(squares, np.unique(ends), axis=1)
-    low, high = np.sqrt(ordered[np.arange(len(ordered)), ends])
-    return np.asarray(low + (rank % 1.0) * (high - low))

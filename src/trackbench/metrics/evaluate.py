@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.answers import require, require_array
 from trackbench.base.plugins import one_line
 from trackbench.base.types import EXACT, Array, Indices, RecordedNoise
-from trackbench.metrics.breakdown import class_sums
+from trackbench.metrics.breakdown import joined_classes
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
@@ -130,31 +130,20 @@ def independent_scores(merged: BlockScores, scene: Indices) -> Scores:
         merged: its sums over all runs.
         scene: ``(runs,)`` number of the scene of each run.
     """
-    sums, over_scenes = merged.errors, bool(scene[-1] > 0) and merged.single_runs is None
-    per_part, charged, cells, nis = sums.per_run, sums.charged_per_run, sums.cells, merged.nis
+    over_scenes = bool(scene[-1] > 0) and merged.single_runs is None
+    per_part, charged, nis = merged.per_run, merged.charged_per_run, merged.nis
     if merged.single_runs is not None:
         runs = merged.single_runs or (merged,)
         per_part, charged = (
-            np.concatenate([_added(getattr(run.errors, name), run.stretch) for run in runs], axis=1)
+            np.concatenate([_added(getattr(run, name), run.stretch) for run in runs], axis=1)
             for name in ("per_step", "charged_per_step")
         )
         nis = {name: replace(item, per_run=_nis_in_stretches(runs, name)) for name, item in nis.items()}
     elif over_scenes:
         per_part, charged = _added(per_part, scene), _added(charged, scene)
-        cells = replace(cells, part=scene[cells.part])
         nis = {name: replace(item, per_run=_added(item.per_run, scene)) for name, item in nis.items()}
-    return Scores(
-        per_step=sums.per_step,
-        per_run=sums.per_run,
-        per_part=per_part,
-        charged=charged,
-        scenes=over_scenes,
-        given=merged.given,
-        due=float(merged.due.sum()),
-        nis=nis,
-        classes=(None if over_scenes else sums.classes) or class_sums(cells, per_part.shape[1], over_scenes),
-        spread=merged.spread,
-    )
+    classes = joined_classes(merged.classes, scene if over_scenes else None)
+    return Scores(merged, per_part, charged, nis, classes, over_scenes)
 
 
 def _nis_in_stretches(runs: Sequence[BlockScores], sensor: str) -> Array:

@@ -80,22 +80,24 @@ def function_events(
         hint = nearest_choices(function, labels) if labels else "it has none"
         raise InputError(f"no function {function!r} in this run; {hint}", key="--function")
     rows = _rows(result.tables.if_there("function_events"), function=function, tracker=tracker, run=run, object=vehicle)
-    events = [FunctionEvent(**{**row, "run": int(row["run"]), "delay_s": _known(row["delay_s"])}) for row in rows]
+    events = [FunctionEvent(**row) for row in rows]
     wrong = [event for event in events if event.word in WORST]
     return sorted(wrong, key=lambda event: (WORST.index(event.word), -round(event.wrong_s, 6), event.run, event.time_s))
 
 
 def _rows(table: pa.Table, **values: str | int | None) -> list[dict[str, Any]]:
-    """The rows with these values in their columns; None: any."""
+    """Return the rows with these values in their columns, None for any; what is not known is None."""
     for name, value in values.items():
         if value is not None and table.num_rows:
             table = table.filter(pc.equal(table[name], float(value) if name == "run" else value))
-    rows: list[dict[str, Any]] = table.to_pylist()
-    return rows
-
-
-def _known(value: float | None) -> float | None:
-    return None if value is None or np.isnan(value) else value
+    numbers = {"run", "track", "other_track"}
+    return [
+        {
+            name: None if value is None or value != value else int(value) if name in numbers else value
+            for name, value in row.items()
+        }
+        for row in table.to_pylist()
+    ]
 
 
 #: A time in a reason, which tells events of one cause apart.
@@ -144,13 +146,8 @@ def events_of(
         run: of this one alone.
         vehicle: those in which this one has a part.
     """
-    events = [
-        TrackEvent(
-            **{name: row[name] for name in TrackEvent._fields}
-            | {"run": int(row["run"]), "track": _whole(row["track"]), "other_track": _whole(row["other_track"])}
-        )
-        for row in _rows(result.tables.events, tracker=tracker, run=run)
-    ]
+    rows = _rows(result.tables.events, tracker=tracker, run=run)
+    events = [TrackEvent(**{name: row[name] for name in TrackEvent._fields}) for row in rows]
     if vehicle is not None:
         events = [event for event in events if vehicle in (event.object, event.other_object)]
 
@@ -166,7 +163,3 @@ def drawn_instants(tables: Tables) -> Array:
     return np.unique(
         np.concatenate([table["time_s"].to_numpy() for table in sources if table.num_rows] or [np.empty(0)])
     )
-
-
-def _whole(number: float | None) -> int | None:
-    return None if number is None or np.isnan(number) else int(number)

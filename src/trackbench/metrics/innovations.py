@@ -10,11 +10,11 @@ from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.engine.layout import ADDED, SUMMED, Input
 from trackbench.metrics.consistency import point95
-from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS, NIS_FIELDS, OVERFLOW, NisScores
+from trackbench.metrics.sums import NIS, NIS_FIELDS, OVERFLOW, NisScores
 
-#: How many measurements are summed at a time by NumPy: their products with those before grow with its square.
+#: How many measurements are summed at a time by NumPy.
 CHUNK = 10
-#: Measurements that fill the rows before the latest are moved to the front.
+#: Measurements that fill the rows before the latest is moved to the front.
 ROWS = 4 * CHUNK
 
 
@@ -38,29 +38,26 @@ INNOVATION = Equations(
 def _sums(values: Values) -> Values:
     used = values["used"]
     white = np.where(used[:, None], values["white"], 0.0)
-    latest = {"white": white[-1], "used": used[-1], "white_before": white[-2], "used_before": used[-2]}
+    latest = {"white": white[1], "used": used[1], "white_before": white[0], "used_before": used[0]}
     rows = _innovation({**values, **latest})["rows"]
-    both, nis = used & used[-1], rows[NIS["nis"]]
-    products = np.einsum("m...,lm...->l...", white[-1], white)
-    lags = np.stack([np.where(both, 1.0, 0.0), products, np.where(both, nis, 0.0)])
-    return {"per_step": rows, "per_run": rows, "lags": lags, "bounded": nis < OVERFLOW}
+    return {"per_step": rows, "per_run": rows, "bounded": rows[NIS["nis"]] < OVERFLOW}
 
 
-#: Of the whitened innovations of a measurement and the ``LAGS`` before it, the oldest first, and where they are
-#: ``used``: what is added to the sums; ``bounded``: whether it can be.
+#: Of the whitened innovations of the measurement before and of a measurement, and where they are ``used``: what is
+#: added to the sums; ``bounded``: whether it can be.
 SUMS = Equations(
     "sums of whitened innovations",
     _sums,
     {"white": 2, "used": 1, "due": 0, "point95": 0},
-    modes={"per_step": SUMMED, "per_run": ADDED, "lags": SUMMED},
+    modes={"per_step": SUMMED, "per_run": ADDED},
 )
 
 
 class Innovations:
     """Collects whitened innovations; ``scores`` gives the sums at the end.
 
-    They lie in rows, one for each measurement. Before those that are not summed yet there are as many rows as the
-    longest lag. A row that was not written yet is not used.
+    They lie in rows, one for each measurement. Before the rows that are not summed yet is that of the measurement
+    before them. A row that was not written yet is not used.
     """
 
     def __init__(self, measurements: int, objects: int, runs: int, compute: Compute = by_numpy) -> None:
@@ -69,12 +66,11 @@ class Innovations:
         self._compute, self._kernels = compute, kernels_of(compute, runs)
         self._per_step = np.zeros((len(NIS_FIELDS), measurements))
         self._per_run = np.zeros((len(NIS_FIELDS), runs))
-        self._lags = np.zeros((len(LAG_FIELDS), LAGS + 1))
         self._white = np.empty((0, 0, objects * runs))
-        self._used = np.zeros((LAGS + ROWS, objects * runs), dtype=bool)
+        self._used = np.zeros((1 + ROWS, objects * runs), dtype=bool)
         self._due = self._used.copy()
         self._measurement = self._dof = 0
-        self._first = self._next = LAGS
+        self._first = self._next = 1
 
     def add(self, white: Array | None, used: Mask, due: Mask) -> None:
         """Take in the whitened innovations ``(m, batch)`` of the next measurement, None where the tracker gives none.
@@ -105,15 +101,14 @@ class Innovations:
         """Rows for the next measurements: of whitened innovations ``(count, dof, batch)``, which are used, and due."""
         if self._next + count > len(self._white):
             self.flush()
-            latest = slice(self._next - LAGS, self._next)
             arrays = self._white, self._used, self._due
-            if LAGS + count > len(self._white):
+            if 1 + count > len(self._white):
                 self._white, self._used, self._due = (
-                    np.zeros((LAGS + count, *each.shape[1:]), each.dtype) for each in arrays
+                    np.zeros((1 + count, *each.shape[1:]), each.dtype) for each in arrays
                 )
             for before, after in zip(arrays, (self._white, self._used, self._due), strict=True):
-                after[:LAGS] = before[latest].copy()
-            self._first = self._next = LAGS
+                after[0] = before[self._next - 1]
+            self._first = self._next = 1
         here = slice(self._next, self._next + count)
         self._next += count
         return self._white[here], self._used[here], self._due[here]
@@ -127,7 +122,7 @@ class Innovations:
         if self._next > self._first and not self._summed_by_kernels():
             if self._kernels is not None:
                 # Kernels leave what is not used as it is.
-                before = slice(self._first - LAGS, self._first)
+                before = slice(self._first - 1, self._first)
                 _clear(self._white[before], self._used[before])
             for first in range(self._first, self._next, CHUNK):
                 self._sum(slice(first, min(first + CHUNK, self._next)))
@@ -142,8 +137,8 @@ class Innovations:
         from trackbench.engine.vector_code import WIDTH
 
         inputs = (
-            Input("white", (LAGS + 1, self._dof), 1, "d"),
-            Input("used", (LAGS + 1,), 1, "?"),
+            Input("white", (2, self._dof), 1, "d"),
+            Input("used", (2,), 1, "?"),
             Input("due", (), 1, "?"),
             Input("point95", (), 0, "d"),
         )
@@ -152,20 +147,19 @@ class Innovations:
             return False
         (objects, runs), count, fields = self._shape, self._next - self._first, len(NIS_FIELDS)
         per_step, per_run = np.zeros((fields, count, WIDTH)), np.zeros((fields, runs))
-        lags, bounded = np.zeros((*self._lags.shape, WIDTH)), np.empty((count, objects, runs), dtype=bool)
+        bounded = np.empty((count, objects, runs), dtype=bool)
         at, nothing, limit = np.arange(count), np.zeros(count, dtype=np.intp), np.array([point95(self._dof)])
-        window, batch = self._first - LAGS + at, objects * runs
+        before, batch = self._first - 1 + at, objects * runs
         sequence = CallSequence(self._kernels, objects, runs, count)
         inputs_at = {
-            "white": ArrayPlace(self._white.ctypes.data + window * self._white.strides[0], batch, runs * 8),
-            "used": ArrayPlace(self._used.ctypes.data + window * batch, batch, runs),
+            "white": ArrayPlace(self._white.ctypes.data + before * self._white.strides[0], batch, runs * 8),
+            "used": ArrayPlace(self._used.ctypes.data + before * batch, batch, runs),
             "due": ArrayPlace(self._due.ctypes.data + (self._first + at) * batch, 0, runs),
             "point95": place(limit, 0, nothing),
         }
         outputs_at = {
             "per_step": place(per_step[..., None], 1, at)._replace(group=0),
             "per_run": place(per_run[:, None, None], 1, nothing),
-            "lags": place(lags[:, :, None, None], 2, nothing),
             "bounded": place(bounded, 0, at),
         }
         sequence.call(kernel, at, inputs_at, outputs_at)
@@ -173,7 +167,6 @@ class Innovations:
             return False
         self._per_step[:, self._measurement : self._measurement + count] = total_of_vectors(per_step)
         self._per_run += per_run
-        self._lags += total_of_vectors(lags)[:, ::-1]
         return True
 
     def _sum(self, here: slice) -> None:
@@ -193,27 +186,11 @@ class Innovations:
         measurement = self._measurement + here.start - self._first
         self._per_step[:, measurement : measurement + len(white)] = values.sum(axis=-1)
         self._per_run += values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1)
-        self._add_pairs(here, values[NIS["nis"]])
-
-    def _add_pairs(self, here: slice, nis: Array) -> None:
-        """Add the products of some measurements with those that are not farther than ``LAGS`` before each."""
-        window = slice(here.start - LAGS, here.stop)
-        count, rows = here.stop - here.start, here.stop - here.start + LAGS
-        products = self._white[here].reshape(count, -1) @ self._white[window].reshape(rows, -1).T
-        if self._used[window].all():
-            pairs = np.full_like(products, nis.shape[1]), products, nis.sum(axis=1)[:, None] + np.zeros(rows)
-        else:
-            used = self._used[window].astype(float)
-            pairs = used[LAGS:] @ used.T, products, nis @ used.T
-        lag = LAGS + np.arange(count)[:, None] - np.arange(rows)
-        near = (lag >= 0) & (lag <= LAGS)
-        for total, each in zip(self._lags, pairs, strict=True):
-            total += np.bincount(lag[near], each[near], LAGS + 1)
 
     def scores(self) -> NisScores:
         """The sums of everything taken in."""
         self.flush()
-        return NisScores(self._dof, self._per_step, self._per_run, self._lags)
+        return NisScores(self._dof, self._per_step, self._per_run)
 
 
 def _clear(white: Array, used: Mask) -> None:

@@ -72,8 +72,6 @@ class Scope:
     """``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`."""
     measurements: Mapping[str, int] = field(default_factory=dict)
     """Number of instants of each sensor; empty with hidden identities."""
-    first: bool = True
-    """Whether it is the first block."""
     single: bool = False
     """Whether it is a run whose stretches of time stand for independent runs."""
     compute: Compute = by_numpy

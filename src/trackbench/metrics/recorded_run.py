@@ -1,93 +1,22 @@
-"""The recorded run out of its tables: as arrays, at single moments, and when each tracker was worst."""
+"""The recorded run out of its tables: what there is at a time, and when each tracker was worst."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.types import Array, Mask
 from trackbench.metrics.conditions import FIRST
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import Result
-from trackbench.results.columns import Columns, split, table_columns
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
 
 #: Two moments of one object are told apart if they lie farther apart than this, s.
 APART = 1.0
-STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
-
-
-@dataclass(frozen=True)
-class RecordedTrack:
-    """One tracker's estimates."""
-
-    mean: Array
-    """``(4, instants, objects)``, NaN where there is none."""
-    position_error: Array
-    """``(instants, objects)`` m."""
-    velocity_error: Array
-    """``(instants, objects)`` m/s."""
-    nees: Array
-    """``(instants, objects)``"""
-    due: Mask
-    """``(instants, objects)`` where an estimate counts."""
-    starting: Mask
-    """``(instants, objects)`` where the track starts: the first second after the object is known."""
-
-
-@dataclass(frozen=True)
-class RecordedRun:
-    """The recorded run at each instant of a measurement."""
-
-    objects: tuple[str, ...]
-    time: Array
-    """``(instants,)`` s."""
-    alive: Mask
-    """``(instants, objects)``"""
-    tracks: dict[str, RecordedTrack]
-    """By tracker, those that did not fail."""
-
-
-def load_recorded_run(result: Result) -> RecordedRun:
-    """The recorded run, from the first to the last instant of a measurement."""
-    tables, score = result.tables, result.summary.score
-    objects = tuple(result.summary.truth.objects)
-    truth = {name: rows for (role, name), rows in split(tables.truth, "role", "object").items() if role == "target"}
-    tracks: dict[str, dict[str, Columns]] = {}
-    for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
-        tracks.setdefault(tracker, {})[name] = rows
-    every = [rows["time_s"] for track in tracks.values() for rows in track.values()]
-    time = every[0] if every else np.unique(table_columns(tables.measurements)["time_s"])
-    at = np.searchsorted(truth[objects[0]]["time_s"], time)
-    alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)
-    start = max(0.0, FIRST - score.settle_s)
-    by_tracker = {tracker: _track(rows, objects, time, start) for tracker, rows in tracks.items()}
-    return RecordedRun(objects, time, alive, by_tracker)
-
-
-def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array, start: float) -> RecordedTrack:
-    """``start``: how long a track starts after its estimates begin to count, s."""
-
-    def column(name: str) -> Array:
-        values = np.full((len(time), len(objects)), np.nan)
-        for i, key in enumerate(objects):
-            if key in rows:
-                values[:, i] = rows[key][name]
-        return values
-
-    due = column("due") > 0
-    begins = due & ~np.vstack([np.zeros_like(due[:1]), due[:-1]])
-    since = np.maximum.accumulate(np.where(begins, time[:, None], -np.inf), axis=0)
-    return RecordedTrack(
-        mean=np.stack([column(name) for name in STATE]),
-        position_error=column("position_error_m"),
-        velocity_error=column("velocity_error_mps"),
-        nees=column("nees"),
-        due=due,
-        starting=due & (time[:, None] - since < start * (1 - ROUNDING)),
-    )
 
 
 @dataclass(frozen=True)
@@ -104,9 +33,6 @@ class VehicleMoment:
     course_rad: float
     acceleration_mps2: float
     yaw_rate_radps: float
-
-
-MOTION = tuple(VehicleMoment.__dataclass_fields__)[2:]
 
 
 @dataclass(frozen=True)
@@ -148,26 +74,34 @@ class SceneMoment:
     estimates: list[EstimateMoment]
 
 
-def scene_at(result: Result, recorded: RecordedRun, time: float) -> SceneMoment:
-    """Vehicles, measurements and estimates as a viewer shows them at a time: the latest of each up to then.
+def recorded_estimates(result: Result) -> pd.DataFrame:
+    """Return the table of estimates, with a column ``starting``; without rows where there are none."""
+    frame = _frame(result.tables.estimates, "due", *EstimateMoment.__dataclass_fields__)
+    of_track, due = [frame["tracker"], frame["object"]], frame["due"] > 0
+    begins = due & ~due.groupby(of_track).shift(fill_value=False)
+    since = frame["time_s"].where(begins).groupby(of_track).ffill()
+    start_s = max(0.0, FIRST - result.summary.score.settle_s)
+    return frame.assign(starting=due & (frame["time_s"] - since < start_s * (1 - ROUNDING)))
+
+
+def scene_at(result: Result, time: float) -> SceneMoment:
+    """Return vehicles, measurements and estimates as a viewer shows them at a time: the latest of each up to then.
 
     Raises:
         InputError: the recording does not have that time.
     """
-    truth = split(result.tables.truth, "role", "object")
-    clock = next(iter(truth.values()))["time_s"]
-    require_time(clock[0], clock[-1], time)
-    step = _latest(clock, time)
-    present = {(role, name): rows for (role, name), rows in truth.items() if rows["alive"][step]}
-    vehicles = [
-        VehicleMoment(name, role, **{key: float(rows[key][step]) for key in MOTION})
-        for (role, name), rows in present.items()
-    ]
+    truth = _frame(result.tables.truth)
+    require_time(truth["time_s"].min(), truth["time_s"].max(), time)
+    present = _latest(truth, time, "role", "object").query("alive > 0")
+    measurements = _frame(result.tables.measurements, "valid", *MeasurementMoment.__dataclass_fields__)
+    measured = _latest(measurements, time, "sensor", "object").query("valid > 0")
+    estimates = _latest(recorded_estimates(result), time, "tracker", "object")
+    estimates = estimates[estimates["object"].isin(present["object"])]
     return SceneMoment(
-        time_s=float(clock[step]),
-        vehicles=vehicles,
-        measurements=_measurements(split(result.tables.measurements, "sensor", "object"), time),
-        estimates=_estimates(recorded, time, {name for _, name in present}),
+        time_s=float(truth["time_s"][truth["time_s"] <= time + 1e-9].max()),
+        vehicles=_moments(VehicleMoment, present.rename(columns={"object": "name"})),
+        measurements=_moments(MeasurementMoment, measured),
+        estimates=_moments(EstimateMoment, estimates.dropna(subset=["px_m", "py_m", "vx_mps", "vy_mps"])),
     )
 
 
@@ -183,7 +117,7 @@ def require_time(first: float, last: float, time: float) -> None:
 
 
 def require_name(name: str, known: Iterable[str], what: str) -> str:
-    """A name if it is one of those known.
+    """Return a name if it is one of those known.
 
     Args:
         name: of a vehicle or tracker.
@@ -200,77 +134,44 @@ def require_name(name: str, known: Iterable[str], what: str) -> str:
 
 
 def worst(
-    recorded: RecordedRun, trackers: Sequence[str], count: int, vehicle: str | None = None
+    estimates: pd.DataFrame, trackers: Sequence[str], count: int, vehicle: str | None = None
 ) -> list[EstimateMoment]:
-    """The scored moments of the largest position error, the largest first; of one peak only its top.
+    """Return the scored moments of the largest position error, the largest first; of one peak only its top.
 
-    Those at which the track starts come after all others: every track starts with a large error.
+    Moments at which the track starts come after all others: every track starts with a large error.
 
     Args:
-        recorded: the run.
+        estimates: of :func:`recorded_estimates`.
         trackers: whose errors are looked at; at each moment the largest of them counts.
         count: how many moments at most.
         vehicle: of this one alone.
     """
-    time = recorded.time
-    errors = np.array([recorded.tracks[name].position_error for name in trackers])
-    errors = errors.reshape(len(trackers), *recorded.alive.shape)
-    due = np.array([recorded.tracks[name].due for name in trackers]).reshape(errors.shape)
-    counted = due & np.array([vehicle in (None, name) for name in recorded.objects])
-    errors = np.where(counted, errors, np.nan)
-    starting = np.array([recorded.tracks[name].starting for name in trackers]).reshape(errors.shape)
-    moments: list[EstimateMoment] = []
-    while len(moments) < count and np.isfinite(errors).any():
-        settled = np.where(starting, np.nan, errors)
-        first = settled if np.isfinite(settled).any() else errors
-        tracker, instant, i = (int(index) for index in np.unravel_index(np.nanargmax(first), errors.shape))
-        moments.append(_estimate(recorded, trackers[tracker], instant, i))
-        errors[:, np.abs(time - time[instant]) <= APART, i] = np.nan
-    return moments
+    counted = estimates["tracker"].isin(trackers) & (estimates["due"] > 0)
+    if vehicle is not None:
+        counted &= estimates["object"] == vehicle
+    rows = estimates[counted].dropna(subset="position_error_m")
+    rows = rows.sort_values(["starting", "position_error_m"], ascending=[True, False], kind="stable")
+    tops: list[Any] = []
+    while len(tops) < count and len(rows):
+        tops.append(rows.index[0])
+        peak = rows.iloc[0]
+        rows = rows[(rows["object"] != peak["object"]) | ((rows["time_s"] - peak["time_s"]).abs() > APART)]
+    return _moments(EstimateMoment, estimates.loc[tops])
 
 
-def _estimates(recorded: RecordedRun, time: float, present: set[str]) -> list[EstimateMoment]:
-    if time < recorded.time[0] - 1e-9:
-        return []
-    instant = _latest(recorded.time, time)
-    return [
-        _estimate(recorded, tracker, instant, i)
-        for tracker, track in recorded.tracks.items()
-        for i, name in enumerate(recorded.objects)
-        if name in present and np.isfinite(track.mean[:, instant, i]).all()
-    ]
+def _frame(table: pa.Table, *required: str) -> pd.DataFrame:
+    """Return a table as a data frame, whose names are text, with columns that it has none of where it has no rows."""
+    frame: pd.DataFrame = table.to_pandas(ignore_metadata=True)
+    columns = dict.fromkeys([*frame.columns, *required])
+    return frame.astype(dict.fromkeys(frame.select_dtypes("category").columns, object)).reindex(columns=list(columns))
 
 
-def _estimate(recorded: RecordedRun, tracker: str, instant: int, i: int) -> EstimateMoment:
-    track = recorded.tracks[tracker]
-    mean = dict(zip(STATE, map(float, track.mean[:, instant, i]), strict=True))
-    return EstimateMoment(
-        tracker=tracker,
-        object=recorded.objects[i],
-        time_s=float(recorded.time[instant]),
-        **mean,
-        position_error_m=_known(track.position_error[instant, i]),
-        velocity_error_mps=_known(track.velocity_error[instant, i]),
-        nees=_known(track.nees[instant, i]),
-        starting=bool(track.starting[instant, i]),
-    )
+def _latest(frame: pd.DataFrame, time: float, *keys: str) -> pd.DataFrame:
+    """Return the last row of each series up to a time, up to rounding."""
+    return frame[frame["time_s"] <= time + 1e-9].groupby(list(keys), sort=False).tail(1)
 
 
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _measurements(measurements: dict[tuple[str, ...], Columns], time: float) -> list[MeasurementMoment]:
-    """The latest measurement of each sensor, of the objects that it detected."""
-    latest = []
-    for (sensor, name), rows in measurements.items():
-        at = _latest(rows["time_s"], time)
-        if at >= 0 and rows["valid"][at]:
-            place = (float(rows[key][at]) for key in ("time_s", "x_m", "y_m"))
-            latest.append(MeasurementMoment(sensor, name, *place))
-    return latest
-
-
-def _latest(times: Array, time: float) -> int:
-    """Index of the last of ``times`` that is not after ``time``, up to rounding; -1 if all are."""
-    return int(np.searchsorted(times, time + 1e-9, side="right")) - 1
+def _moments(kind: type[Any], rows: pd.DataFrame) -> list[Any]:
+    """Return an object of a class for each row, None where a number is not known."""
+    values = rows[list(kind.__dataclass_fields__)].astype(object)
+    return [kind(**row) for row in values.where(values.notna(), None).to_dict("records")]

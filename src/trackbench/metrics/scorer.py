@@ -54,7 +54,6 @@ class Scorer:
         measurements: dict[str, int],
         *,
         tracker: str = "tracker",
-        first: bool = True,
         single: bool = False,
         metrics: Sequence[Metric] = BUILT_IN,
         compute: Compute = by_numpy,
@@ -68,7 +67,6 @@ class Scorer:
             classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`.
             measurements: how many instants each sensor has.
             tracker: whose estimates they are.
-            first: whether it is the first block, whose percentiles are kept.
             single: whether it is a run whose stretches of time stand for independent runs.
             metrics: what is to be computed.
             compute: how equations are computed.
@@ -89,7 +87,6 @@ class Scorer:
             target=_read_only(target),
             classes=_read_only(classes),
             measurements=measurements,
-            first=first,
             single=single,
             compute=compute,
         )

@@ -58,9 +58,6 @@ COLUMNS = {
         ("new/min", "new_tracks", 3, 1.0),
         ("used %", "used_share", 3, 100.0),
         ("NIS", "nis", 2, 1.0),
-        ("breaks", "track_breaks", 2, 1.0),
-        ("own br.", "own_track_breaks", 2, 1.0),
-        ("swaps", "track_swaps", 2, 1.0),
         ("score", "prediction_score", 3, 1.0),
     ),
 }

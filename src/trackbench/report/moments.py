@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 
 from trackbench.document import Block, Cell, Code, Column, Paragraph, Section, Table
 from trackbench.metrics.function_events import TrackEvent, events_of
-from trackbench.metrics.recorded_run import EstimateMoment, load_recorded_run, worst
+from trackbench.metrics.recorded_run import EstimateMoment, recorded_estimates, worst
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, rounded
 from trackbench.report.tables import TRACKER, text_table
 from trackbench.results import Result
@@ -20,9 +20,8 @@ def worst_moments(result: Result) -> dict[str, EstimateMoment]:
     """By tracker, best first, the scored moment of its largest position error in the recorded run."""
     if not result.scored:
         return {}
-    recorded = load_recorded_run(result)
-    names = [tracker.name for tracker in result.scored if tracker.name in recorded.tracks]
-    return {name: moments[0] for name in names if (moments := worst(recorded, [name], 1))}
+    estimates = recorded_estimates(result)
+    return {name: top for name in (tracker.name for tracker in result.scored) for top in worst(estimates, [name], 1)}
 
 
 def diverged_elsewhere(result: Result) -> str:

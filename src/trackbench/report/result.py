@@ -41,10 +41,10 @@ from trackbench.report.sentences import (
     facts,
     made_elsewhere,
     missing_estimates,
-    other_switch_costs,
     others_ignored,
     provenance,
     reused_identities,
+    switch_cost,
 )
 from trackbench.report.truth_and_sensors import audit_sentences, sensor_table
 from trackbench.results import Result
@@ -113,11 +113,6 @@ _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
         "Trackers stand in the scenario's order. More or longer tracks are not better: they may be of nothing.",
         ("track_count", "new_tracks", "track_length", "used_share"),
     ),
-    "Beside the sensor's own tracks": (
-        "The sensor says of which of its own tracks each detection is, which the trackers are not told. It is one more "
-        "tracker and no truth: where the two differ, either may be wrong.",
-        ("track_breaks", "own_track_breaks", "track_swaps"),
-    ),
     "Predictions": (
         "Before each scan a built-in tracker is asked where its tracks are. NIS is of the detections that they "
         "then used, so a tracker that takes only near ones has a small one. The score is of all detections of all "
@@ -143,7 +138,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
     shown = f"“{column.heading}”: {column.meaning}"
     if summary.identities == "hidden":
         note = f"By {summary.headline_name}. {shown}. {basis}" + (_ORACLES if references else "")
-        told = (other_switch_costs(result), *against_oracle(result))
+        told = (switch_cost(result), *against_oracle(result))
         return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *map(Paragraph, told), *folded))
     note = (
         f"By position RMSE. {shown}. {basis}"

@@ -8,25 +8,20 @@ from itertools import combinations
 
 from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
-from trackbench.driving.law import FEWEST
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.report.numbers import decimals, joined_names, meaningful, percent, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import metric_of, value_text
 from trackbench.results import (
-    MOST_DRAWN,
     ExpectationResult,
     MetricValue,
     Result,
     Summary,
     TrackerResult,
 )
-from trackbench.results.metric_value import by_value
 from trackbench.results.tracker_result import BEATS_BOUND
 
-#: T-GOSPA at other costs of a switch, by the factor.
-SWITCH_COSTS = {"tgospa_half": 0.5, "tgospa_twice": 2.0}
 #: A reference takes no false alarm.
 FALSE_OF_REFERENCE = "its false tracks: predicted further while their object is hidden or gone"
 
@@ -107,8 +102,7 @@ def reused_identities(result: Result) -> str:
 def drawing_random(result: Result) -> str:
     """Which trackers draw random numbers, and what follows; empty where none does."""
     names = [tracker.name for tracker in result.scored if tracker.random]
-    how = "random = True, so its errors are compared with those of each member alone"
-    return f"{joined_names(names)}: {how} (of fewer than {FEWEST} objects times runs nothing is)" if names else ""
+    return f"{joined_names(names)}: random = True, so it is not asked again" if names else ""
 
 
 def others_ignored(result: Result) -> list[str]:
@@ -157,21 +151,9 @@ def _time_offset(tracker: TrackerResult) -> list[str]:
     return [f"{name}: time offset n/a: {offset.reason}; the mean error is {alone}: {causes}"]
 
 
-def other_switch_costs(result: Result) -> str:
-    """Whether the trackers rank alike where a switch costs half or twice as much."""
-    costs = result.summary.score.switch_costs_s or 0.0
-    ranked = [tracker.name for tracker in result.contenders]
-    stated = f"A switch costs as much as missing the object for {costs:g} s."
-    if len(ranked) < 2:
-        return stated
-    others = []
-    for path, factor in SWITCH_COSTS.items():
-        by_cost = by_value({name: _value(result[name], path) or 0.0 for name in ranked})
-        if by_cost != ranked:
-            order = f": {', '.join(by_cost)}" if len(ranked) <= MOST_DRAWN else ""
-            others.append(f"With {factor * costs:g} s the order is another{order}.")
-    low, high = (f"{factor * costs:g} s" for factor in SWITCH_COSTS.values())
-    return " ".join([stated, *(others or [f"With {low} and with {high} the order is the same."])])
+def switch_cost(result: Result) -> str:
+    """Return what a switch of identities costs in T-GOSPA."""
+    return f"A switch costs as much as missing the object for {result.summary.score.switch_costs_s or 0.0:g} s."
 
 
 def missing_estimates(result: Result) -> list[str]:

@@ -128,12 +128,12 @@ TRACK_GROUPS: dict[str, tuple[str, ...]] = {
 #: Words of the metrics' names that are written otherwise.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
-    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES", "ospa": "OSPA", "ospa2": "OSPA(2)", "nis": "NIS",
+    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES", "ospa": "OSPA", "nis": "NIS",
 }  # fmt: skip
 
 
 def metric_in_words(path: str) -> str:
-    """A metric of tracks: "T-GOSPA twice"."""
+    """A metric of tracks: "GOSPA missed"."""
     return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
 
 

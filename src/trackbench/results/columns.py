@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 Columns = dict[str, npt.NDArray[Any]]
 #: What some rows are made from, by name: arrays and lists ``(rows,)``, or single values for all of them.
 Record = Mapping[str, Any]
-#: A name tells series apart. whole: a count, or what holds or not. sparse: a number that every row may lack.
-Kind = Literal["name", "number", "whole", "sparse"]
 
 
 class TableColumn(NamedTuple):
@@ -29,9 +27,8 @@ class TableColumn(NamedTuple):
     """As it stands after a number: "1" where there is none, empty of names and of what has the sensor's units."""
     source: str | Callable[[Record], Any]
     """The entry of a record that it is, or what computes it from a record."""
-    kind: Kind = "number"
-    required: bool = False
-    """Whether a stored table without it is none of a run. Another one is left out where its entry is missing."""
+    is_name: bool = False
+    """Whether it holds words, which tell series apart."""
 
     def values(self, record: Record) -> Any:
         """``(rows,)``, or a single value for all rows."""
@@ -43,13 +40,9 @@ class DeclaredTable(NamedTuple):
 
     meaning: str
     columns: list[TableColumn]
-    series: bool = False
-    """Whether all series have the same times."""
-    single_rows: bool = False
-    """Whether each record is one row."""
 
     def written(self, records: Sequence[Record], more: Iterable[str] = ()) -> pa.Table:
-        """The table of these records; without columns where there are none.
+        """The table of these records; without columns where there are none, and without those whose entry is missing.
 
         Args:
             records: each of some rows.
@@ -60,19 +53,15 @@ class DeclaredTable(NamedTuple):
         if not records:
             return pa.table({})
         columns = [
-            column
-            for column in self.columns
-            if column.required or not isinstance(column.source, str) or column.source in records[0]
+            column for column in self.columns if not isinstance(column.source, str) or column.source in records[0]
         ]
         columns += [TableColumn(name, "1", name) for name in more]
         parts = [{column.name: column.values(record) for column in columns} for record in records]
-        if self.single_rows:
-            return pa.Table.from_pylist(parts)
         sizes = [next((len(each) for each in part.values() if not isinstance(each, str | float)), 1) for part in parts]
         stacked: dict[str, pa.Array] = {}
         for column in columns:
             values = [(part[column.name], size) for part, size in zip(parts, sizes, strict=True)]
-            if column.kind == "name":
+            if column.is_name:
                 texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
                 stacked[column.name] = pa.array(texts, pa.string()).dictionary_encode()
             else:

@@ -1,7 +1,4 @@
-"""The tables of a result and the columns of each: the name, the unit and what a column is made from.
-
-A column is added by :func:`declare`; nothing else has to know it.
-"""
+"""The tables of a result and the columns of each: the name, the unit and what a column is made from."""
 
 from __future__ import annotations
 
@@ -12,27 +9,15 @@ import numpy as np
 
 from trackbench.base.config.key_units import UNITS
 from trackbench.base.types import Array
-from trackbench.results.columns import DeclaredTable, Kind, Record, TableColumn, mean
+from trackbench.results.columns import DeclaredTable, Record, TableColumn, mean
 
 
-def declare(table: str, column: TableColumn, *, hidden: bool = False) -> None:
-    """Add a column to a table of results with known identities, or with hidden ones."""
-    (HIDDEN if hidden else LABELLED)[table].columns.append(column)
-
-
-def _number(
-    name: str,
-    source: str | Callable[[Record], Any] = "",
-    kind: Kind = "number",
-    *,
-    unit: str | None = None,
-    required: bool = True,
-) -> TableColumn:
+def _number(name: str, source: str | Callable[[Record], Any] = "", *, unit: str | None = None) -> TableColumn:
     """The unit is that in which the name ends, and the source the entry of this name, unless given."""
     ending = name.rpartition("_")[2]
     if unit is None:
         unit = UNITS[ending].symbol if ending in UNITS else "1"
-    return TableColumn(name, unit, source or name, kind, required)
+    return TableColumn(name, unit, source or name)
 
 
 def _numbers(*numbers: str | TableColumn) -> list[TableColumn]:
@@ -40,17 +25,10 @@ def _numbers(*numbers: str | TableColumn) -> list[TableColumn]:
     return [_number(number) if isinstance(number, str) else number for number in numbers]
 
 
-def _table(
-    meaning: str,
-    names: Sequence[str],
-    numbers: Sequence[str | TableColumn],
-    *,
-    series: bool = False,
-    single: bool = False,
-) -> DeclaredTable:
+def _table(meaning: str, names: Sequence[str], numbers: Sequence[str | TableColumn]) -> DeclaredTable:
     """The names come first."""
-    named = [TableColumn(name, "", name, "name", required=True) for name in names]
-    return DeclaredTable(meaning, [*named, *_numbers(*numbers)], series, single)
+    named = [TableColumn(name, "", name, is_name=True) for name in names]
+    return DeclaredTable(meaning, [*named, *_numbers(*numbers)])
 
 
 def _entry(name: str, *index: int) -> Callable[[Record], Any]:
@@ -100,14 +78,13 @@ STATE = [
     ),
 ]
 MEASUREMENT = [
-    *(_number(f"z{row}", _entry("measurement", row), unit="", required=row < 1) for row in range(3)),
+    *(_number(f"z{row}", _entry("measurement", row), unit="") for row in range(3)),
     *(_number(name, _entry("position", row)) for row, name in enumerate(("x_m", "y_m"))),
     *(_number(f"sensor_{name}", _entry("sensor_pose", row)) for row, name in enumerate(("x_m", "y_m", "yaw_rad"))),
 ]
 GOSPA_PARTS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
-ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
-VALID = _number("valid", kind="whole")
-DUE = _number("due", kind="whole")
+VALID = _number("valid")
+DUE = _number("due")
 DECIDED = ("tracker", "function", "object")
 #: Left where the scenario has functions.
 FUNCTION_TABLES = {
@@ -116,15 +93,15 @@ FUNCTION_TABLES = {
         [*DECIDED, "true_object"],
         [
             "time_s",
-            *(_number(name, kind="whole") for name in ("active", "true_active", "impact")),
-            *(_number(name, kind="sparse", unit="") for name in ("quantity", "true_quantity")),
+            *(_number(name) for name in ("active", "true_active", "impact")),
+            *(_number(name, unit="") for name in ("quantity", "true_quantity")),
         ],
     ),
     "function_events": _table(
         "when a function should have been active or should not have been: all of the recorded run, and the worst of "
         "the others; an outcome is answered, missed or false",
         [*DECIDED, "outcome"],
-        ["run", "time_s", "until_s", _number("delay_s", kind="sparse")],
+        ["run", "time_s", "until_s", _number("delay_s")],
     ),
 }
 SHARED = {
@@ -134,7 +111,7 @@ SHARED = {
         ["object", "role"],
         [
             "time_s",
-            _number("alive", kind="whole"),
+            _number("alive"),
             *(_number(f"{name}_m", name) for name in ("px", "py")),
             *(_number(f"{name}_rad", name) for name in ("heading", "course")),
             *(_number(f"{name}_mps", name) for name in ("speed", "vx", "vy")),
@@ -142,7 +119,6 @@ SHARED = {
             _number("yaw_rate_radps", "yaw_rate"),
             *(_number(f"{name}_m", name) for name in ("length", "width")),
         ],
-        series=True,
     ),
     "roads": _table("lane edges to draw", [], ["line", "x_m", "y_m"]),
     "differences": _table(
@@ -150,9 +126,9 @@ SHARED = {
         ["a", "b", "metric", "unit", "better", "verdict"],
         [
             _number("value", unit=""),
-            *(_number(name, kind="sparse", unit="") for name in ("ci95_low", "ci95_high")),
+            *(_number(name, unit="") for name in ("ci95_low", "ci95_high")),
             _number("margin", unit=""),
-            *(_number(name, kind="sparse") for name in ("p_value", "without_charged")),
+            *(_number(name) for name in ("p_value", "without_charged")),
         ],
     ),
 }
@@ -163,10 +139,9 @@ LABELLED = {
         "errors of each tracker at each instant, over runs and objects",
         ["tracker"],
         [
-            *_numbers("time_s", "count", "given", *ERRORS, "position_p10_m", "position_p90_m"),
+            *_numbers("time_s", "count", "given", *ERRORS),
             *_numbers(_number("nees_mean", _mean("nees", "given")), "nees_low", "nees_high", *REFERENCES),
         ],
-        series=True,
     ),
     "nis": _table(
         "normalised innovation squared of each tracker and sensor at each measurement",
@@ -175,7 +150,6 @@ LABELLED = {
             *_numbers("time_s", "count", _number("nis_mean", _mean("nis")), "nis_low", "nis_high"),
             *_numbers("dof", _number("inside95", _mean("inside"))),
         ],
-        series=True,
     ),
     "runs": _table(
         "errors of each tracker in each run",
@@ -195,19 +169,10 @@ LABELLED = {
             *_numbers(_number("nees_mean", _mean("nees", "given")), *REFERENCES),
         ],
     ),
-    "autocorrelation": _table(
-        "autocorrelation of each tracker's whitened innovations, by lag; 95 % are within ``low`` and ``high`` if white",
-        ["tracker", "sensor"],
-        [
-            *_numbers("lag", "pairs", _number("correlation", lambda record: mean(record["product"], record["square"]))),
-            *_numbers("low", "high"),
-        ],
-    ),
     "measurements": _table(
         "every measurement of the recorded run, with the position in the fixed frame that it states",
         ["sensor", "kind", "object"],
         [*_numbers("time_s", "arrival_time_s"), VALID, *MEASUREMENT],
-        series=True,
     ),
     "estimates": _table(
         "every tracker's estimates of the recorded run",
@@ -218,25 +183,21 @@ LABELLED = {
             ),
             *_numbers("nees", DUE),
         ],
-        series=True,
     ),
     "recorded_nis": _table(
         "normalised innovation squared of every measurement of the recorded run",
         ["tracker", "sensor", "object"],
         ["time_s", "nis"],
-        series=True,
     ),
     "modes": _table(
         "if trackers have modes: their probability at each instant, mean over runs and objects",
         ["tracker", "mode"],
         ["time_s", "probability"],
-        series=True,
     ),
     "recorded_modes": _table(
         "if trackers have modes: their probability in the recorded run",
         ["tracker", "mode", "object"],
         ["time_s", "probability"],
-        series=True,
     ),
 }
 #: The tables where identities are hidden.
@@ -246,7 +207,6 @@ HIDDEN = {
         "root mean square over runs of each tracker's GOSPA and its parts at each instant",
         ["tracker"],
         ["time_s", *(_number(f"{part}_m", _root_mean(part)) for part in GOSPA_PARTS)],
-        series=True,
     ),
     "runs": _table(
         "total and count of each metric of each tracker in each run", ["tracker"], ["run", "scene", "count"]
@@ -254,7 +214,7 @@ HIDDEN = {
     "measurements": _table(
         "every detection of the recorded run, with what caused it; without a truth, the sensor's own track",
         ["sensor", "kind", "object"],
-        ["scan", "detection", "time_s", VALID, *MEASUREMENT, _number("own_track", required=False)],
+        ["scan", "detection", "time_s", VALID, *MEASUREMENT, "own_track"],
     ),
     "tracks": _table(
         "every confirmed track of the recorded run at each instant",
@@ -281,21 +241,10 @@ HIDDEN = {
         ["tracker", "object", "state"],
         ["time_s", "until_s"],
     ),
-    "association": _table(
-        "how often tracks took a detection of their own object, another's, a false alarm or none",
-        ["tracker"],
-        ASSOCIATIONS,
-    ),
-    "existence": _table(
-        "tracks by stated existence probability, and how many of them are on an object",
-        ["tracker"],
-        ["from", "to", "count", _number("stated", _mean("stated")), _number("real", _mean("real"))],
-    ),
     "due": _table(
         "0 absent, 1 optional, 2 due, of each object at each instant of the recorded run",
         ["object"],
         ["time_s", "status"],
-        series=True,
     ),
 }
 

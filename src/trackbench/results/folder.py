@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pydantic_core
 
-from trackbench.base.errors import InputError, OutputError, TrackbenchError, nearest_choices, shortened_text
+from trackbench.base.errors import InputError, OutputError, TrackbenchError
 from trackbench.base.files import require_regular
-from trackbench.results.columns import split
 from trackbench.results.declared import HIDDEN, LABELLED
 
 try:
@@ -29,104 +28,7 @@ if TYPE_CHECKING:
 
 #: In the place of an object's name, where a detection stems from none, and where there is none.
 FALSE_ALARM, NO_OBJECT = "false alarm", ""
-#: The types that a column of numbers may have; what has no value in any row has no type either.
-NUMBERS = {"number": ("floating",), "whole": ("floating", "integer", "boolean"), "sparse": ("floating", "null")}
 OBSERVER = "observer"
-#: The nanoseconds of a recording end at 9.2e9 s.
-LATEST_S = 1e9
-Names = Mapping[str, Collection[str]]
-
-
-class TableLayout(NamedTuple):
-    """What the tables of a run hold."""
-
-    names: Names
-    """What the columns of names may hold, by column."""
-    objects: Sequence[str] = ()
-    """Of the recorded run."""
-    hidden: bool = False
-    """Whether identities are hidden."""
-    repeated: bool = False
-    """Whether a time has a row for each measurement at it."""
-
-
-def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -> None:
-    """Make sure that a table is one of a run.
-
-    Args:
-        name: of the table; one that is not known may hold anything.
-        table: what was read.
-        layout: of the run's tables.
-        file: for error messages.
-
-    Raises:
-        InputError: it is not.
-    """
-    from pyarrow import types
-
-    # What no tracker left has no columns either.
-    declared = (HIDDEN if layout.hidden else LABELLED).get(name)
-    if declared is None or not (len(table) or table.num_columns):
-        return
-    names = layout.names
-    kinds = {column.name: column.kind for column in declared.columns}
-    texts = tuple(column for column, kind in kinds.items() if kind == "name" and column in table.column_names)
-    for column, _, _, _, required in declared.columns:
-        count = table.column_names.count(column)
-        if count > 1 or (required and not count):
-            raise InputError(f"no column {column}, or several: not the table {name} of a run", file=file)
-    for field in table.schema:
-        type = field.type.value_type if types.is_dictionary(field.type) else field.type
-        kind = kinds.get(field.name, "number")
-        fitting = ("string",) if kind == "name" else NUMBERS[kind]
-        if not any(getattr(types, f"is_{name_of_type}")(type) for name_of_type in fitting):
-            raise InputError(f"{field.name} is a column of {type}: not the table {name} of a run", file=file)
-    for column in texts:
-        for value in table[column].unique().to_pylist():
-            if value is None or value not in names.get(column, (value,)):
-                hint = nearest_choices(str(value), names.get(column, ()))
-                raise InputError(f"{column} {shortened_text(str(value), 40)!r} is none of this run; {hint}", file=file)
-    if declared.series:
-        _require_times(name, table, texts, layout.repeated, file)
-    if name == "runs":
-        _require_runs(table, file)
-    if name == "truth":
-        _require_objects(table, layout.objects, file)
-
-
-def _require_runs(table: pa.Table, file: Path) -> None:
-    """Each tracker has each run once."""
-    names, runs = table["tracker"].to_numpy(), table["run"].to_numpy()
-    for tracker in np.unique(names):
-        own = np.sort(runs[names == tracker])
-        if not np.array_equal(own, np.arange(len(own))):
-            raise InputError(f"{tracker} has not each run once: not the table runs of a run", file=file)
-
-
-def _require_objects(table: pa.Table, objects: Sequence[str], file: Path) -> None:
-    """The truth has each object of the run and what carries the sensors."""
-    tracked = set(split(table, "role", "object"))
-    for key in [*(("target", name) for name in objects), (OBSERVER, OBSERVER)]:
-        if key not in tracked:
-            raise InputError(f"{key[1]} is missing: not the table truth of this run", file=file)
-
-
-def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], repeated: bool, file: Path) -> None:
-    """The series of one sensor have the same times, each once; so have all series of what is of no sensor.
-
-    A time comes again where each of the measurements at it is scored.
-    """
-    if table["time_s"].null_count or not (np.abs(table["time_s"].to_numpy()) < LATEST_S).all():
-        raise InputError(f"time_s is not finite, or beyond {LATEST_S:g} s: not the table {name} of a run", file=file)
-    by_sensor: dict[str, np.ndarray] = {}
-    later = np.greater_equal if repeated else np.greater
-    for key, rows in split(table, *texts).items():
-        sensor = key[texts.index("sensor")] if "sensor" in texts else ""
-        times = by_sensor.setdefault(sensor, rows["time_s"])
-        if not np.array_equal(times, rows["time_s"]) or not later(times[1:], times[:-1]).all():
-            message = f"{' '.join(key)} has not each time of the others once: not the table {name} of a run"
-            raise InputError(message, file=file)
-
 
 SUMMARY = "result.json"
 #: The same of an examination.
@@ -319,16 +221,13 @@ class Tables(Mapping[str, Any]):
     """
 
     def __init__(
-        self, loaded: Mapping[str, pa.Table], folder: Path | None = None, layout: TableLayout | None = None
+        self, loaded: Mapping[str, pa.Table], folder: Path | None = None, digests: Mapping[str, str] | None = None
     ) -> None:
-        """``loaded``: those in memory. ``folder``: where the others are read from. ``layout``: of these."""
-        self._loaded = dict(loaded)
-        self._folder = folder
-        self._layout = layout or TableLayout({})
+        """``loaded``: those in memory. ``folder``: of the others. ``digests``: by name, the sha256 of their files."""
+        self._loaded, self._folder, self._digests = dict(loaded), folder, digests or {}
 
     def __iter__(self) -> Iterator[str]:
-        there = [] if self._folder is None else [file.stem for file in sorted(self._folder.glob("*.parquet"))]
-        return iter(dict.fromkeys([*self._loaded, *there]))
+        return iter(dict.fromkeys([*self._loaded, *self._digests]))
 
     def __getattr__(self, name: str) -> pa.Table:
         """A table as an attribute."""
@@ -362,18 +261,23 @@ class Tables(Mapping[str, Any]):
         return self[name] if name in self else pa.table({})
 
     def _read(self, name: str) -> pa.Table:
-        if self._folder is None:
+        if self._folder is None or name not in self._digests:
             raise KeyError(name)
-        import pyarrow as pa
         import pyarrow.parquet as pq
 
         file = self._folder / f"{name}.parquet"
         try:
             require_regular(file)
-            table = pq.read_table(file)
-            require_table(name, table, self._layout, file)
-            return table
+            if sha256(file) != self._digests[name]:
+                raise InputError(f"not the table that this run wrote: {SUMMARY} has another sha256 of it", file=file)
+            return pq.read_table(file)
         except FileNotFoundError as error:
             raise InputError(f"no {file.name} in the folder of this run", file=self._folder) from error
-        except (OSError, ValueError, pa.ArrowException) as error:
+        except OSError as error:
             raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error
+
+
+def sha256(file: Path) -> str:
+    """Return the digest of the content of a file, in hexadecimal."""
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()

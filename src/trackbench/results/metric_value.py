@@ -251,9 +251,3 @@ def by_value(values: Mapping[K, float]) -> list[K]:
         first = first if math.isclose(values[key], value, rel_tol=ROUNDING) else values[key]
         least[key], value = first, values[key]
     return sorted(values, key=least.__getitem__)
-
-
-def value_columns(value: MetricValue) -> Json:
-    """A metric as columns of a data frame."""
-    low, high = value.ci95 or (None, None)
-    return {"value": value.value, "low": low, "high": high, "unit": value.unit, "reason": value.reason}

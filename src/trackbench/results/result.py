@@ -13,9 +13,10 @@ import numpy as np
 from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
 from trackbench.base.files import read_json
 from trackbench.results.declared import OF_RECORDED_RUN, SHARED
-from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, write_file
-from trackbench.results.metric_value import ResultModel, data_frame, model_of, value_columns
-from trackbench.results.summary import READABLE, Summary
+from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
+from trackbench.results.frame import tidy
+from trackbench.results.metric_value import ResultModel, model_of
+from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 
 if TYPE_CHECKING:
@@ -202,26 +203,22 @@ class Result:
         return f"it {BEATS_BOUND}" if tracker.beats_bound(self.summary.reference) else ""
 
     def json(self) -> dict[str, Any]:
-        """The summary as JSON values."""
-        return self.summary.model_dump(mode="json")
+        """The summary as JSON values, without the digests of the tables as they were written."""
+        return self.summary.model_dump(mode="json", exclude={"tables"})
 
     def to_pandas(self, table: str | None = None) -> Any:
         """A table as a pandas data frame.
 
         Args:
-            table: one of ``result.tables``; unless given, a row for each tracker and metric, with its interval. Of
-                several scenes ``truth`` and ``tracks`` have all, other tables of the recorded run that one; the column
-                ``scene`` says which.
+            table: one of ``result.tables``; unless given, all values as one tidy table, a row for each tracker,
+                metric, scene and condition, with the columns of ``results.frame``. Of several scenes ``truth`` and
+                ``tracks`` have all, other tables of the recorded run that one; the column ``scene`` says which.
 
         Raises:
             InputError: there is none of this name.
         """
         if table is None:
-            return data_frame(
-                {"tracker": tracker.name, "metric": path, **value_columns(value)}
-                for tracker in self.summary.trackers
-                for path, value in tracker.metrics.items()
-            )
+            return tidy(self)
         if table not in self.tables:
             raise InputError(f"no table {table!r} in this result; {nearest_choices(table, self.tables)}")
         own, others = self.tables[table], self.tables.if_there(f"other_{table}")
@@ -253,7 +250,12 @@ class Result:
         tables = {
             f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()
         }
-        return {SUMMARY: partial(write_file, json_text(self.json())), **tables}
+        # After the tables, whose digests it has.
+        return {**tables, SUMMARY: self._write_summary}
+
+    def _write_summary(self, file: Path) -> None:
+        digests = {name: sha256(file.with_name(f"{name}.parquet")) for name in self.tables}
+        write_file(json_text({**self.json(), "tables": digests}), file)
 
     def updated(self, **fields: Any) -> Result:
         """The same result with other fields of its summary."""
@@ -289,7 +291,7 @@ class Result:
         except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
         summary = summary_of(raw, file)
-        return cls(summary, Tables({}, file.parent, summary.layout))
+        return cls(summary, Tables({}, file.parent, summary.tables))
 
 
 def merged_places(results: Iterable[Result]) -> dict[str, int]:
@@ -316,7 +318,7 @@ def summary_of(raw: Any, file: Path) -> Summary:
     Raises:
         InputError: they are no summary, or one of another version.
     """
-    summary = model_of(Summary, raw, file, "result", READABLE)
+    summary = model_of(Summary, raw, file, "result", [SCHEMA_VERSION])
     if sorted(tracker.name for tracker in summary.trackers) != sorted(summary.ranking):
         raise InputError("not a result: ranking does not name its trackers", file=file)
     return summary

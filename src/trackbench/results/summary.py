@@ -9,7 +9,6 @@ from typing import Literal
 from pydantic import Field, field_validator
 
 from trackbench.engine.equations import ComputedBy
-from trackbench.results.folder import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
 from trackbench.results.metric_value import ResultModel
 from trackbench.results.scenario_summary import (
     ReferenceSummary,
@@ -55,9 +54,7 @@ class Provenance(ResultModel):
         return self.commit[:10] + (" (changed)" if self.changed else "")
 
 
-SCHEMA_VERSION = 5
-#: Those that this version reads: what a result does not say is as unless given.
-READABLE = (4, SCHEMA_VERSION)
+SCHEMA_VERSION = 6
 
 
 class ExpectationResult(ResultModel):
@@ -89,7 +86,7 @@ class Summary(ResultModel):
     """Of all scenes together."""
     versions: dict[str, str]
     engine: ComputedBy = "numpy"
-    """What computed the built-in trackers; results of earlier versions do not say it and were computed by NumPy."""
+    """What computed the built-in trackers."""
     command: str
     identities: Literal["known", "hidden"] = "known"
     """hidden: scans do not say of which objects they are, and the result is one of tracks."""
@@ -106,30 +103,16 @@ class Summary(ResultModel):
     expectations: list[ExpectationResult]
     passed: bool
     artifacts: dict[str, str]
+    tables: dict[str, str] = Field(default_factory=dict)
+    """By the name of each table that was written, the sha256 of its file."""
     provenance: Provenance | None = None
-    """When and of which code it was made; None in results of earlier versions."""
+    """When and of which code it was made; None of a result that was made in memory alone."""
 
     @property
     def recorded_scene(self) -> int:
         """Number of the scene that is recorded, from 0; of logs that are cut into stretches, that of the log."""
         logs = len(self.truth.scenes) // max(self.truth.log_stretches, 1)
         return self.recorded_run * max(logs, 1) // self.runs
-
-    @property
-    def layout(self) -> TableLayout:
-        """What the tables hold."""
-        hidden, objects = self.identities == "hidden", [*self.truth.objects, OBSERVER]
-        objects += [*(name for scene in self.truth.scenes for name in scene.objects), NO_OBJECT]
-        objects += [FALSE_ALARM] if hidden else []
-        names = {
-            "tracker": [tracker.name for tracker in self.trackers],
-            "sensor": list(self.sensors),
-            "object": objects,
-            **dict.fromkeys(("other_object", "true_object"), objects),
-            **{column: [tracker.name for tracker in self.trackers] for column in ("a", "b")},
-            "role": ["target", OBSERVER],
-        }
-        return TableLayout(names, self.truth.objects, hidden, self.score.each == "measurement")
 
     @property
     def made_with(self) -> str:

@@ -170,7 +170,7 @@ class TrackerResult(ResultModel):
     engine: ComputedBy | None = None
     """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
     random: bool = False
-    """Whether it says that it draws random numbers: when it is driven again, its errors are compared in law."""
+    """Whether it says that it draws random numbers, so that it is not asked again."""
     offline: bool = False
     """Whether its tracks were made elsewhere: nothing shows that they were made without the measurements to come."""
     paired: bool = True

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate, merge_sums, no_metrics
 from trackbench.metrics.differences import UNDECIDED, size
 from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.registry import HEALTH
 from trackbench.metrics.traffic import ASSOCIATION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Difference, ExpectationResult, Failure, TrackerResult, by_value
@@ -35,55 +36,47 @@ class Evaluated:
     """By each other tracker, its metrics."""
     ranked: Sequence[str]
     """Those with enough estimates, best first."""
-    scores: Mapping[str, BlockScores] = field(default_factory=dict)
-    """With known identities, by each tracker that did not fail, the sums over all runs."""
-    tracks: Mapping[str, Sequence[Outcome]] = field(default_factory=dict)
-    """With hidden identities, by each tracker that did not fail, what its blocks left."""
+    outcomes: Mapping[str, Sequence[Outcome]]
+    """By each tracker that did not fail, what its blocks left."""
+    sums: Mapping[str, MetricSums]
+    """By each tracker that did not fail, the sums over all runs."""
+
+    def scores(self, tracker: str) -> BlockScores:
+        """With known identities, the sums of a tracker that the built-in metrics of estimates share."""
+        scores: BlockScores = self.sums[tracker][ESTIMATES.name]
+        return scores
 
 
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     """The metrics of every tracker."""
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
-    if work.hidden:
-        return _evaluated_tracks(work, failures, outcomes)
-    sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
-    scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
-    options = work.scene_of_run, work.metrics, work.recorded_noise
-    evaluations = {
-        name: evaluate(item, *options, few_scenes_decide=work.few_scenes_decide) for name, item in sums.items()
-    }
-    enough = [name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage]
+    summed = [metric for metric in work.metrics if work.has_truth or "truth" not in metric.needs]
+    sums = {name: merge_sums([item.sums for item in items], summed) for name, items in outcomes.items()}
+    evaluations = {name: _evaluation(work, own) for name, own in sums.items()}
+    enough = list(evaluations)
+    if not work.hidden:
+        scores = {name: own[ESTIMATES.name] for name, own in sums.items()}
+        enough = [name for name, own in scores.items() if own.given and own.coverage >= work.min_coverage]
     errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}
     values = {name: error.value for name, error in errors.items() if error is not None}
-    return Evaluated(failures, evaluations, by_value(values), scores)
+    all_or_none = work.hidden and len(values) < len(enough)
+    return Evaluated(failures, evaluations, enough if all_or_none else by_value(values), outcomes, sums)
 
 
-def _evaluated_tracks(
-    work: Work, failures: Mapping[str, Failure], outcomes: Mapping[str, Sequence[Outcome]]
-) -> Evaluated:
-    """The same where identities are hidden."""
-    evaluations = {name: _evaluation_of_tracks(work, blocks) for name, blocks in outcomes.items()}
-    ranked = list(evaluations)
-    if all(work.headline in evaluation.intervals for evaluation in evaluations.values()):
-        ranked = by_value({name: evaluations[name].intervals[work.headline].value for name in ranked})
-    return Evaluated(failures, evaluations, ranked, tracks=outcomes)
-
-
-def _evaluation_of_tracks(work: Work, blocks: Sequence[Outcome]) -> Evaluation:
-    without_truth = [metric for metric in work.metrics if "truth" not in metric.needs]
-    sums = merge_sums([block.sums for block in blocks], work.metrics if work.has_truth else without_truth)
+def _evaluation(work: Work, sums: MetricSums) -> Evaluation:
     reason = "" if work.has_truth else "there is no truth"
-    if work.has_truth and not run_sums(sums[TRACKS.name], "matched_share")[1].any():
+    if work.hidden and work.has_truth and not run_sums(sums[TRACKS.name], "matched_share")[1].any():
         reason = NOTHING_DUE
-    metrics = without_truth if reason else work.metrics
-    evaluation = evaluate(sums, work.scene_of_run, metrics, work.recorded_noise, in_time=work.stretches > 0)
+    metrics = [metric for metric in work.metrics if not reason or "truth" not in metric.needs]
+    options = {"in_time": work.stretches > 0, "few_scenes_decide": work.few_scenes_decide}
+    evaluation = evaluate(sums, work.scene_of_run, metrics, work.recorded_noise, **options)
     if reason:
         evaluation.values |= no_metrics(reason, metrics_of_truth(work))
-        return evaluation
-    if work.scenes[0].unlabelled:
-        evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
-    if work.scenes[0].truth.unscored is not None and work.scenes[0].truth.unscored.others:
-        evaluation.values |= no_metrics(OTHERS_IGNORED, [TRACK_METRICS[path] for path in OF_FALSE_TRACKS])
+    elif work.hidden:
+        if work.scenes[0].unlabelled:
+            evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
+        if work.scenes[0].truth.unscored is not None and work.scenes[0].truth.unscored.others:
+            evaluation.values |= no_metrics(OTHERS_IGNORED, [TRACK_METRICS[path] for path in OF_FALSE_TRACKS])
     return evaluation
 
 

@@ -13,7 +13,6 @@ from trackbench.driving.drive import Delivery, DriveStep
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Scorer
-from trackbench.metrics.breakdown import sum_classes
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.protocol import Fault
@@ -53,7 +52,6 @@ class EstimateScoring:
             targets.conditions(config),
             {sensor.name: len(sensor.steps) for sensor in scene.sensors},
             tracker=name,
-            first=piece.scene == piece.runs.start == 0,
             single=work.over_stretches,
             metrics=work.metrics,
             compute=compute_by(work.engine_here),
@@ -138,7 +136,6 @@ class EstimateScoring:
         outcome = Outcome(self._scorer.close(), self._recorded, self._modes)
         if outcome.scores.due.sum() > 0 and not outcome.scores.given:
             raise Fault("it gave no estimate at all", len(self._target.time) - 1, None)
-        sum_classes(outcome.scores)
         return [outcome]
 
     def failed(self, instant: int) -> None:

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Scan, of_runs
-from trackbench.driving.again import AskedAgain, OtherCompany, SecondDrive
+from trackbench.driving.again import AskedAgain
 from trackbench.driving.isolation import plugged_in
-from trackbench.driving.law import COPIES, FEWEST, MOST, MembersAlone
-from trackbench.driving.remote import start_stepper
-from trackbench.driving.steppers import Offline, Stepper
+from trackbench.driving.start import start_stepper
+from trackbench.driving.steppers import Offline
 from trackbench.models.motion import Kinematics
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import IdealSensor, sense_known
+from trackbench.trackers.answers import is_random
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
@@ -32,7 +33,7 @@ RUNS = 2
 
 def stepper_of(
     work: Work, piece: BlockRuns, entry: FilterConfig | PluginConfig, scans: Iterable[Scan], copies: int = 1
-) -> Stepper:
+) -> Any:
     """A fresh tracker for a block of runs.
 
     Args:
@@ -99,26 +100,21 @@ class SecondDrives:
         self._work, self._piece = work, piece
         self._others = cache(self._other_scans)
 
-    def around(self, config: FilterConfig | PluginConfig, stepper: Stepper) -> Stepper:
+    def around(self, config: FilterConfig | PluginConfig, tracker: Any) -> Any:
         """Wrap a plug-in so that it is asked again; return a built-in tracker as it is.
 
         A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
-        permuted. Any other gets two runs in reverse order, after one of another scene. Of one that draws random numbers
-        some members are driven alone; where there are too few, or no truth, it is not asked again.
+        permuted. Any other gets two runs in reverse order, after one of another scene. One that draws random numbers is
+        not asked again.
         """
-        if not plugged_in(config):
-            return stepper
-        traits = stepper.traits
-        second = self._alone(config) if traits.random else self._in_other_company(config, traits.batched)
-        return stepper if second is None else AskedAgain(stepper, second)
-
-    def _in_other_company(self, config: FilterConfig | PluginConfig, batched: bool) -> SecondDrive:
+        if not plugged_in(config) or is_random(tracker):
+            return tracker
         work, runs, several = self._work, len(self._piece.runs), self._work.hidden
         # Members are numbered by object, then run; with hidden identities each is a run.
         objects = 1 if several else len(work.scenes[self._piece.scene].truth.ids)
         members = objects * runs
         random = stream(work.seed, work.noise_of(self._piece.scene), self._piece.runs.start, PURPOSE)
-        if batched:
+        if tracker.batched:
             replaced, other_runs = members // 2, (runs + 1) // 2
             kept = random.permutation(members)[replaced:]
             strangers = random.permutation(objects * other_runs)[:replaced]
@@ -129,27 +125,12 @@ class SecondDrives:
                 [(np.arange(objects) * runs + run) for run in chosen] + [members + np.arange(objects)]
             )[::-1]
         start = partial(self._start, config, len(order))
-        return OtherCompany(start, order, members, self._others(other_runs), batched)
+        return AskedAgain(tracker, start, order, members, self._others(other_runs))
 
-    def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Stepper:
+    def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Any:
         work, several = self._work, self._work.hidden
         with_engine = partial(replace, engine=work.engine_here)
         return start_stepper(config, work.folder, batch, with_engine, work.isolation, several, work.sensors)
-
-    def _alone(self, config: FilterConfig | PluginConfig) -> SecondDrive | None:
-        work, scene, runs = self._work, self._work.scenes[self._piece.scene], self._piece.runs
-        several = work.hidden
-        steps = work.scored_steps(scene)
-        truth = np.where(scene.truth.alive[steps, :, None], of_runs(scene.truth.state[:2, steps], runs), np.nan)
-        truth = np.broadcast_to(truth, (*truth.shape[:3], len(runs)))
-        if not several:
-            truth = truth.reshape(2, len(steps), 1, -1)
-        if truth.shape[-1] < FEWEST or not scene.truth.known:
-            return None
-        random = stream(work.seed, work.noise_of(self._piece.scene), runs.start, PURPOSE)
-        members = np.sort(random.permutation(truth.shape[-1])[:MOST])
-        start, time = partial(self._start, config, COPIES), scene.truth.time[steps]
-        return MembersAlone(start, members, time, truth[..., members], work.cutoff or np.inf)
 
     def _other_scans(self, count: int) -> list[Scan]:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""

@@ -40,7 +40,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         each[0].name: max((sensor.time for sensor in each), key=len)
         for each in zip(*(other.sensors for other in work.scenes), strict=True)
     }
-    evaluations, scores = evaluated.evaluations, evaluated.scores
+    evaluations, scores = evaluated.evaluations, {name: evaluated.scores(name) for name in evaluated.sums}
     own_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
     block = next(block for block in blocks if block.recorded_scans is not None)
     assert block.recorded_scans is not None
@@ -56,7 +56,6 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
             {**run_keys(name, work), **run_sums_record(item, scores[name], own_columns)}
             for name, item in evaluations.items()
         ],
-        "autocorrelation": _autocorrelation_records(scores),
         "truth": truth_records(truth, work.recorded_run),
         **other_truth(work),
         "measurements": measurement_records(block.recorded_scans.scans, truth.ids),
@@ -164,9 +163,8 @@ def road_records(truth: Truth) -> list[Record]:
 
 def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
     """Errors at each instant over runs and objects, with the reference."""
-    sums, spread = dict(zip(ERROR, evaluation.scores.per_step, strict=True)), evaluation.scores.spread
-    bounds = _bounds("nees", 4, sums["given"])
-    return {"tracker": name, "time_s": time, **sums, "position_p10_m": spread[0], "position_p90_m": spread[1], **bounds}
+    sums = dict(zip(ERROR, evaluation.scores.of_runs.per_step, strict=True))
+    return {"tracker": name, "time_s": time, **sums, **_bounds("nees", 4, sums["given"])}
 
 
 def _bounds(name: str, dof: int, count: Array) -> Record:
@@ -183,7 +181,7 @@ def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Se
         for row in ("nis", "count")
     )
     return {
-        **dict(zip(ERROR, evaluation.scores.per_run, strict=True)),
+        **dict(zip(ERROR, scores.per_run, strict=True)),
         "nis": nis,
         "nis_count": nis_count,
         "due": scores.due,
@@ -214,20 +212,6 @@ def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) 
                 sums = dict(zip(NIS, nis.per_step, strict=True))
                 keys = {"tracker": name, "sensor": sensor, "time_s": times[sensor], "dof": float(nis.dof)}
                 records.append({**keys, **sums, **_bounds("nis", nis.dof, sums["count"])})
-    return records
-
-
-def _autocorrelation_records(scores: Mapping[str, BlockScores]) -> list[Record]:
-    records: list[Record] = []
-    for name, item in scores.items():
-        for sensor, nis in item.nis.items():
-            pairs, product_sum, square = nis.lags
-            if nis.dof == 0 or square[0] == 0:
-                continue
-            reach = 1.96 / np.sqrt(np.where(pairs > 0, pairs, np.nan) * nis.dof)
-            lag = np.arange(len(pairs), dtype=float)
-            sums = {"pairs": pairs, "product": product_sum, "square": square}
-            records.append({"tracker": name, "sensor": sensor, "lag": lag, **sums, "low": -reach, "high": reach})
     return records
 
 

@@ -62,15 +62,15 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
     entry |= {"metrics": evaluation.values, "scene_share": share}
     if work.hidden:
         if name in work.filed:
-            pairs = [block.offset for block in scores.tracks[name] if block.offset is not None]
+            pairs = [block.offset for block in scores.outcomes[name] if block.offset is not None]
             offset = offset_of(np.concatenate(pairs, axis=1))
             entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
             entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
             remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
-            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name], remarks)
-        reused = sum(block.timeline.reused_ids for block in scores.tracks[name])
+            entry["filed"] = _rows_taken(work.filed[name], scores.outcomes[name], remarks)
+        reused = sum(block.timeline.reused_ids for block in scores.outcomes[name])
         return TrackerResult(**entry, health=Health(reused_ids=reused))
-    return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
+    return TrackerResult(**entry, health=health(scores.scores(name)), breakdown=breakdown(evaluation.scores))
 
 
 def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: tuple[str, ...]) -> FiledRows:
@@ -86,7 +86,7 @@ def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
     if work.hidden:
         total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
         return total, count
-    sums = evaluation.scores.per_run
+    sums = evaluation.scores.of_runs.per_run
     return sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]]
 
 

@@ -16,8 +16,8 @@ from trackbench.base.types import SAME_TIME, Indices, Scan
 from trackbench.driving.again import AskedAgain
 from trackbench.driving.drive import Delivery, DriveStep, deliveries, scans_read
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.remote import start_stepper
-from trackbench.driving.steppers import Direct, DirectTracks, Offline, Stepper
+from trackbench.driving.start import start_stepper
+from trackbench.driving.steppers import ForeignTracker, Offline
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.protocol import Fault
@@ -29,6 +29,8 @@ from trackbench.runner.start import SecondDrives, stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
+from trackbench.trackers.answers import is_random
+from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.multi import MultiObjectTracker
 
 #: Instants that are taken by one sequence of calls, at most.
@@ -66,6 +68,8 @@ class TrackerRun:
         self.name, self.batch = name, batch
         self.tracker: Any = None
         """Has ``step(state, *arguments) -> (state, answer)``; inside the context."""
+        self._started: Any = None
+        """The tracker without what asks it again."""
         self.state: Any = None
         """Of the tracker; None before the first step."""
         self.failure: Failure | None = None
@@ -81,7 +85,6 @@ class TrackerRun:
             self._scoring = EstimateScoring(work, self._piece, name, batch.targets, observe)
         else:
             self._scoring = TrackScoring(work, batch.pieces, name, batch.measurements)
-        self._stepper: Stepper | None = None
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
         self._step_by_step_until = 0
@@ -96,12 +99,10 @@ class TrackerRun:
         try:
             if self.name in self._work.filed:
                 return self
-            self._stepper = stepper = self._start()
+            self.tracker = self._started = self._start()
+            self.random = is_random(self.tracker)
             if self._second_drives is not None:
-                self._stepper = stepper = self._second_drives.around(self._work.driven(self.name), stepper)
-            # A built-in tracker is stepped as it is.
-            self.tracker = stepper.tracker if isinstance(stepper, Direct | DirectTracks) else _Foreign(stepper)
-            self.random = stepper.traits.random
+                self.tracker = self._second_drives.around(self._work.driven(self.name), self.tracker)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -111,14 +112,15 @@ class TrackerRun:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        if self._stepper is not None:
-            self.engine = self._work.engine_of(self._stepper.engine_used)
-            self._stepper.close()
+        if isinstance(self._started, ForeignTracker):
+            self._started.close()
+        elif self._started is not None:
+            self.engine = self._work.engine_of(getattr(self._started, "engine_used", None))
         passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._of_metric)
         if error is not None and not passed_on:
             self._note(error)
-        if isinstance(self._stepper, AskedAgain) and self.failure is None and not passed_on:
-            disagreement = self._stepper.disagreement()
+        if isinstance(self.tracker, AskedAgain) and self.failure is None and not passed_on:
+            disagreement = self.tracker.disagreement()
             if disagreement is not None:
                 fault, scan = disagreement
                 self._fail(fault, int(np.searchsorted(self._time, scan.time - SAME_TIME)), scan.sensor)
@@ -144,7 +146,7 @@ class TrackerRun:
         assert self._delivery is not None
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
         instant, delivery, last = self._delivery
-        seconds = math.nan if isinstance(self._stepper, Offline) else seconds
+        seconds = math.nan if isinstance(self.tracker, Offline) else seconds
         step = DriveStep(instant, *delivery, answer, seconds, last)
         tells = isinstance(self.tracker, MultiObjectTracker) and delivery.scan.arrival_time == delivery.scan.time
         try:
@@ -170,15 +172,15 @@ class TrackerRun:
     @cached_property
     def _deliveries(self) -> list[list[Delivery]]:
         """What it is given at each instant."""
-        if self._stepper is None:
+        if self.tracker is None:
             return []
         scans = self.batch.measurements.scans
-        if isinstance(self._stepper, Offline):
+        if isinstance(self.tracker, Offline):
             scans = [scan.prompt() for scan in scans]
         used = self._work.trackers[self.name].sensors_used
         return list(deliveries(scans, used, self._scene.each_measurement))
 
-    def _start(self) -> Stepper:
+    def _start(self) -> Any:
         """A fresh tracker."""
         work, config = self._work, self._work.driven(self.name)
         if not work.hidden:
@@ -200,7 +202,7 @@ class TrackerRun:
     def _taken_at_once(self, instant: int) -> int:
         """Take and score the instants from this one on by one sequence of calls; return how many these are."""
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
-        if stepwise or not isinstance(self._stepper, Direct) or not isinstance(self._scoring, EstimateScoring):
+        if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0
         if self._scoring.waits:
             return 0
@@ -229,15 +231,3 @@ class TrackerRun:
         object, run = (None, None) if fault.member is None else self._scoring.place(fault.member)
         where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
         self.failure = self._work.failure(self._piece, fault, run, **where)
-
-
-class _Foreign:
-    """A tracker that keeps its own state."""
-
-    wants_origins = True
-
-    def __init__(self, stepper: Stepper) -> None:
-        self._stepper = stepper
-
-    def step(self, _: None, scan: Scan, origins: Indices | None = None) -> tuple[None, Any]:
-        return None, self._stepper.step(scan, origins)

@@ -13,11 +13,10 @@ from trackbench.metrics import Evaluation
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.metrics.traffic.events import STATES
 from trackbench.metrics.traffic.scorer import RecordedTracks
-from trackbench.metrics.traffic.timeline import Timeline, dearest, summed_existence
-from trackbench.metrics.traffic.track_quality import BINS
+from trackbench.metrics.traffic.timeline import Timeline, dearest
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
-from trackbench.results.declared import ASSOCIATIONS, GOSPA_PARTS, HIDDEN
+from trackbench.results.declared import GOSPA_PARTS, HIDDEN
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
@@ -42,7 +41,7 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
     kept = {
         name: item for name, item in block.recorded.items() if name in evaluations and isinstance(item, RecordedTracks)
     }
-    sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.tracks.items()}
+    sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.outcomes.items()}
     records: Records = {
         "steps": [_gospa_record(name, blocks, work.longest_time) for name, blocks in sums.items()],
         "runs": _run_records(evaluations, work),
@@ -55,8 +54,6 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
         "gates": [record for name, item in kept.items() for record in _gate_records(work, name, item, scans.scans)],
         "events": [_events_record(name, blocks, work) for name, blocks in sums.items()],
         "objects": [record for name, blocks in sums.items() for record in _stretch_records(name, blocks, ids, time)],
-        "association": [_association_record(name, item) for name, item in evaluations.items()],
-        "existence": [_existence_record(name, blocks) for name, blocks in sums.items()],
         "due": [
             {"object": name, "time_s": time, "status": scans.status[:, number].astype(float)}
             for number, name in enumerate(ids)
@@ -254,19 +251,3 @@ def _stretch_records(name: str, blocks: Sequence[Timeline], ids: Sequence[str], 
         keys = {"tracker": name, "object": ids[item], "state": states}
         records.append({**keys, "time_s": time[starts], "until_s": until[ends]})
     return records
-
-
-def _association_record(name: str, evaluation: Evaluation) -> Record:
-    """Empty where the tracker does not say which detections it used."""
-    sums = evaluation.sums[TRACKS.name]
-    totals = {outcome: float(run_sums(sums, f"association_{outcome}")[0].sum()) for outcome in ASSOCIATIONS}
-    return {"tracker": name, **totals} if any(totals.values()) else {}
-
-
-def _existence_record(name: str, blocks: Sequence[Timeline]) -> Record:
-    """Empty where the tracker states no existence probabilities."""
-    bins = summed_existence([block.existence for block in blocks])
-    if bins is None:
-        return {}
-    sums = dict(zip(("stated", "real", "count"), (np.asarray(each, dtype=float) for each in bins), strict=True))
-    return {"tracker": name, "from": np.arange(BINS) / BINS, "to": np.arange(1, BINS + 1) / BINS, **sums}

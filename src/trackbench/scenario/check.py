@@ -122,7 +122,7 @@ def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Itera
 
 def _try(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolation, started: bool) -> None:
     # Few scenarios have a plug-in, and what steps trackers takes its time to import.
-    from trackbench.driving.remote import check_startable
+    from trackbench.driving.start import check_startable
 
     several = loaded.config.sensing.identities == "hidden"
     try:

@@ -115,8 +115,7 @@ def _beside(part: Schema, model: type[OptionsBeside], parts: Schema) -> None:
         if model is FilterConfig:
             stated.append({"required": ["process_noise_diag"]})
         rule = {"properties": {key: {"const": name}}, "required": [key], "not": {"anyOf": stated}}
-        conditional = {key: own[key] for key in ("if", "then", "else") if key in own}
-        part["allOf"].append({"if": rule, "then": {"required": own.get("required", []), **conditional}})
+        part["allOf"].append({"if": rule, "then": {"required": own.get("required", [])}})
     part["properties"] = dict(sorted(part["properties"].items(), key=lambda item: item[0] not in model.model_fields))
     for option, names in used.items():
         if option not in model.model_fields:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any, Literal, TypeVar
 
@@ -64,12 +64,29 @@ def batched_scan(runs: Sequence[Scan]) -> Scan:
     return runs[0]._replace(measurement=measurement, valid=valid)
 
 
+def checked_answers(
+    tracker: Any, scans: Iterable[Scan], check: Callable[[Any, Scan], Answer], what: str = "estimate"
+) -> Iterator[Answer]:
+    """Yield what a fresh tracker answers to each scan.
+
+    Args:
+        tracker: the tracker.
+        scans: of a batch, where the tracker takes one.
+        check: makes an answer one of the right form, or raises a TrackerFault.
+        what: the answer, in messages.
+    """
+    state: Any = None
+    for scan in scans:
+        state, answer = unpack(tracker.step(state, scan), what)
+        yield check(answer, scan)
+
+
 def require_state_kept(
     tracker: Any, scans: Sequence[Scan], check: Callable[[Any, Scan], Answer], what: str, other: str
 ) -> None:
     """Refuse a fresh tracker that gives another answer to the same state and scan of one run the second time.
 
-    ``check`` and ``what`` are as of ``Stateful``; ``other`` is another answer, in the message.
+    ``check`` and ``what`` are those of ``checked_answers``; ``other`` is another answer, in the message.
     """
     state: Any = None
     for scan in [batched_scan([scan]) for scan in scans] if getattr(tracker, "batched", False) else scans:

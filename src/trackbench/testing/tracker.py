@@ -18,9 +18,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, is_program
-from trackbench.driving.program import Program
-from trackbench.driving.program_steppers import ProgramTracker
-from trackbench.driving.steppers import Stateful
+from trackbench.driving.program import Program, ProgramTracker
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
 from trackbench.testing.rules import (
@@ -31,6 +29,7 @@ from trackbench.testing.rules import (
     Identities,
     TrackerCheckError,
     batched_scan,
+    checked_answers,
     gives_reports,
     require_identities,
     require_state_kept,
@@ -185,10 +184,11 @@ def _usual(**changes: Any) -> list[Scan]:
 
 def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Estimate | None]:
     """What a fresh tracker says of a drive, each answer of the right form, finite and definite."""
-    tracker = Stateful(make(), checked_estimate)
-    batched, begun = tracker.batched, False
-    for scan in dropwhile(lambda scan: not scan.valid, scans):
-        estimate = tracker.step(batched_scan([scan]) if batched else scan)
+    tracker, begun = make(), False
+    batched = bool(getattr(tracker, "batched", False))
+    measured = list(dropwhile(lambda scan: not scan.valid, scans))
+    given = [batched_scan([scan]) if batched else scan for scan in measured]
+    for scan, estimate in zip(measured, checked_answers(tracker, given, checked_estimate), strict=False):
         if estimate is None:
             if begun:
                 raise TrackerFault(f"{GIVEN_UP} ({scan.time:g} s)")
@@ -268,10 +268,9 @@ def _batch_is_loop(make: Make) -> None:
         return
     missed: list[Sequence[int]] = [[0], [0, 9, 10], range(15)]
     targets = [_usual(target=target, missed=numbers) for target, numbers in enumerate(missed)]
-    tracker, batch = Stateful(make(), checked_estimate), []
-    for scans in zip(*targets, strict=True):
-        estimate = tracker.step(batched_scan(scans))
-        batch.append(np.full((4, 3), np.nan) if estimate is None else estimate.mean)
+    together = map(batched_scan, zip(*targets, strict=True))
+    estimates = checked_answers(make(), together, checked_estimate)
+    batch = [np.full((4, 3), np.nan) if estimate is None else estimate.mean for estimate in estimates]
     for target, alone in enumerate(targets):
         single = _means(make, alone)
         if not np.allclose(np.array(batch)[-len(single) :, :, target], single, rtol=1e-9, atol=1e-9):

@@ -8,9 +8,16 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Array, FieldOfView, Scan, Tracks
-from trackbench.driving.steppers import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.testing.rules import LOST, NOISE, STATE_KEPT, TrackerCheckError, batched_scan, require_state_kept
+from trackbench.testing.rules import (
+    LOST,
+    NOISE,
+    STATE_KEPT,
+    TrackerCheckError,
+    batched_scan,
+    checked_answers,
+    require_state_kept,
+)
 from trackbench.trackers.answers import TRACKS, checked_tracks, tracks_of_run
 
 Make = Callable[[], Any]
@@ -60,10 +67,11 @@ def hidden_drive(
 
 def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
     """What a fresh tracker says of a drive, each answer of the right form."""
-    tracker = Stateful(make(), checked_tracks, TRACKS)
-    batched = tracker.batched
-    for scan in scans:
-        yield tracks_of_run(tracker.step(batched_scan([scan])), 0) if batched else tracker.step(scan)
+    tracker = make()
+    batched = bool(getattr(tracker, "batched", False))
+    given = [batched_scan([scan]) if batched else scan for scan in scans]
+    for tracks in checked_answers(tracker, given, checked_tracks, TRACKS):
+        yield tracks_of_run(tracks, 0) if batched else tracks
 
 
 def track_reports(make: Make) -> Iterator[bool]:
@@ -162,10 +170,9 @@ def _batch_is_loop(make: Make) -> None:
     if not getattr(make(), "batched", False):
         return
     drives = [hidden_drive(seed, clutter=1.0, probability=0.9) for seed in range(3)]
-    tracker = Stateful(make(), checked_tracks, TRACKS)
     alone = [list(_answers(make, drive)) for drive in drives]
-    for number, scans in enumerate(zip(*drives, strict=True)):
-        tracks = tracker.step(batched_scan(scans))
+    together = map(batched_scan, zip(*drives, strict=True))
+    for number, tracks in enumerate(checked_answers(make(), together, checked_tracks, TRACKS)):
         for run, single in enumerate(alone):
             own, other = tracks_of_run(tracks, run), single[number]
             if not (np.array_equal(own.ids, other.ids) and np.allclose(own.mean, other.mean, rtol=1e-9, atol=1e-9)):

@@ -203,9 +203,9 @@ class FilterConfig(OptionsBeside):
     def replaced(cls, data: Mapping[str, Any], model: type[MotionModel]) -> dict[str, str]:
         if data.get("process_noise_diag") is None:
             return {}
-        reason = "not used with process_noise_diag, which says it all; remove one of them"
-        stated = data["motion"] if isinstance(data.get("motion"), dict) else data
-        return dict.fromkeys(model.replaceable(stated), reason)
+        return dict.fromkeys(
+            model.driving_noise, "not used with process_noise_diag, which says it all; remove one of them"
+        )
 
     def problems(self) -> Iterator[Problem]:
         stated, models = self.model_fields_set, self.models
@@ -291,10 +291,8 @@ def _name(motion: MotionModel) -> str:
 
 def _words(motion: MotionModel, unused: tuple[str, ...] = ()) -> list[str]:
     options = {name: getattr(motion, name) for name in type(motion).model_fields if name not in unused}
-    # A form of the noise is named where it is not the usual one, an option where it has a value.
-    usual = {name for name, value in options.items() if value is None or (name, str(value)) == ("noise", "piecewise")}
-    shown = {name: value for name, value in options.items() if name not in usual}
-    return [_name(motion), *(option_in_words(name, value) for name, value in shown.items())]
+    shown = (option_in_words(name, value) for name, value in options.items() if value is not None)
+    return [_name(motion), *shown]
 
 
 def _language(value: Any) -> str | None:

@@ -13,12 +13,11 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import linear_sum_assignment
 from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
-from tests.metrics.traffic.histories import counted_of, random_histories, tracks_of, truth_of
+from tests.metrics.traffic.histories import counted_of, random_histories
 
 from trackbench.base.types import Array
-from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.assignment import best_matching
-from trackbench.metrics.traffic.set_distances import GospaParts, gospa, gospa_of_sets, ospa, ospa2
+from trackbench.metrics.traffic.set_distances import GospaParts, gospa, gospa_of_sets, ospa
 
 NOW = datetime.datetime(2000, 1, 1)
 
@@ -127,46 +126,3 @@ def test_the_matching_of_a_group_is_the_assignment_with_most_gain(seed: int) -> 
         assert gain[k, row[own], column[own]].sum() == pytest.approx(
             gain[k][linear_sum_assignment(gain[k], maximize=True)].sum(), rel=1e-12
         )
-
-
-def enumerated_ospa2(truth: TruthHistory, tracks: TrackHistory, cutoff: float, window: int) -> list[float]:
-    """Squared OSPA(2) of order 2 by its definition: over all permutations."""
-    found = []
-    for start in range(0, len(truth.time), window):
-        part = slice(start, start + window)
-        x = np.where(truth.status[part] > 0, truth.state[0, part], np.nan)
-        y = np.where(tracks.ids[part] >= 0, tracks.mean[0, part], np.nan)
-        rows, columns = ([line for line in history.T if np.isfinite(line).any()] for history in (x, y))
-        if len(rows) > len(columns):
-            rows, columns = columns, rows
-        n = max(len(columns), 1)
-        costs = [
-            sum(_base(a, columns[j], cutoff) ** 2 for a, j in zip(rows, order, strict=False))
-            for order in itertools.permutations(range(len(columns)))
-        ]
-        found.append((min(costs) + cutoff**2 * (len(columns) - len(rows))) / n)
-    return found
-
-
-def _base(a: Array, b: Array, cutoff: float) -> float:
-    """Mean distance of two trajectories over the instants at which one is there."""
-    terms = []
-    for i, j in zip(a, b, strict=True):
-        here = np.isfinite(i), np.isfinite(j)
-        if any(here):
-            terms.append(min(abs(i - j), cutoff) if all(here) else cutoff)
-    return float(np.mean(terms))
-
-
-@pytest.mark.parametrize("seed", range(25))
-def test_ospa2_equals_the_enumeration(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    truth, tracks = random_histories(rng, 13, rng.integers(1, 5), rng.integers(1, 6), 10.0)
-    ours = ospa2(counted_of(truth, tracks, 4.0), 5)
-    np.testing.assert_allclose(ours, enumerated_ospa2(truth, tracks, 4.0, 5), rtol=1e-9)
-
-
-def test_ospa2_of_a_switch_half_way_is_half_the_cutoff_for_the_object_and_all_of_it_for_the_second_track() -> None:
-    truth = truth_of([[0.0]] * 4)
-    tracks = tracks_of([[0.0, np.nan]] * 2 + [[np.nan, 0.0]] * 2)
-    assert ospa2(counted_of(truth, tracks, 4.0), 4) == pytest.approx([(2.0**2 + 4.0**2) / 2])

@@ -11,9 +11,7 @@ from typing import Any
 import pytest
 
 import trackbench as tb
-from trackbench.base.subjects import offered, resolve
 from trackbench.subjects.doctor.api import remark
-from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.drives import drive_configs
 
 #: Those that take long.
@@ -79,36 +77,6 @@ def test_a_tracker_of_several_objects_is_examined() -> None:
     found = tb.doctor("traffic/dense_highway#naive")
     assert found.findings[0].fault == "order_dependent"
     assert found.evidence == ()
-
-
-@pytest.mark.parametrize(
-    ("tracker", "options", "words"),
-    [
-        ("highway", {}, "name the tracker in it: highway#"),
-        ("highway#nobody", {}, "there is no tracker 'nobody'"),
-        ("highway#ekf_cv", {"options": {"sigma": 3}}, "the scenario has the options of its trackers"),
-        ("highway#ekf_cv", {"skip": ["gian"]}, "skip: there is no check 'gian': did you mean 'gain'"),
-        ("highway#ekf_cv", {"identities": "hidden"}, "leave --identities out"),
-        ("traffic/dense_highway#naive", {"no_misses": True}, "no_misses: only for a tracker of one object"),
-        ("nowhere_at_all:Tracker", {}, "nowhere_at_all"),
-        ("ekf", {"options": {"motion": "cv"}, "tracker_timeout": 0.0}, "tracker_timeout"),
-    ],
-)
-def test_bad_input_is_refused(tracker: str, options: dict[str, Any], words: str) -> None:
-    with pytest.raises(tb.InputError, match=words):
-        tb.doctor(tracker, **options)
-
-
-def test_a_folder_with_something_else_is_not_replaced(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
-    with pytest.raises(tb.TrackbenchError):
-        tb.doctor("highway#ekf_cv", out=tmp_path)
-
-
-@pytest.mark.usefixtures("importable")
-def test_a_tracker_that_cannot_step_is_not_examined() -> None:
-    with pytest.raises(CannotRun, match="rho"):
-        tb.doctor("doubled_noise:Raises", in_process=True)
 
 
 FILES = ["examination.json", "recording.rrd", "report.html"]
@@ -311,10 +279,6 @@ def test_bad_input_is_one_line_and_2(
     assert done.err.splitlines()[-1].startswith(said.replace("MODULE", module))
     assert len([line for line in done.err.splitlines() if not line.startswith("the tracker printed")]) == 1
     assert not Path("results").exists() or not list(Path("results").rglob("*.*"))
-
-
-def test_the_doctor_is_offered_to_other_subjects() -> None:
-    assert resolve(dict(offered("examiners"))["doctor"]) is remark
 
 
 @pytest.mark.slow

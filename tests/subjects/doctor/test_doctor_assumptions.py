@@ -12,7 +12,6 @@ import pytest
 from benchmarks.doctor.faults import CORRECT, MUTANTS
 from tests.support.places import ROOT
 
-from trackbench.base.errors import InputError
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import Mount, Radar
@@ -21,16 +20,14 @@ from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.drives import Setting, simulate_drives
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import (
-    CHECKS,
     CheckResult,
     Finding,
     PartResult,
     check_named,
-    checks_of,
     questions,
 )
-from trackbench.subjects.doctor.probes import GENERAL, PASSING, Carrier, Probe, Probes, SensorSite, simplified, site_of
-from trackbench.subjects.doctor.report import Examination, examination_text, examination_verdict
+from trackbench.subjects.doctor.probes import GENERAL, PASSING, Carrier, Probe, Probes, simplified, site_of
+from trackbench.subjects.doctor.report import Examination, examination_verdict
 from trackbench.subjects.doctor.session import Examined, MissGiven, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -173,27 +170,6 @@ def test_a_sensor_measures_the_same_wherever_its_observer_is(probe: Probe, obser
         np.testing.assert_allclose(other.measurement, own.measurement, atol=1e-9)
 
 
-def test_the_bench_s_own_probes_stay_where_they_are() -> None:
-    assert Probes().placed([SensorSite()]) == Probes()
-
-
-def test_drives_keep_their_geometry_and_their_scans() -> None:
-    site = site_of(RADAR["radar"].mount, STANDING)
-    sensors = {"radar": simplified(RADAR["radar"])}
-    plain = {"radar": sensors["radar"].model_copy(update={"mount": Mount()})}
-    own = {drive.name: drive for drive in simulate_drives(plain, 3, Setting(own_rates=True))}
-    other = {drive.name: drive for drive in simulate_drives(sensors, 3, Setting(site, standing=True, own_rates=True))}
-    assert set(own) - set(other) == {"moving_observer"}
-    one, two = own["azimuth_crossing"], other["azimuth_crossing"]
-    for first, second in zip(one.scans, two.scans, strict=True):
-        # The same noise; an azimuth may be on the other side of pi.
-        apart = first.measurement - second.measurement
-        np.testing.assert_allclose(np.exp(1j * apart[1]), 1.0, atol=1e-6)
-        np.testing.assert_allclose(apart[[0, 2]], 0.0, atol=1e-6)
-    pose = two.scans[0].sensor_pose
-    np.testing.assert_allclose(pose, [-34.0 + 2.5 * np.cos(0.8), 34.0 - 2.5 * np.sin(0.8), -0.8])
-
-
 def test_drives_without_misses_have_none() -> None:
     radar = {"radar": simplified(RADAR["radar"])}
     drives = {drive.name: drive for drive in simulate_drives(radar, 0, Setting(no_misses=True, own_rates=True))}
@@ -218,12 +194,6 @@ def test_without_misses_the_last_estimate_is_moved_by_its_velocity() -> None:
     assert moved is not None
     np.testing.assert_allclose(moved.mean, [2.5, 4.0, 3.0, 4.0])
     np.testing.assert_allclose(moved.covariance[0, [0, 2]], [1.25, 0.5])
-
-
-def test_every_check_has_questions_and_no_two_have_one_in_common() -> None:
-    names = [question.name for check in checks_of(CHECKS) for question in check.questions]
-    assert all(check.questions for check in checks_of(CHECKS))
-    assert len(names) == len(set(names)) == len(questions())
 
 
 @pytest.mark.slow
@@ -265,42 +235,8 @@ def test_the_findings_of_one_sensor_can_be_skipped() -> None:
     assert [one.sensor for one in applied.findings] == ["lidar"]
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [("gian", "did you mean 'gain'"), ("gain.rader", "did you mean 'gain.radar'"), ("ego_moton", "'ego_motion'")],
-)
-def test_a_check_that_does_not_exist_is_refused(name: str, words: str) -> None:
-    with pytest.raises(InputError, match=words) as refused:
-        Doctor(SENSORS, skip=(name,))
-    assert refused.value.key == "skip"
-
-
 def check(name: str, passed: bool | None, *, skipped: bool = False, why: str = "why") -> CheckResult:
     return CheckResult(name, "Is it so?", passed, why, skipped)
-
-
-@pytest.mark.parametrize(
-    ("results", "words"),
-    [
-        ([check("a", True)], "mine: healthy"),
-        ([check("a", True), check("b", None, skipped=True)], "mine: healthy but for 1 check skipped"),
-        ([check("a", True), check("b", None)], "mine: healthy in 1 of 2 checks; 1 not made"),
-        (
-            [check("a", True), check("b", None), check("c", None, skipped=True)],
-            "mine: healthy in 1 of 2 checks; 1 not made; 1 skipped",
-        ),
-        ([check("a", False), check("b", None)], "mine: no known fault found, but 1 check failed"),
-    ],
-)
-def test_the_verdict_counts_what_was_not_made(results: list[CheckResult], words: str) -> None:
-    assert examination_verdict(Examination("mine", [], results)) == words
-
-
-def test_the_text_gives_the_reasons() -> None:
-    found = Examination(
-        "mine", [], [check("a", True), check("b", None), check("c", None), check("d", None, why="other")]
-    )
-    assert examination_text(found).endswith("Checks: 1 of 1 passed\n3 checks not made:\n  b, c: why\n  d: other")
 
 
 def test_the_observer_of_a_scenario(monkeypatch: pytest.MonkeyPatch) -> None:

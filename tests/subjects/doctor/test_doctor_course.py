@@ -16,7 +16,7 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_ukf import PlainUkf
 from benchmarks.doctor.step_faults import MeanWrappedFirst
 from benchmarks.faults.corpus import Program, bases, faults, sound
-from tests.support.doctor import Make, mutant_under_test, program_named, tracker_of, under_test, with_causes
+from tests.support.doctor import Make, mutant_under_test, program_named, tracker_of, under_test
 
 import trackbench as tb
 from trackbench.base.types import Scan
@@ -26,10 +26,9 @@ from trackbench.subjects.doctor.checks.steps import jumping_angle
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.course_jump import course_jump, followed
-from trackbench.subjects.doctor.findings import PROVEN, CheckResult, Finding, rank_findings
-from trackbench.subjects.doctor.inside.own_filter import own_filter, put
-from trackbench.subjects.doctor.probes import COURSE_TURN, GENERAL, Carrier, Probes, SensorSite
-from trackbench.subjects.doctor.report import Examination
+from trackbench.subjects.doctor.findings import PROVEN
+from trackbench.subjects.doctor.inside.own_filter import own_filter
+from trackbench.subjects.doctor.probes import COURSE_TURN
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.subject import SENSORS
 
@@ -54,13 +53,6 @@ def test_the_turning_target_is_on_a_circle() -> None:
     assert abs(np.arctan2(*COURSE_TURN.truth(-0.5)[:1:-1])) == pytest.approx(np.pi, abs=1e-3)
 
 
-def test_its_course_is_that_of_the_fixed_frame_at_every_site() -> None:
-    site = SensorSite(Carrier(5.0, -3.0, 2.0), None, (1.0, 0.0, 0.5))
-    placed = Probes().placed([site]).course_turn
-    assert placed.target[2:] == COURSE_TURN.target[2:]
-    assert placed.turn_rate == COURSE_TURN.turn_rate
-
-
 @pytest.mark.parametrize("mutant", COURSES, ids=lambda mutant: mutant.name)
 def test_a_turn_through_the_course_pi_shows_plain_differences(mutant: Any) -> None:
     scans = _scans()
@@ -72,13 +64,6 @@ def test_a_turn_through_the_course_pi_shows_plain_differences(mutant: Any) -> No
 
 @pytest.mark.parametrize("name", SOUND)
 def test_no_course_jumps_in_a_sound_tracker(name: str) -> None:
-    scans = _scans()
-    assert course_jump(CORRECT[name], scans, followed(CORRECT[name], scans)) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", CORRECT)
-def test_no_course_jumps_in_any_sound_tracker(name: str) -> None:
     scans = _scans()
     assert course_jump(CORRECT[name], scans, followed(CORRECT[name], scans)) is None
 
@@ -112,33 +97,6 @@ def test_a_step_that_fails_where_the_course_jumps_is_named() -> None:
     assert found[0] == "course_not_wrapped"
 
 
-class RaisesAt(PlainUkf):
-    """Raises at some courses of its own."""
-
-    courses: tuple[tuple[float, float], ...] = ((3.0, 3.2),)
-
-    def update(self, x: Any, P: Any, scan: Any) -> Any:
-        if scan.time > -1.0 and any(low < x[3] < high for low, high in self.courses):
-            raise ValueError("Matrix is not positive definite")
-        return super().update(x, P, scan)
-
-
-class RaisesAtTwo(RaisesAt):
-    """One is that of the scene turned by -1.5 rad."""
-
-    courses = ((3.0, 3.2), (1.5, 1.7))
-
-
-def test_one_turned_scene_that_passes_is_not_enough() -> None:
-    """At the same time one turned scene breaks it, and the other does not."""
-    scans = _scans()
-    failure = _failure(RaisesAtTwo, scans)
-    broken = [followed(RaisesAtTwo, [*failure.given, failure.scan], angle).failure for angle in (-0.9, -1.5)]
-    assert [one is None for one in broken] == [True, False]
-    assert jumping_angle(RaisesAtTwo, failure) is None
-    assert jumping_angle(RaisesAt, _failure(RaisesAt, scans)) is not None
-
-
 class RangeZero(UnguardedRange, PlainEkf):
     pass
 
@@ -149,33 +107,10 @@ def test_a_range_of_zero_is_said() -> None:
     assert "where the range is 0" in finding.evidence
 
 
-def test_what_is_not_finite_elsewhere_is_told_first() -> None:
-    tracker, bad = under_test(PlainEkf), np.full((4, 1), np.nan)
-    scan = GENERAL[0].scan("radar", SENSORS["radar"], 0.0)
-    for where, expected in (("at_sensor", "at_sensor"), ("crossing", "crossing"), ("on_the_sensor", "crossing")):
-        tracker.output_checks.add_batch(bad, np.eye(4)[..., None], [scan], where, lambda _: [scan])
-        assert tracker.output_checks.not_finite is not None
-        assert tracker.output_checks.not_finite.where == expected
-
-
-@pytest.mark.parametrize(
-    ("where", "fragile"), [("at_sensor", "range 0"), ("on_the_sensor", "range 0"), ("crossing", None)]
-)
-def test_a_failure_at_a_range_of_zero_alone_is_no_fault(where: str, fragile: str | None) -> None:
-    assert Finding("nonfinite", 0.98, "", shown_by=where).fragile == fragile
-
-
 def test_a_tracker_that_fails_at_a_range_of_zero_alone_passes_the_check() -> None:
     (check,) = [one for one in validity(under_test(RangeZero)).checks if one.name == "finite"]
     assert check.passed
     assert "at_sensor" in check.result
-
-
-@pytest.mark.parametrize("cause", ["q_too_large", "course_not_wrapped"])
-@pytest.mark.parametrize("effect", ["covariance_not_psd", "predicted_covariance_not_psd"])
-def test_points_too_far_apart_have_no_covariance(cause: str, effect: str) -> None:
-    found = rank_findings([Finding(effect, 0.97, ""), Finding(cause, 0.9, "")])
-    assert with_causes(found) == [(cause, None), (effect, cause)]
 
 
 @pytest.fixture
@@ -209,16 +144,6 @@ def test_mean_and_covariance_are_found(make: Any) -> None:
     result = written_jacobians(tracker)
     assert [check.passed for check in result.checks] == [True]
     assert result.findings == []
-
-
-def test_a_value_is_put_where_it_is_held() -> None:
-    root = ({"x": [0.0, 1.0], "P": np.eye(2)}, (0.0, 1.0))
-    assert put(root, (0, "x"), np.array([2.0, 3.0]))
-    assert put(root, (0, "P"), 2.0 * np.eye(2))
-    assert root[0]["x"] == [2.0, 3.0]
-    np.testing.assert_array_equal(root[0]["P"], 2.0 * np.eye(2))
-    # A tuple cannot be changed.
-    assert not put(root, (1,), np.array([2.0, 3.0]))
 
 
 @pytest.mark.parametrize(
@@ -258,13 +183,6 @@ def test_no_sound_program_has_a_wrong_jacobian(name: str, made: Callable[[Progra
     for program in sound(name):
         if program.identities == "known":
             assert written_jacobians(under_test(made(program))).findings == []
-
-
-def test_a_line_that_is_seen_to_be_wrong_explains_what_else_is_found() -> None:
-    found = rank_findings([Finding("course_not_wrapped", 0.97, ""), Finding("jacobian_wrong", PROVEN, "")])
-    assert with_causes(found) == [("jacobian_wrong", None), ("course_not_wrapped", "jacobian_wrong")]
-    check = CheckResult("course_wrapping", "", False, "", faults=("course_not_wrapped",))
-    assert Examination("", found, [check]).certainty().word == "shown"
 
 
 @pytest.mark.slow

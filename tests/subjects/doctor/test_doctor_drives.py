@@ -10,17 +10,13 @@ from benchmarks.doctor.correct import CORRECT, UNBELIEVABLE
 from benchmarks.doctor.plain_ekf import PlainEkf
 from tests.support.doctor import drives_of, under_test
 
-from trackbench.base.types import Estimate
-from trackbench.subjects.doctor import examine
 from trackbench.subjects.doctor.checks.drives import drives
-from trackbench.subjects.doctor.checks.steps import _least, failure_findings, steps
-from trackbench.subjects.doctor.drives import Rollout, rollout, simulate_drives
-from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, shown_drives
-from trackbench.subjects.doctor.examine import NO_PREDICTION, Doctor, StepCount, drive_steps, evidence_steps
-from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, PartResult, check_named, faults_of
+from trackbench.subjects.doctor.checks.steps import failure_findings, steps
+from trackbench.subjects.doctor.drives import Rollout
+from trackbench.subjects.doctor.examine import NO_PREDICTION, Doctor
+from trackbench.subjects.doctor.findings import PartResult, check_named
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.report import Examination, examination_text
-from trackbench.subjects.doctor.session import Examined, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
 
 DRIVE = "tangential_pass"
@@ -133,39 +129,6 @@ class Growing:
         return number, (np.zeros(4), 100.0**number * np.eye(4))
 
 
-def test_every_step_counts_and_copies_count_too() -> None:
-    counted: list[None] = []
-    session = TrackerSession(Examined(PlainEkf, on_step=lambda: counted.append(None)))
-    scan = GENERAL[0].scan("lidar", SENSORS["lidar"], 0.0)
-    session.step(scan)
-    session.peek(scan._replace(time=0.1))
-    session.copy().predict(scan._replace(time=0.1))
-    assert len(counted) == 3
-
-
-def test_the_number_of_steps_is_corrected_and_never_below_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(examine, "REPORTED", 0.0)
-    told: list[tuple[int, int]] = []
-    count = StepCount(lambda done, total: told.append((done, total)), 2)
-    for _ in range(3):
-        count()
-    count.left(5)
-    count()
-    assert told == [(0, 2), (1, 2), (2, 2), (3, 3), (3, 8), (4, 8)]
-
-
-def test_the_steps_of_drives_and_of_their_evidence() -> None:
-    ((drive, of_reference),) = drives_of(DEFAULT_DRIVE)
-    assert drive_steps([drive], batched=True) == len(drive.scans)
-    done: list[None] = []
-    counted = Examined(PlainEkf, on_step=lambda: done.append(None))
-    evidence_run(counted, drive, of_reference, [])
-    assert evidence_steps([drive]) == pytest.approx(len(done), rel=0.02)
-    done.clear()
-    rollout(counted, drive.scans)
-    assert drive_steps([drive], batched=False) == len(done)
-
-
 def test_a_check_without_a_prediction_points_to_no_misses() -> None:
     tracker = under_test(SilentAtMisses)
     assert tracker.silent_at_misses
@@ -199,29 +162,3 @@ def test_a_covariance_that_diverges_is_no_invalid_estimate() -> None:
     (finding,) = failure_findings(tracker)
     assert finding.fault == "covariance_unbelievable"
     assert "its largest standard deviation has grown to 1e+09 m or m/s" in finding.evidence
-
-
-@pytest.mark.parametrize(("least", "said"), [(-1.3, "0 (below 1e-12 of the largest)"), (-1e6, "-1e+06")])
-def test_an_eigenvalue_that_rounding_explains_is_zero(least: float, said: str) -> None:
-    assert _least(Estimate(np.zeros(4), np.diag([1e17, 1.0, 1.0, least]))) == said
-
-
-def test_the_evidence_is_of_the_drive_that_is_named_or_that_failed() -> None:
-    drives = simulate_drives(SENSORS, 0)
-    visible = {fault.role.drive: name for name, fault in faults_of(CHECKS).items()}
-    showing = [drive for drive in drives if drive.name in visible]
-    fault = visible[showing[-1].name]
-    failed = [CheckResult(showing[-1].name, "", False, "")]
-    named = Finding("too_far_off", 0.9, "", shown_by="long_run")
-    assert shown_drives([named], [], drives) == {"long_run": [named]}
-    other = Finding(fault, 0.9, "", shown_by="ahead_left")
-    assert shown_drives([other], failed, drives) == {showing[-1].name: [other]}
-    assert shown_drives([other], [], drives) == {DEFAULT_DRIVE: []}
-
-
-def test_consequences_are_wrapped_and_not_cut() -> None:
-    evidence = " ".join(f"word{number}" for number in range(60))
-    findings = [Finding("wrong_dt", 0.9, "it is"), Finding("too_far_off", 0.8, evidence, consequence_of="wrong_dt")]
-    said = examination_text(Examination("mine", findings, []))
-    assert all(len(line) <= 80 for line in said.splitlines())
-    assert evidence in " ".join(said.split())

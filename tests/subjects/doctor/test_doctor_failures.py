@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from benchmarks.doctor import filter_faults as filtering
 from benchmarks.doctor import sensor_faults as sensing
@@ -17,11 +15,8 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 from tests.support.doctor import scans_of, under_test, with_causes
 
 from trackbench.base.types import Scan
-from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.checks import drives
 from trackbench.subjects.doctor.checks.steps import (
     CannotRun,
-    circumstances,
     failure_findings,
     jumping_angle,
     require_runnable,
@@ -32,7 +27,6 @@ from trackbench.subjects.doctor.output_checks import asymmetric, indefinite, mir
 from trackbench.subjects.doctor.probes import AXES, GENERAL
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.trackers.answers import TOO_LARGE, TrackerFault
 
 
 def failure_of(make: Callable[[], Any], scans: list[Scan]) -> StepFailed:
@@ -88,25 +82,6 @@ def test_an_innovation_across_pi_is_named_by_the_error() -> None:
 
 def test_another_reason_behind_the_sensor_is_no_angle() -> None:
     assert jumping_angle(AheadOnly, failure_of(AheadOnly, scans_of(CROSSING, until=1.0))) is None
-
-
-def test_the_circumstances_of_a_failure() -> None:
-    """The covariance is that of the tracker before the step, and predicted to it."""
-    scans = scans_of(CROSSING, until=0.5)
-    failure = failure_of(Gated, scans)
-    known = circumstances(Gated, failure)
-    assert known is not None
-    session = TrackerSession(PlainEkf)
-    for scan in failure.given:
-        before = session.step(scan)
-    assert not known.missed_fails
-    assert before is not None
-    assert known.before is not None
-    assert known.predicted is not None
-    np.testing.assert_array_equal(known.before.covariance, before.covariance)
-    predicted = session.peek(empty_scan(failure.scan))
-    assert predicted is not None
-    np.testing.assert_array_equal(known.predicted.covariance, predicted.covariance)
 
 
 class MissedRaises(filtering.MissedRaises, PlainEkf):
@@ -253,65 +228,3 @@ def test_the_examination_goes_on_after_exceptions() -> None:
     assert passed["gain.lidar"]
     assert passed["prediction"]
     assert passed["expectation.radar"] is not True
-
-
-def _under_test(cause: BaseException, where: str) -> Any:
-    def scan(time: float) -> Scan:
-        return Scan(
-            time, "radar", "radar", np.ones(3), np.array(True), np.eye(3), np.zeros(3), np.zeros(2), time
-        )  # fmt: skip
-
-    class Failing:
-        def step(self, state: Any, given: Scan) -> Any:
-            if given.time > 1.0:
-                raise cause
-            return 1, (np.ones(4), np.eye(4))
-
-    failure = StepFailed(cause, scan(1.5), [scan(1.0)])
-    drives = [(SimpleNamespace(name="long_run"), None)]
-    return SimpleNamespace(failures=[(where, failure)], make=Failing, sensors={"radar": None}, drives=drives)
-
-
-@pytest.mark.parametrize(
-    ("cause", "where", "fault"),
-    [
-        (np.linalg.LinAlgError("Matrix is not positive definite"), "long_run", "covariance_not_psd"),
-        (np.linalg.LinAlgError("Matrix is not positive definite"), "ahead_left", "covariance_not_psd"),
-        (ZeroDivisionError("float division by zero"), "stationary", "nonfinite"),
-        (ValueError("math domain error"), "on_the_sensor", "nonfinite"),
-        (OverflowError("too large"), "ahead_left", "nonfinite"),
-        (IndexError("history"), "long_run", "exception_raised"),
-        (AssertionError("gate"), "ahead_left", "exception_raised"),
-        (TrackerFault("the mean has the shape (3,)"), "long_run", "invalid_estimate"),
-        (TrackerFault(TOO_LARGE), "long_run", "too_far_off"),
-        (TrackerFault(TOO_LARGE), "ahead_left", "invalid_estimate"),
-    ],
-)
-def test_every_error_is_a_finding(cause: BaseException, where: str, fault: str) -> None:
-    (finding,) = failure_findings(_under_test(cause, where))
-    assert (finding.fault, finding.shown_by, finding.confidence) == (fault, where, 0.97)
-    assert str(cause) in finding.evidence
-    assert f"at 1.5 s of {where}, at a measurement of radar: radar measures range 1, azimuth 1" in finding.evidence
-    assert "a missed measurement at that time breaks it too" in finding.evidence
-    assert "the smallest eigenvalue of the covariance is 1 after the scan before, at 1 s" in finding.evidence
-
-
-@pytest.mark.parametrize(("where", "passed"), [("on_the_sensor", None), ("long_run", False)])
-def test_a_drive_past_the_sensor_that_fails_is_not_judged(
-    where: str, passed: bool | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Rounding alone can break a correct filter there."""
-    tracker = _under_test(np.linalg.LinAlgError("Matrix is not positive definite"), where)
-    failure = tracker.failures.pop()[1]
-    drive = SimpleNamespace(name=where, config=SimpleNamespace(description=where), scans=[])
-    tracker.drives, tracker.output_checks = [(drive, None)], None
-    tracker.once = lambda ask: ask(tracker)
-
-    def fails(*_: Any) -> None:
-        raise failure
-
-    monkeypatch.setattr(drives, "rollout", fails)
-    (check,) = drives.drives(tracker).checks
-    assert check.passed is passed
-    assert "failed at 1.5 s: " in check.result
-    assert tracker.failures == [(where, failure)]

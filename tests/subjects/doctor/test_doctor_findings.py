@@ -13,15 +13,12 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.traffic.sound import SOUND
 from click.testing import CliRunner
 
-from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
 from trackbench.subjects.doctor import checks, traffic_checks
-from trackbench.subjects.doctor.certainty import Certainty
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult, check_named, rank_findings
+from trackbench.subjects.doctor.findings import CheckResult, Finding
 from trackbench.subjects.doctor.report import (
-    STANDING,
     Examination,
     examination_document,
     examination_text,
@@ -80,40 +77,6 @@ def test_a_consequence_of_another_root_is_not_explained() -> None:
     assert found.certainty(other) == ("unclear", 0, ("a",))
 
 
-def test_the_words_are_counted() -> None:
-    assert str(Certainty("shown", 1, ())) == "shown, explains 1 failed check"
-    assert str(Certainty("shown", 3, ())) == "shown, explains all 3 failed checks"
-    assert str(Certainty("likely", 5, ("a", "b"))) == "likely, explains 5 of 7 failed checks"
-    assert str(Certainty("shown", 0, ())) == "shown"
-
-
-def test_an_unclear_name_is_no_verdict() -> None:
-    said = examination_text(Examination("mine", [GAIN], [failed("a", GAIN.fault), failed("b"), failed("c")]))
-    assert said.startswith("mine: something is wrong, and its name is unclear\n")
-    assert "besides   not explained by it: b, c" in said
-
-
-def test_a_failed_check_has_the_faults_of_its_question_and_sensor() -> None:
-    lidar = replace(GAIN, fault="r_too_large", sensor="lidar")
-    checks = [failed("gain.radar"), failed("gain.lidar"), CheckResult("gain.other", "", True, "")]
-    found = check_named("gain").with_faults(checks, [GAIN, lidar, replace(GAIN, fault="jacobian_wrong", sensor=None)])
-    assert [check.faults for check in found] == [
-        ("r_too_small", "jacobian_wrong"),
-        ("r_too_large", "jacobian_wrong"),
-        (),
-    ]
-    growth = [Finding("q_too_small", 0.9, ""), Finding("q_constant_per_step", 0.9, "")]
-    found = check_named("growth_by_noise").with_faults([failed("process_noise"), failed("noise_per_step")], growth)
-    assert [check.faults for check in found] == [("q_too_small",), ("q_constant_per_step",)]
-    wrapped = Finding("azimuth_not_wrapped", 0.9, "", sensor="radar")
-    found = check_named("drive_innovations").with_faults(
-        [failed("innovations.radar"), failed("innovations.lidar")], [], [GAIN, wrapped]
-    )
-    assert [check.faults for check in found] == [("azimuth_not_wrapped",), ()]
-    (own,) = PartResult().add("a", False, "", GAIN).checks
-    assert own.faults == ("r_too_small",)
-
-
 def test_what_is_fragile_is_no_fault_and_stands_after_the_findings() -> None:
     at_zero = Finding("nonfinite", 0.98, "not finite where the range is 0", shown_by="at_sensor")
     alone = Examination("mine", [], [MOTION], (at_zero,))
@@ -127,14 +90,6 @@ def test_what_is_fragile_is_no_fault_and_stands_after_the_findings() -> None:
     assert both.startswith("mine: 1 fault found; fragile at range 0\n")
     places = [both.index(words) for words in ("r_too_small", "Fragile at:\n  range 0 (nonfinite)", "not made:")]
     assert places == sorted(places)
-
-
-@pytest.mark.parametrize(("passed", "said"), [(True, True), (None, False)])
-def test_where_the_observer_moves_the_fix_says_how_to_state_that_it_stands(passed: bool | None, said: bool) -> None:
-    found = Examination("mine", [EXACT, GAIN], [replace(MOTION, passed=passed)])
-    ego, other = (finding["advice"] for finding in found.json()["findings"])
-    assert (STANDING in ego) == said
-    assert STANDING not in other
 
 
 #: They take long, and are not needed here.
@@ -201,23 +156,9 @@ def test_a_check_is_listed_made_reported_and_skipped() -> None:
 
 
 @pytest.mark.usefixtures("added")
-def test_its_fault_has_consequences() -> None:
-    found = rank_findings([Finding("gain_inconsistent", 0.95, ""), Finding("right_handed", 0.99, "")])
-    assert [(finding.fault, finding.consequence_of) for finding in found] == [
-        ("right_handed", None),
-        ("gain_inconsistent", "right_handed"),
-    ]
-
-
-@pytest.mark.usefixtures("added")
 def test_a_check_of_several_objects_is_made_and_reported() -> None:
     found = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("mine", SOUND["nearest global"])
     assert (found.checks[0].name, found.checks[0].question) == ("hands", "Are they left-handed?")
     # The filter of its tracks is examined as a tracker of one object.
     assert [finding.fault for finding in found.findings] == ["right_handed", "hands_wrong"]
     assert "2. the hands are wrong" in examination_text(found)
-
-
-def test_without_the_file_it_is_unknown() -> None:
-    with pytest.raises(InputError, match="there is no check 'hand'"):
-        Doctor(SENSORS, skip=("hand",))

@@ -362,11 +362,3 @@ def test_a_model_alone_is_its_filter(make: type) -> None:
             # The estimate is predicted over 0.05 s, and then over 1.05 s in place of that.
             grown = growth[2, 2] / sigma**2
             assert grown == pytest.approx(1.05**2 - 0.05**2, rel=0.2)
-
-
-def test_the_transition_probabilities_are_as_they_were_after_a_model_was_alone() -> None:
-    before = np.array(Textbook.PI)
-    for model in models_alone(under_test(Textbook)):
-        with model.alone():
-            pass
-    assert np.array_equal(Textbook.PI, before)

@@ -22,13 +22,11 @@ from tests.support.doctor import (
     program_named,
     tracker_of,
     under_test,
-    with_causes,
 )
 
 from trackbench.subjects.doctor.checks.drives import drives, harmless
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.gate import gate_width
 from trackbench.subjects.doctor.checks.modes import modes
 from trackbench.subjects.doctor.checks.one_gain import one_gain
 from trackbench.subjects.doctor.checks.prediction import motion_prediction, spreading
@@ -39,14 +37,10 @@ from trackbench.subjects.doctor.checks.stated_covariance import stated_covarianc
 from trackbench.subjects.doctor.checks.transition import noise_place, transition
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.expected_gain import implied
-from trackbench.subjects.doctor.findings import Finding, rank_findings
-from trackbench.subjects.doctor.inside.pinned import OF_MODEL, with_mixing_as_cause
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
 
 FAULTY: list[tuple[Part, str]] = [
     (one_gain, "covariance_update_wrong/plain_ekf/in_place"),
-    (gate_width, "gate_too_small/plain_ekf/five_percent"),
-    (gate_width, "gate_too_small/plain_kf/without_noise"),
     (motion_prediction, "wrong_dt/plain_ekf/whole_seconds"),
     (motion_prediction, "wrong_dt/plain_ekf/tenths"),
     (motion_prediction, "wrong_dt/plain_ekf/at_most_0.2"),
@@ -79,7 +73,7 @@ def test_a_fault_is_named(part: Part, name: str) -> None:
 @pytest.mark.parametrize("make", [PlainEkf, PlainUkf, TurningEkf, AdaptiveEkf])
 def test_a_sound_tracker_has_none(make: Callable[[], Any]) -> None:
     tracker = under_test(make)
-    for part in (gate_width, transition, noise_place, stated_covariance):
+    for part in (transition, noise_place, stated_covariance):
         result = part(tracker)
         assert result.findings == []
         assert all(check.passed is not False for check in result.checks)
@@ -100,13 +94,6 @@ class Fading(PlainEkf):
 
 def test_a_memory_that_fades_is_no_jacobian() -> None:
     assert all(check.passed for check in transition(under_test(Fading)).checks)
-
-
-def test_an_update_in_place_is_the_cause_of_an_indefinite_covariance() -> None:
-    found = [Finding("covariance_not_psd", 0.95, ""), Finding("covariance_update_wrong", 0.95, "", sensor="lidar")]
-    first, second = rank_findings(found)
-    assert (first.fault, first.consequence_of) == ("covariance_update_wrong", None)
-    assert (second.fault, second.consequence_of) == ("covariance_not_psd", "covariance_update_wrong")
 
 
 class Converted(PlainEkf):
@@ -226,16 +213,6 @@ def test_a_covariance_returned_in_another_order_is_named_by_the_nees_of_a_part(d
     }
 
 
-def test_points_without_process_noise_explain_a_wrong_gain_of_another_sensor() -> None:
-    found = rank_findings(
-        [
-            Finding("gain_inconsistent", 0.95, "", sensor="radar"),
-            Finding("sigma_points_not_redrawn", 0.9, "", sensor="lidar"),
-        ]
-    )
-    assert with_causes(found) == [("sigma_points_not_redrawn", None), ("gain_inconsistent", "sigma_points_not_redrawn")]
-
-
 def test_samples_that_nobody_declared_are_seen_in_the_covariance(made: Any) -> None:
     tracker = under_test(made(program_named(sound("aside"), "ensemble")))
     assert has_samples(tracker)
@@ -280,15 +257,6 @@ def test_a_velocity_without_noise_along_an_axis_is_named() -> None:
     (found,) = growth_by_noise(under_test(NoiseAlongX)).findings
     assert found.fault == "process_noise_omitted"
     assert found.evidence.endswith("velocity along (0, 1) does not grow")
-
-
-def test_what_is_found_of_a_model_alone_is_a_consequence_of_a_wrong_mixture() -> None:
-    mixing, of_model = Finding("imm_mixing_wrong", 0.9, ""), Finding("q_too_small", 0.95, f"{OF_MODEL} 1 alone: small")
-    assert with_mixing_as_cause([of_model]) == [of_model]
-    assert [finding.consequence_of for finding in with_mixing_as_cause([of_model, mixing])] == [
-        None,
-        "imm_mixing_wrong",
-    ]
 
 
 def test_positions_without_noise_say_nothing_of_sigma_points(made: Any) -> None:

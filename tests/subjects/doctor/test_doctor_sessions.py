@@ -16,13 +16,12 @@ from numpy.testing import assert_allclose
 from tests.support.doctor import scans_of, under_test
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.driving.alone import Alone, CannotCopy
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.isolation import Isolation
-from trackbench.driving.remote import fresh
+from trackbench.driving.start import fresh
 from trackbench.subjects.doctor.checks.start import first_estimates
 from trackbench.subjects.doctor.checks.steps import failure_findings
-from trackbench.subjects.doctor.output_checks import OutputChecks
+from trackbench.subjects.doctor.copyable_tracker import CannotCopy, CopyableTracker
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
@@ -104,12 +103,6 @@ def test_each_column_is_answered_as_alone_and_the_session_stays(make: Callable[[
     assert [float(wide.given_to(i)[-1].measurement[0]) for i in range(3)] == [float(s.measurement[0]) for s in tried]
 
 
-def test_a_tracker_without_batches_has_one_column() -> None:
-    session = TrackerSession(OneByOne, 7)
-    assert session.columns == 1
-    same(followed(OneByOne, 7).step(NEXT), followed(ekf_cv).step(NEXT))
-
-
 def gain_and_steps(make: Callable[[], Any], columns: int) -> tuple[Any, int]:
     steps: list[None] = []
     session = followed(Examined(make, on_step=lambda: steps.append(None)), columns)
@@ -180,24 +173,6 @@ def test_one_that_fails_to_start_leaves_the_others() -> None:
     assert "far to the left" in str(failure)
 
 
-def test_a_track_is_checked_as_its_estimates_are() -> None:
-    session, estimates = TrackerSession(ekf_cv), []
-    for scan in FOLLOWED:
-        estimates.append(session.step(scan))
-    estimates[3] = None
-    one, other = OutputChecks(), OutputChecks()
-    one.add_track(estimates, FOLLOWED, "probe")
-    for k, estimate in enumerate(estimates):
-        other.add(estimate, FOLLOWED[k], "probe", FOLLOWED[: k + 1])
-    assert one.estimates == other.estimates == len(FOLLOWED) - 1
-    for mine, theirs in ((one.asymmetry, other.asymmetry), (one.indefinite, other.indefinite)):
-        assert mine is not None
-        assert theirs is not None
-        assert_allclose(mine.size, theirs.size, rtol=1e-9, atol=1e-15)
-        assert mine.time == theirs.time
-        assert len(mine.given()) == len(theirs.given())
-
-
 class Locked(PlainEkf):
     """With a lock, of which there is no copy."""
 
@@ -256,7 +231,7 @@ def test_what_cannot_be_copied_is_repeated(kind: type) -> None:
 
 
 def test_what_can_neither_be_copied_nor_repeated_says_so() -> None:
-    alone = Alone(Counting)
+    alone = CopyableTracker(Counting)
     for scan in scans_of(GENERAL[0])[:6]:
         alone.step(scan)
     with pytest.raises(

@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
 from benchmarks.doctor.faults import CORRECT
-from tests.support.doctor import Make, Part, correct_under_test, mutant, mutant_under_test, under_test, with_causes
-from tests.support.scenes import NOISE, tracker
+from tests.support.doctor import Make, Part, correct_under_test, mutant, mutant_under_test, under_test
 
-from trackbench.base.types import Scan
-from trackbench.models.sensors import Lidar, Radar
 from trackbench.subjects.doctor.checks.covariance_update import continuity, covariance_update
 from trackbench.subjects.doctor.checks.expectation import expectation
-from trackbench.subjects.doctor.checks.gate import gate_reopens
-from trackbench.subjects.doctor.checks.instants import late_measurements, measurements_of_one_instant
 from trackbench.subjects.doctor.checks.output import integers
 from trackbench.subjects.doctor.checks.prediction import motion_prediction
 from trackbench.subjects.doctor.checks.process_noise import growth_by_noise
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.velocity import velocity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
-from trackbench.subjects.doctor.findings import Finding, PartResult, rank_findings
-from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probes, simplified
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.builtin import ekf
-from trackbench.trackers.raw import RawTracker
 
 PARTS: dict[Part, list[str]] = {
     continuity: ["update_not_kept/covariance", "update_not_kept/mean"],
     covariance_update: ["covariance_not_reduced/update", "covariance_not_reduced/radar", "process_noise_twice/update"],
     expectation: ["scale_error/range_1.02", "scale_error/lidar_0.97", "time_offset/predicted_later"],
-    gate_reopens: ["gate_never_reopens/fixed", "gate_never_reopens/frozen"],
-    measurements_of_one_instant: ["second_measurement_dropped/any", "time_offset/radar_0.05", "time_offset/lidar_0.05"],
     integers: ["integer_state_matrix/state", "integer_state_matrix/covariance", "integer_state_matrix/start"],
     motion_prediction: ["missed_scan_not_predicted/skipped", "missed_scan_not_predicted/time_stored"],
     growth_by_noise: ["q_constant_per_step/0.1", "q_constant_per_step/0.05"],
@@ -114,9 +101,6 @@ def test_the_factor_of_a_scale_is_that_of_the_measurements() -> None:
 
 
 def test_a_delay_is_told_in_milliseconds() -> None:
-    """Of 50 ms: asked by the clock that is off, the target is 50 ms further."""
-    (finding,) = measurements_of_one_instant(mutant_under_test(of_ekf("time_offset/radar_0.05"))).findings
-    assert "+50 ms" in finding.evidence
     (finding,) = expectation(mutant_under_test(of_ekf("time_offset/predicted_later"))).findings
     assert "50 ms after" in finding.evidence
 
@@ -135,94 +119,3 @@ def test_a_constant_covariance_is_none_of_a_filter_that_forgets_to_reduce_it() -
     tracker = under_test(Fixed)
     assert covariance_update(tracker).findings == []
     assert integers(tracker).findings == []
-
-
-def test_a_named_fault_explains_what_the_drives_show() -> None:
-    seen = [Finding("too_far_off", 0.85, ""), Finding("covariance_unbelievable", 0.85, "")]
-    named = rank_findings([*seen, Finding("velocity_not_kept", 0.95, "")])
-    assert with_causes(named) == [
-        ("velocity_not_kept", None),
-        ("too_far_off", "velocity_not_kept"),
-        ("covariance_unbelievable", "velocity_not_kept"),
-    ]
-    assert with_causes(rank_findings(seen)) == [("too_far_off", None), ("covariance_unbelievable", "too_far_off")]
-
-
-LATE_SENSORS = {
-    "radar": Radar(
-        rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.2, latency_s=[0.05, 0.2]
-    ),
-    "lidar": Lidar(rate_hz=10, position_sigma_m=0.15, latency_s=0.1),
-}
-FEW = Probes(general=GENERAL[:1], passing=PASSING[:1], moving=())
-KEYS: dict[str, dict[str, Any]] = {
-    "ekf": {"filter": "ekf", "motion": "cv", **NOISE["cv"]},
-    "ukf": {"filter": "ukf", "motion": "ctrv", **NOISE["ctrv"]},
-}
-
-
-class Clamped:
-    """A Kalman filter that predicts over no time where a scan is older than its state, and takes it in."""
-
-    batched = True
-
-    def __init__(self) -> None:
-        self.filter = tracker(**KEYS["ekf"])
-
-    def step(self, state: Any, scan: Scan) -> Any:
-        inner, time = state or (None, scan.time)
-        after, estimate = self.filter.step(inner, scan._replace(time=max(scan.time, time), asked=False))
-        return (after, max(scan.time, time)), (estimate.mean, estimate.covariance)
-
-
-class Refusing(Clamped):
-    """One that does not take it."""
-
-    def step(self, state: Any, scan: Scan) -> Any:
-        if state is not None and scan.time < state[1]:
-            raise ValueError("a scan of the past")
-        return super().step(state, scan)
-
-
-def examined(make: Callable[[], Any], **latency: float) -> PartResult:
-    sensors = {name: simplified(sensor) for name, sensor in LATE_SENSORS.items()}
-    return late_measurements(TrackerUnderTest(make, sensors, [], FEW, 0, latency))
-
-
-@pytest.mark.parametrize("method", ["replay", "retrodiction", "drop"])
-@pytest.mark.parametrize("name", KEYS)
-def test_who_knows_when_a_measurement_was_taken_has_nothing(name: str, method: str) -> None:
-    found = examined(partial(tracker, **KEYS[name], late=method), radar=0.2, lidar=0.1)
-    assert found.findings == []
-    assert [check.passed for check in found.checks] == [True, True]
-
-
-@pytest.mark.parametrize(
-    "make", [*(partial(tracker, **keys, late="as_new") for keys in KEYS.values()), Clamped], ids=[*KEYS, "clamped"]
-)
-def test_who_takes_it_for_new_is_named(make: Callable[[], Any]) -> None:
-    found = examined(make, radar=0.2, lidar=0.1)
-    assert [(finding.fault, finding.sensor) for finding in found.findings] == [
-        ("late_processed_as_new", "radar"),
-        ("late_processed_as_new", "lidar"),
-    ]
-    assert "as if new" in found.findings[0].evidence
-
-
-def test_who_raises_is_told_so_and_has_no_fault() -> None:
-    (check,) = examined(Refusing, lidar=0.1).checks
-    assert check.passed is None
-    assert check.result.startswith("it raises at a scan that is older by 0.1 s than the one before: ")
-    assert "a scan of the past" in check.result
-    assert examined(Refusing, lidar=0.1).findings == []
-
-
-def test_only_sensors_that_are_late_are_tried() -> None:
-    assert examined(Clamped).checks == []
-    assert examined(RawTracker, lidar=0.1).findings == []
-
-
-def test_a_late_sensor_of_the_scenario_is_tried_at_its_latency() -> None:
-    assert LATE_SENSORS["radar"].latency == (0.05, 0.2)
-    assert simplified(LATE_SENSORS["radar"]).latency == (0.0, 0.0)
-    assert np.ptp(LATE_SENSORS["lidar"].latency) == 0

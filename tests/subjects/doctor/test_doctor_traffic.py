@@ -12,7 +12,6 @@ import pytest
 from benchmarks.doctor.traffic import rates
 from benchmarks.doctor.traffic.nearest_faults import (
     AssignedIsSeen,
-    CounterReset,
     Farthest,
     GatedLast,
     LargestSum,
@@ -30,7 +29,7 @@ from tests.support.doctor import examine_filters_once
 
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
-from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, PartResult, faults_of
+from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import simplified
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.traffic import Site, TrafficDoctor
@@ -44,8 +43,6 @@ from trackbench.subjects.doctor.traffic_checks.association import (
 )
 from trackbench.subjects.templates.plug_in import new
 from trackbench.testing.rules import Identities
-
-FAULTS = set(faults_of(TRAFFIC_CHECKS))
 
 
 def first_fault(sensor: str, make: Make) -> str:
@@ -125,39 +122,6 @@ def test_a_fault_of_one_sensor_names_it() -> None:
 
     found = TrafficDoctor(SENSORS).examine("tracker", looped(RadarAnywhere))
     assert (found.findings[0].fault, found.findings[0].sensor) == ("gate_too_large", "radar")
-
-
-def test_the_subjects_are_as_many_as_the_page_says_and_their_names_differ() -> None:
-    faulty = [finding for finding in rates.SUBJECTS if finding.fault]
-    assert {finding.fault for finding in faulty} == FAULTS
-    assert len({(one.name, one.sensors) for one in rates.SUBJECTS}) == len(rates.SUBJECTS)
-    assert len(faulty) >= 60
-    assert len(rates.SUBJECTS) - len(faulty) >= 25
-
-
-def test_the_table_counts_first_names() -> None:
-    numbers = [k for k, one in enumerate(rates.SUBJECTS) if one.fault == "ids_reused" and one.tracker != "ipda"]
-    held_out = [k for k in numbers if k >= len(rates.MADE_WITH)]
-    seen = [rates.TrafficSeen(k, ("ids_reused", "double_tracks"), 1.0, "") for k in numbers]
-    seen[-1] = seen[-1]._replace(found=("double_tracks", "ids_reused"))
-    sound = rates.TrafficSeen(0, (), 3.0, "")
-    *_, row, last = rates.table([*seen, sound])
-    own = len(numbers) - len(held_out)
-    assert row.startswith("| `ids_reused` |")
-    assert f"| {own}/{own} |" in row
-    assert row.endswith(f"| {len(held_out) - 1}/{len(held_out)} |")
-    assert last.split("|")[2:] == row.split("|")[2:]
-    text = "\n".join(rates.section([*seen, sound]))
-    assert f"- {seen[-1].subject.name} (held out): double_tracks, ids_reused" in text
-    assert "at most 3 s" in text
-
-
-def test_an_examination_for_the_table() -> None:
-    number = next(k for k, one in enumerate(rates.SUBJECTS) if one.variant == CounterReset.__name__)
-    seen = rates.examine(number)
-    assert seen.right
-    assert seen.found == ("ids_reused",)
-    assert "identities" in seen.words
 
 
 #: A third of the subjects, those that the doctor was made with in three shares.

@@ -16,12 +16,12 @@ from tests.support.doctor import examine_filters_once
 
 from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.checks.steps import CannotRun
-from trackbench.subjects.doctor.findings import Finding, PartResult
+from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import simplified
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic import Site, TrafficDoctor, with_old_scans
+from trackbench.subjects.doctor.traffic import Site, TrafficDoctor
 from trackbench.subjects.doctor.traffic_checks.association import ended_alone
-from trackbench.subjects.doctor.traffic_checks.drive import cars, traffic_drive, traffic_scans
+from trackbench.subjects.doctor.traffic_checks.drive import traffic_drive
 from trackbench.subjects.doctor.traffic_checks.late import late_scans
 from trackbench.subjects.doctor.traffic_checks.tracks import alarms_beside_objects, order
 from trackbench.subjects.doctor.traffic_checks.weights import weights
@@ -175,14 +175,6 @@ def test_who_raises_at_old_scans_has_a_fault_only_where_they_come() -> None:
         late_scans(looped(Refusing), LATE)
 
 
-def test_that_old_scans_count_as_new_comes_after_all_other_faults() -> None:
-    tracks = [Finding("double_tracks", 0.9, ""), Finding("never_deletes", 0.9, "", consequence_of="double_tracks")]
-    old = Finding("late_processed_as_new", 0.9, "")
-    assert with_old_scans(tracks, [old]) == [tracks[0], old, tracks[1]]
-    no_time = Finding("wrong_dt", 0.9, "")
-    assert with_old_scans([no_time], [old]) == [no_time, replace(old, consequence_of="wrong_dt")]
-
-
 def test_scans_at_their_arrival_are_tried_only_of_sensors_that_are_late() -> None:
     assert outcome(late_scans(looped(AtArrival), SITES["lidar"])) == {"late": False}
     late_lidar = {"lidar": SENSORS["lidar"].model_copy(update={"latency_s": 0.2})}
@@ -203,14 +195,6 @@ def test_a_tracker_without_tracks_has_the_gospa_of_all_cars_missed() -> None:
 
     result = traffic_drive(looped(Silent), SITES["lidar"])
     assert result.checks[0].result.startswith(f"GOSPA is {np.sqrt(6 * 5**2 / 2):.3g} m")
-
-
-def test_the_car_that_cuts_in_moves_as_its_velocity_says() -> None:
-    step = 1e-4
-    for time in (1.0, 3.3, 5.0, 7.0):
-        moved = (cars(time + step) - cars(time - step))[:2] / (2 * step)
-        np.testing.assert_allclose(moved, cars(time)[2:], atol=1e-6)
-    assert len(traffic_scans(SITES["radar"])) == 80
 
 
 def test_a_failure_in_a_scene_is_a_finding_with_its_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from tests.support.claims import claim_of
 
 import trackbench as tb
 from trackbench.document import Code, Figure, Paragraph, Row, Section
-from trackbench.metrics.recorded_run import load_recorded_run, scene_at
+from trackbench.metrics.recorded_run import scene_at
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.axes import point_distance
 from trackbench.subjects.envelope.claim import Envelope, read_envelope
@@ -275,7 +275,7 @@ def test_of_a_function_it_is_what_it_did_on_the_tracks() -> None:
     if text:
         (estimate,) = (
             found
-            for found in scene_at(result, load_recorded_run(result), event.time_s).estimates
+            for found in scene_at(result, event.time_s).estimates
             if (found.tracker, found.object) == (name, "lead")
         )
         position, velocity = estimate.position_error_m, estimate.velocity_error_mps

@@ -10,7 +10,7 @@ import pytest
 from tests.support.recordings import ReadRecording, shown_views
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.recorded_run import load_recorded_run, worst
+from trackbench.metrics.recorded_run import recorded_estimates, worst
 from trackbench.results import Result
 from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.focus import Opening, focus_of
@@ -48,7 +48,7 @@ def test_a_recording_that_cannot_be_opened_is_written_anew(folder: Path, tmp_pat
 
 
 def test_a_folder_opens_where_the_error_is(folder: Path) -> None:
-    run = load_recorded_run(Result.load(folder))
+    run = recorded_estimates(Result.load(folder))
     # raw filters nothing, so it is not what --worst looks for.
     for number, moment in enumerate(worst(run, ["ekf"], 2), start=1):
         with playable(folder, Opening(worst=number)) as (file, time_s):
@@ -66,7 +66,7 @@ def test_a_folder_opens_where_the_error_is(folder: Path) -> None:
 
 def test_a_recording_without_its_folder_opens_at_the_worst_moment(folder: Path, tmp_path: Path) -> None:
     alone = shutil.copy(folder / "recording.rrd", tmp_path / "alone.rrd")
-    (moment,) = worst(load_recorded_run(Result.load(folder)), ["ekf"], 1)
+    (moment,) = worst(recorded_estimates(Result.load(folder)), ["ekf"], 1)
     with playable(alone, Opening(worst=1)) as ready:
         assert ready == (alone, moment.time_s)
     with pytest.raises(InputError, match="name the folder of the run"), playable(alone, Opening(1.0, vehicle="v1")):

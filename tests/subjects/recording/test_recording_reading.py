@@ -15,7 +15,7 @@ import rerun as rr
 from tests.support.recordings import ReadRecording
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.recorded_run import load_recorded_run, worst
+from trackbench.metrics.recorded_run import recorded_estimates, worst
 from trackbench.results import Result, json_text
 from trackbench.subjects.recording import chunks
 from trackbench.subjects.recording import writer as recording
@@ -87,12 +87,10 @@ def test_a_time_that_is_not_there_is_an_error(folder: Path, time: float) -> None
 
 
 def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
-    recorded = load_recorded_run(read(folder).result)
-    for tracker in recorded.tracks:
+    recorded = recorded_estimates(read(folder).result)
+    for tracker, track in recorded.groupby("tracker"):
         moments = worst(recorded, [tracker], 3)
-        track = recorded.tracks[tracker]
-        error = np.where(track.due & ~track.starting, track.position_error, np.nan)
-        assert moments[0].position_error_m == np.nanmax(error)
+        assert moments[0].position_error_m == track[(track["due"] > 0) & ~track["starting"]]["position_error_m"].max()
         assert all(moment.time_s >= 0.5 for moment in moments), "before that, nothing is scored"
         sizes = [(not moment.starting, moment.position_error_m) for moment in moments]
         assert sizes == sorted(sizes, reverse=True)
@@ -182,8 +180,7 @@ def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[...,
 
 
 def test_an_error_that_is_not_known_is_none(folder: Path) -> None:
-    recorded = load_recorded_run(read(folder).result)
-    recorded.tracks["ekf"].nees[:] = np.nan
+    recorded = recorded_estimates(read(folder).result).assign(nees=np.nan)
     assert {moment.nees for moment in worst(recorded, ["ekf"], 3)} == {None}
 
 

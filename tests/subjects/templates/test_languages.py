@@ -6,7 +6,6 @@ import random
 import struct
 import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,9 @@ from tests.support.languages import LANGUAGES, SANITIZED, compiled, examples
 
 from trackbench.base.types import Scan, scan_of_member
 from trackbench.driving.faults import TrackFault
-from trackbench.driving.frames import ScanFrames, id_of
+from trackbench.driving.frames import scan_frames
 from trackbench.driving.isolation import Isolation
-from trackbench.driving.remote import start_stepper
+from trackbench.driving.start import ending, start_stepper
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.scans import ideal_sensors, sense_known
@@ -66,8 +65,12 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> list[Scan]:
 def estimates(folder: Path, entry: Any, scans: Sequence[Scan]) -> list[Any]:
     config = (FilterConfig if "filter" in entry else PluginConfig).model_validate(entry)
     batch = scans[0].valid.size
-    with closing(start_stepper(config, folder, batch, lambda tracker: tracker, Isolation(), sensors={})) as stepper:
-        return [stepper.step(scan) for scan in scans]
+    with ending(start_stepper(config, folder, batch, lambda tracker: tracker, Isolation(), sensors={})) as stepper:
+        state, answers = None, []
+        for scan in scans:
+            state, answer = stepper.step(state, scan)
+            answers.append(answer)
+        return answers
 
 
 def require_alike(inside: Sequence[Any], outside: Sequence[Any]) -> None:
@@ -179,8 +182,8 @@ def test_batches_and_several_objects(folder: Path, scans: list[Scan]) -> None:
     np.testing.assert_array_equal(estimate.mean, np.vstack([labelled.measurement] * 2))
     compiled(folder, "several.cpp")
     config = PluginConfig.model_validate({"use": {"command": ["./several"]}})
-    with closing(start_stepper(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
-        tracks = stepper.step(hidden)
+    with ending(start_stepper(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
+        _, tracks = stepper.step(None, hidden)
     np.testing.assert_array_equal(tracks.ids, [[0, 0], [1, -1], [2, -1]])
     np.testing.assert_array_equal(tracks.mean[:2], measurement)
 
@@ -198,8 +201,7 @@ def messages(scans: Sequence[Scan]) -> Iterator[bytes]:
         content = msgpack.packb(message)
         yield struct.pack("<I", len(content)) + content
     for scan in scans[:3]:
-        yield ScanFrames(scan).of(id_of(1), scan_of_member(scan, 0))
-        yield ScanFrames(scan).of(id_of(2), scan_of_member(scan, 1))
+        yield from scan_frames([1, 2], [scan_of_member(scan, member) for member in range(2)])
 
 
 @pytest.mark.slow

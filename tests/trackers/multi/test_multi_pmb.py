@@ -23,7 +23,7 @@ OBJECTS = np.array([[0.0, 0.0], [2.5, 1.0], [-2.0, 2.0]])
 
 def tracker(method: str, **associate: Any) -> MultiObjectTracker:
     keys = {
-        "filter": "kf", "motion": "cv", "noise": "continuous", "acceleration_density_mps1p5": DENSITY,
+        "filter": "kf", "motion": "cv_continuous", "acceleration_density_mps1p5": DENSITY,
         "initial": {"velocity": "zero", "velocity_sigma_mps": VELOCITY_SIGMA},
         "associate": {
             "method": method, "gate": GATE, "lifetime_s": -1 / np.log(SURVIVAL), "visible_s": None,

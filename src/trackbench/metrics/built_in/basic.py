@@ -143,11 +143,12 @@ class Nees(EstimateMetric):
         count, total = sums.per_part[ERROR["given"]], sums.per_part[ERROR["nees"]]
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
-        inside = _inside(sums.per_step[ERROR["given"]], sums.per_step[ERROR["nees"]], 4)
-        value = _chi_square(total, count, 4, inside, sums.scenes, sums.per_run.shape[1])
-        scores = breakdown(sums.classes)
+        per_step = sums.of_runs.per_step
+        inside = _inside(per_step[ERROR["given"]], per_step[ERROR["nees"]], 4)
+        value = _chi_square(total, count, 4, inside, sums.scenes, len(sums.of_runs.due))
+        scores = breakdown(sums)
         conditions, parts = condition_verdicts(scores), judged_parts(scores.all)
-        whole = value.verdict if sums.given >= LEAST_COVERAGE * sums.due else "undecided"
+        whole = value.verdict if sums.of_runs.coverage >= LEAST_COVERAGE else "undecided"
         if whole is None or (whole == "consistent" and not parts):
             # Too few to tell anything of the tails.
             whole = "undecided"
@@ -172,7 +173,7 @@ class Nis(EstimateMetric):
     )
 
     def finish(self, sums: Scores) -> Mapping[str, Outcome]:
-        runs = sums.per_run.shape[1]
+        runs = len(sums.of_runs.due)
         return {sensor: self._of(nis, sums.scenes, runs) for sensor, nis in sums.nis.items()}
 
     def _of(self, nis: NisScores, scenes: bool, runs: int) -> MetricValue:
@@ -281,7 +282,7 @@ class Coverage(EstimateMetric):
     meaning = "share of the steps at which the tracker should have an estimate at which it has one"
 
     def finish(self, sums: Scores) -> Outcome:
-        return _share(sums.given, sums.due) if sums.due else self.no_value("no object was ever seen")
+        return sums.of_runs.coverage if sums.of_runs.due.any() else self.no_value("no object was ever seen")
 
 
 def _chi_square(total: Array, count: Array, dof: int, steps_inside: float, scenes: bool, runs: int) -> MetricValue:

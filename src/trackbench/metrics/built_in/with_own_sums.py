@@ -57,7 +57,9 @@ class ErrorPercentile(Metric):
 
 
 def percentile(share: float, squares: Array) -> Array:
-    """``(rows,)`` errors below which a share of each row lies, as :func:`trackbench.metrics.estimates.percentiles`.
+    """Return ``(rows,)`` errors below which a share of each row lies, interpolated linearly between the two nearest.
+
+    NaN where a row has none. Source: type 7 of Hyndman and Fan (1996), "Sample quantiles in statistical packages".
 
     Args:
         share: 0 to 1.

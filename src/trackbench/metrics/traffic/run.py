@@ -24,7 +24,6 @@ from trackbench.metrics.traffic.assignment import (
 )
 from trackbench.metrics.traffic.events import TrafficEvent, events, strips
 from trackbench.metrics.traffic.mot_metrics import (
-    Switches,
     clear_matches,
     hota,
     identity,
@@ -33,30 +32,25 @@ from trackbench.metrics.traffic.mot_metrics import (
     track_of_each,
 )
 from trackbench.metrics.traffic.options import TrafficScoreOptions
-from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, ospa2
+from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa
 from trackbench.metrics.traffic.table import DETECTION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS
-from trackbench.metrics.traffic.tgospa import tgospa_by_cost
+from trackbench.metrics.traffic.tgospa import tgospa
 from trackbench.metrics.traffic.track_quality import (
-    ExistenceBins,
     RunSums,
     association_counts,
     confirmation,
     durations,
-    existence_bins,
     false_tracks,
-    latencies,
     lost,
     matched_errors,
+    never_confirmed,
     purity,
-    siap,
 )
 
 #: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
 LEAST_SIMILARITY = 0.5
 #: Share of the squared GOSPA below which what T-GOSPA has beside it is rounding.
 ROUNDING = 1e-12
-#: Of what a switch costs, for ``tgospa_half``, ``tgospa`` and ``tgospa_twice``.
-SWITCH_FACTORS = (0.5, 1.0, 2.0)
 
 
 class RunScores(NamedTuple):
@@ -67,10 +61,6 @@ class RunScores(NamedTuple):
     waiting in vain ``confirm_latency`` has a total and no count."""
     gospa: GospaParts
     """``(T,)`` each, m^2."""
-    latencies: Array
-    """``(N,)`` s until each object was tracked, infinite for those never tracked, NaN for those never due."""
-    existence: ExistenceBins | None
-    """None where the tracks have no existence probability."""
     events: tuple[TrafficEvent, ...]
     """In the order of time."""
     strips: npt.NDArray[np.int8]
@@ -86,7 +76,7 @@ class RunScores(NamedTuple):
             {path: sums for path, sums in each.items() if path not in OF_FALSE_TRACKS}
             for each in (self.values, *self.until)
         )
-        return self._replace(values=values, until=tuple(until), existence=None)
+        return self._replace(values=values, until=tuple(until))
 
     def object_of(self, shape: tuple[int, ...]) -> Indices:
         """``(T, K)`` the object that each track is on; -1 where it is on none."""
@@ -105,7 +95,7 @@ class TrackedRun(NamedTuple):
     associations: Associations | None
     """None where the tracker does not say which detections it used."""
     scores: RunScores
-    """What the built-in metrics are made of; in a stretch latencies and existence are those of the whole run."""
+    """Sums of which the built-in metrics are made."""
     unscored: Mask | None = None
     """``(T, K)`` tracks where nothing counts: outside a region, out of range, or on a don't-care box."""
     bodies: EgoScene | None = None
@@ -124,65 +114,57 @@ def score_run(
     unscored: Mask | None = None,
     ends: Sequence[int] = (),
 ) -> RunScores:
-    """Every metric of ``TRACK_METRICS`` that the run can tell, also of what is before some instants, its ``ends``;
-    ``unscored``: ``(T, K)`` tracks where nothing counts.
+    """Return every metric of ``TRACK_METRICS`` that the run can tell, and the run's events.
+
+    Args:
+        truth: the objects.
+        tracks: the tracks.
+        options: what is asked of a track.
+        associations: the detections that the tracks took; None where the tracker does not say.
+        unscored: ``(T, K)`` tracks where nothing counts.
+        ends: instants; the metrics of what is before each of them are given too.
     """
     options = options or TrafficScoreOptions()
     near = nearby(truth, tracks, options.cutoff, unscored)
     of_gospa, counted = count_by_gospa(near), count_by_clear(near)
     duration, steps = durations(truth.time), len(truth.time)
+    switch = options.switch(float(duration.mean()))
 
-    def until(end: int) -> _Beginning:
+    def until(end: int) -> RunSums:
         span = slice(0, end)
         pairs = of_gospa.until(end), counted.until(end)
         taken = associations and associations.within(span)
-        return _beginning(options, truth.within(span), tracks.within(span), *pairs, taken, duration)
+        return _run_sums(truth.within(span), tracks.within(span), *pairs, taken, duration[span], switch)
 
-    whole, switch = until(steps), options.switch(float(duration.mean()))
+    whole = until(steps)
+    track_of = track_of_each(counted.matched, counted.due.shape)
+    changes = switches(track_of)
     return RunScores(
-        values=whole.values,
-        gospa=whole.gospa,
-        latencies=whole.latencies,
-        existence=None if tracks.existence is None else existence_bins(counted, tracks.existence),
-        events=events(truth, tracks, counted, of_gospa, whole.track_of, whole.changes, switch),
-        strips=strips(whole.track_of, counted.due, whole.changes),
+        values=whole,
+        gospa=gospa(of_gospa),
+        events=events(truth, tracks, counted, of_gospa, track_of, changes, switch),
+        strips=strips(track_of, counted.due, changes),
         on=(counted.matched, counted.excused),
-        until=tuple(whole.values if end == steps else until(end).values for end in ends),
+        until=tuple(whole if end == steps else until(end) for end in ends),
     )
 
 
-class _Beginning(NamedTuple):
-    """What a run tells up to an instant."""
-
-    values: RunSums
-    gospa: GospaParts
-    latencies: Array
-    track_of: Indices
-    changes: Switches
-
-
-def _beginning(
-    options: TrafficScoreOptions,
+def _run_sums(
     truth: TruthHistory,
     tracks: TrackHistory,
     of_gospa: Counted,
     counted: Counted,
     associations: Associations | None,
-    every: Array,
-) -> _Beginning:
-    """Of a run, or what is before an instant; ``every``: durations in the whole run."""
-    matched, duration, spacing = counted.matched, every[: len(truth.time)], float(every.mean())
+    duration: Array,
+    switch: float,
+) -> RunSums:
+    matched = counted.matched
     track_of = track_of_each(matched, counted.due.shape)
-    changes = switches(track_of)
-    parts, waited = gospa(of_gospa), latencies(track_of, counted.due, duration)
+    parts, trajectory = gospa(of_gospa), tgospa(of_gospa, switch)
     steps, squared_gospa = float(len(truth.time)), float(parts.total.sum())
-    costs = [options.switch(spacing, factor) for factor in SWITCH_FACTORS]
-    half, trajectory, twice = tgospa_by_cost(of_gospa, costs)
-    window = max(1, round(options.window / spacing)) if spacing else 1
-    squared_ospa2 = ospa2(of_gospa, window)
     objects, present = counted.object_counts, counted.track_counts
     of_switches = trajectory.total - squared_gospa
-    due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
+    due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(switches(track_of).instant))
     false = float(counted.present.sum()) - true
     object_minutes = float((duration @ counted.due).sum()) / 60
     alike = similarity(counted.pairs.distance, counted.cutoff)
@@ -191,15 +173,12 @@ def _beginning(
     identified, unidentified, wrong = identity(counted.pairs.where(alike >= LEAST_SIMILARITY), objects, present)
     values: RunSums = {
         "tgospa": (trajectory.total, steps),
-        "tgospa_half": (half.total, steps),
-        "tgospa_twice": (twice.total, steps),
         "gospa": (squared_gospa, steps),
         "gospa_localisation": (float(parts.localisation.sum()), steps),
         "gospa_missed": (float(parts.missed.sum()), steps),
         "gospa_false": (float(parts.false.sum()), steps),
         "gospa_switch": (0.0 if of_switches < ROUNDING * squared_gospa else of_switches, steps),
         "ospa": (float(ospa(parts, of_gospa.due.sum(axis=1), of_gospa.present.sum(axis=1)).sum()), steps),
-        "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
         "hota": (float(higher_order.hota.mean()), any_there),
         "deta": (float(higher_order.detection.mean()), any_there),
         "assa": (float(higher_order.association.mean()), any_there),
@@ -211,15 +190,13 @@ def _beginning(
         "fragmentations": (float(resumptions(track_of, counted.due).sum()), object_minutes),
         "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
         "confirm_latency": confirmation(track_of, counted.due, duration),
-        "never_confirmed": (float(np.isinf(waited).sum()), float((~np.isnan(waited)).sum())),
+        "never_confirmed": never_confirmed(track_of, counted.due),
         "lost_time_share": lost(track_of, counted.due),
         "track_purity": purity(counted),
-        **siap(truth, tracks, of_gospa),
         **matched_errors(truth, tracks, matched),
         **({} if associations is None else association_counts(counted, associations)),
     }
-    values = {path: sums for path, sums in values.items() if any(sums)}
-    return _Beginning(values, parts, waited, track_of, changes)
+    return {path: sums for path, sums in values.items() if any(sums)}
 
 
 def count_by_clear(near: Nearby) -> Counted:

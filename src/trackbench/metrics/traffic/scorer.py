@@ -232,9 +232,8 @@ class TrackScorer:
         judged = []
         for _, tracks, number in self._taken:
             scan = scan_of_run(self._measurements.scans[number], run)
-            own_track = self._measurements.origins[number][: len(scan.valid), run]
             predicted = self._predicted[run].get(number)
-            judged.append(judged_scan(scan, own_track, sensors[scan.sensor], predicted, tracks_of_run(tracks, run)))
+            judged.append(judged_scan(scan, sensors[scan.sensor], predicted, tracks_of_run(tracks, run)))
         return judged
 
     def _detections_taken(self, run: int) -> Indices:

@@ -1,4 +1,4 @@
-"""GOSPA and OSPA of sets of positions, and OSPA(2) of sets of trajectories."""
+"""GOSPA and OSPA of sets of positions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.types import Array, Indices
 from trackbench.metrics.traffic.assignment import Counted, best_matching, near_pairs
 
 
@@ -77,45 +77,3 @@ def ospa(parts: GospaParts, objects: Indices, tracks: Indices) -> Array:
     """
     unmatched = 2.0 * np.where(tracks > objects, parts.false, parts.missed)
     return np.asarray((parts.localisation + unmatched) / np.maximum(np.maximum(objects, tracks), 1))
-
-
-def ospa2(counted: Counted, window: int) -> Array:
-    """OSPA(2) of order 2, in windows of time one after another.
-
-    The distance of an object and a track in a window is the mean, over the instants at which at least one of them is
-    there, of the distance between them, cut off at c; c where only one is. OSPA of order 2 takes it from there. An
-    incomplete last window counts as one.
-
-    Source: Beard, Vo and Vo (2020), "A solution for large-scale multi-object tracking", section III (one window, equal
-    weights).
-
-    Returns:
-        ``(windows,)`` its squares, m^2, of ``window`` instants each.
-    """
-    steps, objects = counted.due.shape
-    starts = np.arange(0, steps, window)
-    tracks = len(counted.ids)
-    there = np.zeros((steps, tracks), dtype=bool)
-    instant, column = np.nonzero(counted.present)
-    there[instant, counted.track[instant, column]] = True
-    in_window = [np.add.reduceat(mask.astype(np.intp), starts, axis=0) for mask in (counted.due, there)]
-    both = _both(counted.due, there, window)
-    union = in_window[0][:, :, None] + in_window[1][:, None] - both
-    pairs = counted.pairs
-    cell = (pairs.instant // window * objects + pairs.object) * tracks + pairs.track
-    saved = np.bincount(cell, counted.cutoff - pairs.distance, minlength=union.size).reshape(union.shape)
-    group, row, col = np.nonzero(saved)
-    distance = counted.cutoff - saved[group, row, col] / union[group, row, col]
-    chosen = best_matching(group, row, col, counted.cutoff**2 - distance**2, objects, tracks)
-    total = np.bincount(group[chosen], distance[chosen] ** 2, minlength=len(starts))
-    matched = np.bincount(group[chosen], minlength=len(starts))
-    most = np.maximum(*((counts > 0).sum(axis=1) for counts in in_window))
-    return np.asarray((total + counted.cutoff**2 * (most - matched)) / np.maximum(most, 1))
-
-
-def _both(due: Mask, there: Mask, window: int) -> Array:
-    """``(windows, N, tracks)`` instants of each window at which both are there."""
-    windows = -(-len(due) // window)
-    filled = ((0, windows * window - len(due)), (0, 0))
-    cut = [np.pad(mask, filled).reshape(windows, window, mask.shape[1]).astype(float) for mask in (due, there)]
-    return np.asarray(np.swapaxes(cut[0], 1, 2) @ cut[1])

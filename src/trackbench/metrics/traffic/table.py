@@ -128,8 +128,6 @@ NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
 #: Those of runs with a truth.
 TRACK_METRICS = by_name(
     root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too", ranks=True, localises=True),
-    root_of("tgospa_half", "m", "T-GOSPA where a switch costs half as much", localises=True),
-    root_of("tgospa_twice", "m", "T-GOSPA where a switch costs twice as much", localises=True),
     root_of("gospa", "m", "error in position, missed objects and false tracks in one number", localises=True),
     root_of(
         "gospa_localisation", "m", "part of GOSPA from the positions of matched tracks", fewest=400, localises=True
@@ -138,7 +136,6 @@ TRACK_METRICS = by_name(
     root_of("gospa_false", "m", "part of GOSPA from tracks without an object", fewest=10),
     root_of("gospa_switch", "m", "part of T-GOSPA from identities: what it has beside GOSPA"),
     root_of("ospa", "m", "error per object in position and number"),
-    root_of("ospa2", "m", "error per trajectory in position, number and identity"),
     share("hota", "detection and association in one number", "larger", combine="mean", fewest=100),
     share("deta", "detection part of HOTA", "larger", combine="mean"),
     share("assa", "association part of HOTA", "larger", combine="mean", fewest=100),
@@ -161,11 +158,6 @@ TRACK_METRICS = by_name(
     share("never_confirmed", "share of the due objects that are never tracked", "smaller"),
     share("lost_time_share", "share of the time after its first track that an object has none", "smaller", fewest=100),
     share("track_purity", "share of a track's time that it spends on its main object", "larger", fewest=400),
-    share("siap_completeness", "share of the due instants with any track", "larger"),
-    run_ratio("siap_ambiguity", "1", "tracks on an object that has any", "smaller", at_least=1.0),
-    share("siap_spuriousness", "share of the tracks on no object", "smaller"),
-    run_ratio("siap_position", "m", "mean distance of tracks to the nearest object", "smaller", fewest=100),
-    run_ratio("siap_velocity", "m/s", "mean difference of their velocities", "smaller", fewest=100),
     over_tracks(PositionRmse, combine="root", fewest=400),
     over_tracks(VelocityRmse, combine="root", fewest=math.inf),
     over_tracks(Nees, fewest=math.inf),
@@ -184,10 +176,7 @@ TRACK_METRICS = by_name(
 #: Those of them that need the object of each detection.
 ASSOCIATION_METRICS = [metric for path, metric in TRACK_METRICS.items() if path.startswith("association_")]
 #: Those of them that count tracks on no object.
-OF_FALSE_TRACKS = (
-    *("gospa_false", "hota", "deta", "assa", "idf1", "mota", "false_tracks"),
-    *("track_purity", "siap_ambiguity", "siap_spuriousness"),
-)
+OF_FALSE_TRACKS = ("gospa_false", "hota", "deta", "assa", "idf1", "mota", "false_tracks", "track_purity")
 #: Those of runs without one.
 DETECTION_METRICS = by_name(
     of_detections("track_count", "1", "mean number of tracks after a scan"),
@@ -199,24 +188,6 @@ DETECTION_METRICS = by_name(
         "1",
         "normalised innovation squared over its degrees of freedom, of used detections, 1 when consistent",
         **NOT_ASKED,
-    ),
-    of_detections(
-        "track_breaks",
-        "1/min",
-        "times the sensor's own track goes on and has another track, per minute of its tracks",
-        **NOT_SAID,
-    ),
-    of_detections(
-        "own_track_breaks",
-        "1/min",
-        "times a track goes on and the sensor's own track is another, per minute of tracks",
-        **NOT_SAID,
-    ),
-    of_detections(
-        "track_swaps",
-        "1/min",
-        "times a track changes between two of the sensor's own that both go on, per minute of tracks",
-        **NOT_SAID,
     ),
     of_detections(
         "prediction_score",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -172,23 +171,15 @@ def solve_one(pairs: ObjectTrackPairs, half: float) -> Weights:
     return Weights(pairs, _path_of_one(pairs.gain, half), True)
 
 
-def solve_together(every: ObjectTrackPairs, halves: Sequence[float]) -> list[Weights]:
-    """The optimum for several objects that compete for tracks, with each of some costs of a change."""
-    plains = [presolve(every, half) for half in halves]
-    useful = np.any([plain.assigned | (every.gain * plain.open > 0) for plain in plains], axis=(0, 1))
+def solve_together(every: ObjectTrackPairs, half: float) -> Weights:
+    """Return the optimum for several objects that compete for tracks; ``half`` is the cost of a change."""
+    plain = presolve(every, half)
+    useful = np.any(plain.assigned | (every.gain * plain.open > 0), axis=0)
     pairs = ObjectTrackPairs(every.object[useful], every.track[useful], every.gain[:, useful])
-    plains = [Presolved(plain.assigned[:, useful], plain.open[:, useful]) for plain in plains]
+    plain = Presolved(plain.assigned[:, useful], plain.open[:, useful])
     members = _joint_assignments(pairs)
     if members is not None:
-        return [Weights(pairs, weight, True) for weight in _joint_paths(pairs.gain, members, plains, halves)]
-    if len(halves) > 1:
-        # With one of the costs there may be fewer useful pairs.
-        return [weights for half in halves for weights in solve_together(every, [half])]
-    (plain,), (half,) = plains, halves
-    return [_solve_large(pairs, plain, half)]
-
-
-def _solve_large(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> Weights:
+        return Weights(pairs, _joint_path(pairs.gain, members, plain, half), True)
     if plain.open.sum() > LARGEST_PROGRAM:
         return Weights(pairs, _path_step_by_step(pairs, half), False)
     weight = relaxed_weights(pairs, plain, half)
@@ -234,32 +225,24 @@ def _joint_assignments(pairs: ObjectTrackPairs) -> Array | None:
     return members
 
 
-def _joint_paths(gain: Array, members: Array, plains: Sequence[Presolved], halves: Sequence[float]) -> list[Array]:
-    """``(T, E)`` the pairs to take at each instant, with each cost of a change."""
-    sizes, (sets, steps) = members.sum(axis=1), (len(members), len(gain))
-    apart = sizes[:, None] + sizes - 2 * members @ members.T
-    change = np.array(halves)[:, None, None] * apart
-    costs = np.empty((steps, len(halves), sets))
-    for place, plain in enumerate(plains):
-        contradictions = plain.assigned @ (1 - members.T) + (~plain.assigned & ~plain.open) @ members.T
-        costs[:, place] = np.where(contradictions > 0, np.inf, -(gain @ members.T))
+def _joint_path(gain: Array, members: Array, plain: Presolved, half: float) -> Array:
+    """``(T, E)`` the pairs to take at each instant."""
+    sizes, steps = members.sum(axis=1), len(gain)
+    change = half * (sizes[:, None] + sizes - 2 * members @ members.T)
+    contradictions = plain.assigned @ (1 - members.T) + (~plain.assigned & ~plain.open) @ members.T
+    costs = np.where(contradictions > 0, np.inf, -(gain @ members.T))
     before = np.empty(costs.shape, dtype=np.intp)
-    total, first = np.empty(change.shape), sets * np.arange(len(halves) * sets).reshape(len(halves), sets)
-    flat, cost = total.reshape(-1), costs[0].copy()
-    # The costs of a change, which are few and apart from each other, are taken through the instants together.
+    cost, sets = costs[0].copy(), np.arange(len(members))
     for k in range(1, steps):
-        np.add(change, cost[:, None], out=total)
-        total.argmin(axis=2, out=before[k])
-        cost = flat.take(first + before[k])
-        cost += costs[k]
-    paths = []
-    for place, now in enumerate(cost.argmin(axis=1).tolist()):
-        own, taken = before[:, place].tolist(), np.empty(steps, dtype=np.intp)
-        for k in range(steps - 1, -1, -1):
-            taken[k] = now
-            now = own[k][now]
-        paths.append(np.asarray(members[taken]))
-    return paths
+        total = change + cost
+        before[k] = total.argmin(axis=1)
+        cost = total[sets, before[k]] + costs[k]
+    taken = np.empty(steps, dtype=np.intp)
+    now = int(cost.argmin())
+    for k in range(steps - 1, -1, -1):
+        taken[k] = now
+        now = int(before[k, now])
+    return np.asarray(members[taken])
 
 
 def _path_step_by_step(pairs: ObjectTrackPairs, half: float) -> Array:
@@ -306,64 +289,13 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
     Returns:
         Its parts; ``exact`` says whether the optimum was found.
     """
-    (parts,) = tgospa_by_cost(counted, [switch])
-    return parts
-
-
-def tgospa_by_cost(counted: Counted, switches: Sequence[float]) -> list[TgospaParts]:
-    """The metric for each of several ascending costs of a switch, m.
-
-    An optimum without a change is one for every larger cost too.
-    """
-    groups, results = _Groups(counted, [switch**2 / 2 for switch in switches]), list[TgospaParts]()
-    for place in range(len(switches)):
-        results.append(results[-1] if results and not results[-1].switch else _solved(counted, groups, place))
-    return results
-
-
-class _Groups:
-    """The optima of groups of objects, which are found once for all costs of a change."""
-
-    def __init__(self, counted: Counted, halves: Sequence[float]) -> None:
-        pairs, self.halves = counted.pairs, halves
-        self._pairs, self._gain = pairs, counted.cutoff**2 - pairs.distance**2
-        self._steps = len(counted.due)
-        order = np.argsort(pairs.object, kind="stable")
-        bounds = np.searchsorted(pairs.object[order], np.arange(counted.due.shape[1] + 1))
-        self.of_object = np.split(order, bounds[1:-1])
-        self._singles: dict[int, ObjectTrackPairs] = {}
-        self._together: dict[frozenset[int], list[Weights]] = {}
-
-    def single(self, item: int, place: int) -> Weights:
-        """The optimum of one object, with one of the costs."""
-        if item not in self._singles:
-            self._singles[item] = self._pairs_of(frozenset([item]))
-        return solve_one(self._singles[item], self.halves[place])
-
-    def together(self, objects: frozenset[int], place: int) -> Weights:
-        """That of several."""
-        if objects not in self._together:
-            self._together[objects] = solve_together(self._pairs_of(objects), self.halves)
-        return self._together[objects][place]
-
-    def _pairs_of(self, objects: frozenset[int]) -> ObjectTrackPairs:
-        pairs = self._pairs
-        own = np.concatenate([self.of_object[item] for item in sorted(objects)])
-        numbers = pairs.track[own].max() + 1
-        pair, which = np.unique(pairs.object[own] * numbers + pairs.track[own], return_inverse=True)
-        table = np.zeros((self._steps, len(pair)))
-        table[pairs.instant[own], which] = self._gain[own]
-        return ObjectTrackPairs(*np.divmod(pair, numbers), table)
-
-
-def _solved(counted: Counted, groups: _Groups, place: int) -> TgospaParts:
-    """The metric with one of the costs."""
-    half, square = groups.halves[place], counted.cutoff**2
-    solved = {frozenset([item]): groups.single(item, place) for item, own in enumerate(groups.of_object) if len(own)}
+    gains, half, square = _Gains(counted), switch**2 / 2, counted.cutoff**2
+    alone = (frozenset([item]) for item, own in enumerate(gains.of_object) if len(own))
+    solved = {group: solve_one(gains.of_group(group), half) for group in alone}
     while merged := _conflicts(solved):
         for group in merged:
             solved = {objects: weights for objects, weights in solved.items() if not objects <= group}
-            solved[group] = groups.together(group, place)
+            solved[group] = solve_together(gains.of_group(group), half)
     matched = sum(float(item.weight[item.pairs.gain > 0].sum()) for item in solved.values())
     return TgospaParts(
         localisation=square * matched - sum(item.saved() for item in solved.values()),
@@ -372,6 +304,27 @@ def _solved(counted: Counted, groups: _Groups, place: int) -> TgospaParts:
         switch=half * sum(item.changes() for item in solved.values()),
         exact=all(item.exact for item in solved.values()),
     )
+
+
+class _Gains:
+    """What it saves to assign tracks to objects, by pair and instant."""
+
+    def __init__(self, counted: Counted) -> None:
+        pairs = counted.pairs
+        self._pairs, self._gain, self._steps = pairs, counted.cutoff**2 - pairs.distance**2, len(counted.due)
+        order = np.argsort(pairs.object, kind="stable")
+        bounds = np.searchsorted(pairs.object[order], np.arange(counted.due.shape[1] + 1))
+        self.of_object = np.split(order, bounds[1:-1])
+
+    def of_group(self, objects: frozenset[int]) -> ObjectTrackPairs:
+        """Return the pairs of a group of objects, and the tracks near them."""
+        pairs = self._pairs
+        own = np.concatenate([self.of_object[item] for item in sorted(objects)])
+        numbers = pairs.track[own].max() + 1
+        pair, which = np.unique(pairs.object[own] * numbers + pairs.track[own], return_inverse=True)
+        table = np.zeros((self._steps, len(pair)))
+        table[pairs.instant[own], which] = self._gain[own]
+        return ObjectTrackPairs(*np.divmod(pair, numbers), table)
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:

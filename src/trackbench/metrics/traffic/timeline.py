@@ -12,7 +12,6 @@ import numpy.typing as npt
 from trackbench.base.types import Array
 from trackbench.metrics.traffic.events import TrafficEvent
 from trackbench.metrics.traffic.run import RunScores
-from trackbench.metrics.traffic.track_quality import ExistenceBins
 
 #: Name of these sums among those of metrics.
 TIMELINE = "timeline"
@@ -29,7 +28,6 @@ class Timeline:
     runs: int = 0
     gospa: Array = field(default_factory=lambda: np.zeros((3, 0)))
     """``(3, T)`` sums over runs of the parts of GOSPA at each instant, m^2."""
-    existence: ExistenceBins | None = None
     events: list[Event] = field(default_factory=list)
     """With the number of the run: those of the recorded run, and the dearest of the others."""
     recorded: int | None = None
@@ -44,18 +42,11 @@ class Timeline:
         self.runs += 1
         parts = np.stack(scores.gospa)
         self.gospa = parts if not self.gospa.size else self.gospa + parts
-        self.existence = summed_existence([self.existence, scores.existence])
         self.events += [(run, event) for event in scores.events]
         if recorded:
             self.recorded, self.strips = run, scores.strips
         if len(self.events) > 2 * MOST_EVENTS:
             self.events = dearest(self.events, self.recorded)
-
-
-def summed_existence(bins: Sequence[ExistenceBins | None]) -> ExistenceBins | None:
-    """The sums of several; None where none has any."""
-    stated = [each for each in bins if each is not None]
-    return ExistenceBins(*(sum(column) for column in zip(*stated, strict=True))) if stated else None
 
 
 def dearest(events: Sequence[Event], recorded: int | None) -> list[Event]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from trackbench.base.linalg import cholesky, symmetrise
@@ -30,12 +28,10 @@ def durations(time: Array) -> Array:
     return np.append(steps, steps.mean() if len(steps) else 0.0)
 
 
-def latencies(track_of: Indices, due: Mask, duration: Array) -> Array:
-    """``(N,)`` s that each object was due before it was first tracked; infinite where it never was tracked, NaN
-    where it never was due.
-    """
-    ever = (track_of != NO_TRACK).any(axis=0)
-    return np.where(due.any(axis=0), np.where(ever, _waiting(track_of, due, duration), np.inf), np.nan)
+def never_confirmed(track_of: Indices, due: Mask) -> tuple[float, float]:
+    """Number of objects that are due and never tracked, and number of objects that are due."""
+    ever_due, ever_tracked = due.any(axis=0), (track_of != NO_TRACK).any(axis=0)
+    return float((ever_due & ~ever_tracked).sum()), float(ever_due.sum())
 
 
 def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, float]:
@@ -49,11 +45,8 @@ def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, 
         Both apart.
     """
     tracked = due.any(axis=0) & (track_of != NO_TRACK).any(axis=0)
-    return float(_waiting(track_of, due, duration).sum()), float(tracked.sum())
-
-
-def _waiting(track_of: Indices, due: Mask, duration: Array) -> Array:
-    return np.asarray(duration @ (due & ~np.logical_or.accumulate(track_of != NO_TRACK, axis=0)))
+    waiting = due & ~np.logical_or.accumulate(track_of != NO_TRACK, axis=0)
+    return float((duration @ waiting).sum()), float(tracked.sum())
 
 
 def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
@@ -77,32 +70,6 @@ def false_tracks(counted: Counted) -> Indices:
     real[counted.matched.track] = True
     real[counted.excused.track] = True
     return np.flatnonzero(~real)
-
-
-def siap(truth: TruthHistory, tracks: TrackHistory, counted: Counted) -> RunSums:
-    """Attributes of the single integrated air picture.
-
-    Each track stands at each instant for the nearest due object within the cutoff.
-
-    Source: Votruba et al. (2001), "Single Integrated Air Picture (SIAP) metrics implementation".
-    """
-    pairs = counted.pairs
-    track = pairs.instant * counted.present.shape[1] + pairs.column
-    nearest = np.lexsort((pairs.distance, track))
-    own = nearest[np.diff(track[nearest], prepend=-1) != 0]
-    instant, item, column = pairs.instant[own], pairs.object[own], pairs.column[own]
-    tracked = np.zeros_like(counted.due)
-    tracked[instant, item] = True
-    objects, present, on = float(counted.due.sum()), float(counted.present.sum()), float(len(own))
-    velocity = np.hypot(*(tracks.mean[2:, instant, column] - truth.at(instant, item, column)[2:]))
-    return {
-        "siap_completeness": (float(tracked.sum()), objects),
-        "siap_ambiguity": (on, float(tracked.sum())),
-        "siap_spuriousness": (present - on, present),
-        "siap_position": (float(pairs.distance[own].sum()), on),
-        # Tracks without a velocity do not count.
-        "siap_velocity": _finite_sum(velocity),
-    }
 
 
 def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> RunSums:
@@ -164,36 +131,3 @@ def association_counts(counted: Counted, taken: Associations) -> RunSums:
     counts = {name: float(outcome.sum()) for name, outcome in outcomes.items()}
     total = sum(counts.values())
     return {name: (count, total) for name, count in counts.items()}
-
-
-#: Equal parts of the range from 0 to 1.
-BINS = 10
-
-
-class ExistenceBins(NamedTuple):
-    """Sums over tracks and instants, each ``(10,)``; they add up over runs."""
-
-    stated: Array
-    """Existence probabilities."""
-    real: Indices
-    """Tracks that are matched with an object."""
-    number: Indices
-    """Tracks."""
-
-
-def existence_bins(counted: Counted, existence: Array) -> ExistenceBins:
-    """Tracks by the probability that they state ``(T, K)``: a reliability diagram.
-
-    Source: Murphy and Winkler (1977), "Reliability of subjective probability forecasts of precipitation and
-    temperature".
-    """
-    real: Mask = np.zeros(counted.present.shape, dtype=bool)
-    real[counted.matched.instant, counted.matched.column] = True
-    stating = counted.present & np.isfinite(existence)
-    stated = existence[stating]
-    which = np.clip((stated * BINS).astype(np.intp), 0, BINS - 1)
-    return ExistenceBins(
-        np.asarray(np.bincount(which, stated, BINS), dtype=float),
-        np.bincount(which[real[stating]], minlength=BINS),
-        np.bincount(which, minlength=BINS),
-    )

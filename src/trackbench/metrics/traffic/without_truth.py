@@ -1,8 +1,8 @@
-"""What tracks tell where there is no truth: how they predict and use detections, and agree with the sensor's tracks."""
+"""What tracks tell where there is no truth: how many and how long they are, and how they predict and use detections."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +27,10 @@ UNPREDICTED = 1.0
 class UnlabelledScan(NamedTuple):
     """A scan that a tracker has taken in, and what the tracker said before and after it."""
 
-    sensor: str
     time: float
     """s"""
-    own_track: Indices
-    """``(D,)`` the sensor's own track that each detection is of; negative where it does not say."""
+    detections: int
+    """Number of detections."""
     ids: Indices
     """``(K,)`` of the tracks after it."""
     used: Indices | None
@@ -49,15 +48,16 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
     Tracks that the log begins or ends with count as long as they are seen.
     """
     minutes = (scans[-1].time - scans[0].time) / 60
-    lengths = _lengths((scan.time, scan.ids.tolist()) for scan in scans)
+    lengths = _lengths(scans)
     sums = {
         "track_count": (float(sum(len(scan.ids) for scan in scans)), float(len(scans))),
         "track_length": (float(np.median(lengths)) if len(lengths) else 0.0, float(len(lengths) > 0)),
         "new_tracks": (float(len(lengths)), minutes),
     }
     if all(scan.used is not None for scan in scans):
-        sums |= _use(scans, float(lengths.sum()) / 60)
-    predicted = [(scan.log_score, len(scan.own_track)) for scan in scans if scan.log_score is not None]
+        used = sum(len(np.unique(scan.used[scan.used != NONE])) for scan in scans if scan.used is not None)
+        sums["used_share"] = (float(used), float(sum(scan.detections for scan in scans)))
+    predicted = [(scan.log_score, scan.detections) for scan in scans if scan.log_score is not None]
     if predicted:
         sums["prediction_score"] = (sum(score for score, _ in predicted), float(sum(count for _, count in predicted)))
         nis = np.concatenate([scan.nis for scan in scans])
@@ -68,69 +68,23 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
 def scores_without_truth(values: RunSums) -> RunScores:
     """The scores of a run of which nothing else is known."""
     none = np.zeros(0)
-    parts = GospaParts(none, none, none)
-    return RunScores(values, parts, none, None, (), np.zeros((0, 0), dtype=np.int8))
+    return RunScores(values, GospaParts(none, none, none), (), np.zeros((0, 0), dtype=np.int8))
 
 
-def _use(scans: list[UnlabelledScan], track_minutes: float) -> RunSums:
-    used = sum(len(np.unique(_used(scan)[_used(scan) != NONE])) for scan in scans)
-    sums = {"used_share": (float(used), float(sum(len(scan.own_track) for scan in scans)))}
-    own = _lengths((scan.time, [(scan.sensor, number) for number in _present(scan)]) for scan in scans)
-    if len(own):
-        breaks, own_breaks, swaps = _changes(scans)
-        sums["track_breaks"] = (float(breaks), float(own.sum()) / 60)
-        sums["own_track_breaks"] = (float(own_breaks), track_minutes)
-        sums["track_swaps"] = (float(swaps), track_minutes)
-    return sums
-
-
-def _changes(scans: list[UnlabelledScan]) -> tuple[int, int, int]:
-    """How often tracks and the sensor's own tracks pair anew, by which of the earlier pair is there no more: the track,
-    the sensor's own track, or neither."""
-    track_of: dict[tuple[str, int], int] = {}
-    own_of: dict[tuple[str, int], int] = {}
-    breaks = own_breaks = swaps = 0
+def _lengths(scans: Iterable[UnlabelledScan]) -> Array:
+    """Return the time from the first to the last scan of each track, s."""
+    spans: dict[int, tuple[float, float]] = {}
     for scan in scans:
-        ids, present = set(scan.ids.tolist()), set(_present(scan))
-        column = np.flatnonzero(_used(scan) != NONE)
-        pairs = np.stack([scan.ids[column], scan.own_track[_used(scan)[column]]], axis=1)
-        for track, own in sorted(pairs[pairs[:, 1] >= 0].tolist()):
-            earlier, earlier_own = track_of.get((scan.sensor, own)), own_of.get((scan.sensor, track))
-            breaks += earlier is not None and earlier not in ids
-            if earlier_own is not None and earlier_own != own:
-                own_breaks += earlier_own not in present
-                swaps += earlier_own in present
-            track_of[scan.sensor, own], own_of[scan.sensor, track] = track, own
-    return breaks, own_breaks, swaps
-
-
-def _used(scan: UnlabelledScan) -> Indices:
-    assert scan.used is not None
-    return scan.used
-
-
-def _present(scan: UnlabelledScan) -> list[int]:
-    """The sensor's own tracks in a scan."""
-    return [int(number) for number in scan.own_track if number >= 0]
-
-
-def _lengths(scans: Iterable[tuple[float, Iterable[Hashable]]]) -> Array:
-    """How long each of what is there is seen, s."""
-    spans: dict[Hashable, tuple[float, float]] = {}
-    for time, there in scans:
-        for item in there:
-            spans[item] = (spans.get(item, (time, time))[0], time)
+        for track in scan.ids.tolist():
+            spans[track] = (spans.get(track, (scan.time, scan.time))[0], scan.time)
     return np.array([last - first for first, last in spans.values()])
 
 
-def judged_scan(
-    scan: Scan, own_track: Indices, config: Sensor, predicted: Tracks | None, tracks: Tracks
-) -> UnlabelledScan:
+def judged_scan(scan: Scan, config: Sensor, predicted: Tracks | None, tracks: Tracks) -> UnlabelledScan:
     """What the tracks before and after a scan say of it; of one run each.
 
     Args:
         scan: ``measurement`` ``(m, D)``.
-        own_track: ``(D,)`` the sensor's own track that each detection is of.
         config: of the sensor.
         predicted: the tracks at its time without its detections; None where the tracker was not asked.
         tracks: those with them.
@@ -141,7 +95,7 @@ def judged_scan(
         squares = np.einsum("ikd,ikd->kd", whitened, whitened) / len(scan.measurement)
         nis = squares[_pairs(predicted, tracks)]
         score = _log_score(scan, config, predicted, log_density)
-    return UnlabelledScan(scan.sensor, scan.time, own_track, tracks.ids, tracks.used, nis, score)
+    return UnlabelledScan(scan.time, scan.measurement.shape[1], tracks.ids, tracks.used, nis, score)
 
 
 def _densities(scan: Scan, predicted: Tracks) -> tuple[Array, Array]:

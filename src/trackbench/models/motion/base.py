@@ -82,11 +82,6 @@ class MotionModel(Config, ABC):
         """``(q,)`` standard deviation of each driving noise; ``(q, ...)`` where each of a batch has its own."""
         return tuple(getattr(self, name) for name in self.driving_noise)
 
-    @classmethod
-    def replaceable(cls, options: Mapping[str, Any]) -> tuple[str, ...]:
-        """Of a model with these options, those that state the noise: a stated process noise takes their place."""
-        return cls.driving_noise
-
     @property
     def batched(self) -> bool:
         """Whether each of a batch has its own noise."""

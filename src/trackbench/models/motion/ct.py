@@ -1,8 +1,8 @@
-"""Nearly constant turn in position and velocity, its rate in the state or known."""
+"""Nearly constant turn in position, velocity and turn rate."""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -19,37 +19,6 @@ def turned(velocity: Array, angle: Array) -> Array:
     """``(2, ...)`` a vector turned counter-clockwise."""
     c, s = cos_sin(angle)
     return linalg.vector([c * velocity[0] - s * velocity[1], s * velocity[0] + c * velocity[1]])
-
-
-class TurnKnown(MotionModel):
-    """State px, py, vx, vy; constant turn of a known rate, white acceleration on each axis.
-
-    Source: Bar-Shalom, Li and Kirubarajan (2001), section 11.7.1, with the turn rate given.
-    """
-
-    acceleration_sigma_mps2: Sigma = Field(
-        description="Standard deviation of the acceleration that drives the motion, m/s^2."
-    )
-    turn_rate_radps: float = Field(
-        ge=-10, le=10, description="The turn rate, counter-clockwise, rad/s; 0 is constant velocity."
-    )
-
-    components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy")
-    linear: ClassVar[bool] = True
-    driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "acceleration_sigma_mps2")
-
-    def transition(self, x: Array, dt: float) -> Array:
-        half: Any = self.turn_rate_radps * (0.5 * dt)
-        return np.concatenate([x[:2] + dt * bessel0(half) * turned(x[2:], half), turned(x[2:], 2 * half)])
-
-    def jacobian(self, x: Array, dt: float) -> Array:
-        half: Any = self.turn_rate_radps * (0.5 * dt)
-        way = dt * bessel0(half)
-        (c, s), (cv, sv) = cos_sin(half), cos_sin(2 * half)
-        return linalg.matrix([[1, 0, way * c, -way * s], [0, 1, way * s, way * c], [0, 0, cv, -sv], [0, 0, sv, cv]])
-
-    def noise_gain(self, x: Array, dt: float) -> Array:
-        return linalg.matrix([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
 
 
 class Turn(MotionModel):

@@ -1,40 +1,21 @@
-"""Constant velocity."""
+"""Constant velocity, driven by a piecewise constant or by a continuous white acceleration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from trackbench.base.config import Sigma
 from trackbench.base.types import Array
-from trackbench.models.motion.axes import NoiseForm, Rows, WhiteAxes, stated_by_form
+from trackbench.models.motion.axes import DrivenAxes, Rows
 
 
-class ConstantVelocity(WhiteAxes):
-    """State px, py, vx, vy; white-noise acceleration on each axis.
-
-    Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2 (piecewise constant) and 6.2.2 (continuous).
-    """
-
-    acceleration_sigma_mps2: Sigma | None = Field(
-        None, description="Standard deviation of the acceleration that drives the motion, m/s^2."
-    )
-    acceleration_density_mps1p5: Sigma | None = Field(
-        None,
-        description="Root of the power spectral density of the acceleration that drives the motion, m/s^1.5: the "
-        "standard deviation of what it adds to a velocity in 1 s. With noise: continuous.",
-    )
+class VelocityAxes(DrivenAxes):
+    """A state px, py, vx, vy that keeps its velocity."""
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy")
-    driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "acceleration_sigma_mps2")
-    noise_options: ClassVar[Mapping[NoiseForm, str]] = {
-        "piecewise": "acceleration_sigma_mps2",
-        "continuous": "acceleration_density_mps1p5",
-    }
-    model_config = ConfigDict(json_schema_extra=stated_by_form(noise_options))
 
     def transition(self, x: Array, dt: float) -> Array:
         return np.concatenate([x[:2] + dt * x[2:], x[2:]])
@@ -42,8 +23,37 @@ class ConstantVelocity(WhiteAxes):
     def axis_jacobian(self, dt: float) -> Rows:
         return [[1, dt], [0, 1]]
 
+
+class ConstantVelocity(VelocityAxes):
+    """State px, py, vx, vy; white-noise acceleration on each axis, constant over each step.
+
+    Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2.
+    """
+
+    acceleration_sigma_mps2: Sigma = Field(
+        description="Standard deviation of the acceleration that drives the motion, m/s^2."
+    )
+
+    driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "acceleration_sigma_mps2")
+
     def axis_gain(self, dt: float) -> Rows:
-        if self.noise == "piecewise":
-            return [[dt**2 / 2], [dt]]
+        return [[dt**2 / 2], [dt]]
+
+
+class ContinuousNoiseVelocity(VelocityAxes):
+    """State px, py, vx, vy; continuous white-noise acceleration on each axis, whatever the rate of the scans.
+
+    What it adds to position and velocity has a covariance of full rank: the gain is a square root of it, for two
+    independent numbers on each axis. Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.2.2.
+    """
+
+    acceleration_density_mps1p5: Sigma = Field(
+        description="Root of the power spectral density of the acceleration that drives the motion, m/s^1.5: the "
+        "standard deviation of what it adds to a velocity in 1 s."
+    )
+
+    driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_density_mps1p5",) * 4
+
+    def axis_gain(self, dt: float) -> Rows:
         root = np.sqrt(dt)
         return [[root * dt / 2, root * dt / np.sqrt(12)], [root, 0]]

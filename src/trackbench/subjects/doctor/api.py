@@ -16,17 +16,15 @@ from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.notebook_classes import reference_to
 from trackbench.base.types import Progress, no_progress
-from trackbench.driving.child import ChildProcess
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.program import host_launch
+from trackbench.driving.process import TrackerProcess
+from trackbench.driving.program import host_command
 from trackbench.results import EXAMINATION
 from trackbench.scenario import Scenario
 from trackbench.subjects.doctor.assumptions import require_known_checks
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.findings import CHECKS, LOG_CHECKS
-from trackbench.subjects.doctor.log_doctor import LogDoctor, objects_of
 from trackbench.subjects.doctor.report import Examination, examination_verdict
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import lives_elsewhere, subject, subject_in
@@ -71,7 +69,7 @@ def _examined_there(
     try:
         if not lives_elsewhere(tracker, isolation):
             return None
-        process = ChildProcess(isolation, host_launch(tracker))
+        process = TrackerProcess(isolation, *host_command(tracker))
         arguments = {"tracker": tracker, "in_process": True, **request}
         examination = process.work(f"{__name__}:doctor", arguments, progress)
     except (TrackbenchError, TrackFault):
@@ -99,7 +97,6 @@ def doctor(
     static_sensors: bool = False,
     no_misses: bool = False,
     skip: Sequence[str] = (),
-    log: Path | str | None = None,
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
     tracker_memory: float | None = None,
@@ -117,8 +114,6 @@ def doctor(
         static_sensors: whether no sensor moves: nothing is tried with moving ones.
         no_misses: whether every scan has a detection: no others are given.
         skip: checks that are left out, by name or by name and sensor: ``gain``, ``gain.radar``.
-        log: a scenario whose recorded scans are given to the tracker, in place of probes and drives: what can be told
-            of them without a truth. Not with ``scenario``, ``static_sensors`` or several objects.
         in_process: whether a tracker that is not built in gets no process of its own: for a debugger.
         tracker_timeout: longest time that one may take to answer a scan, s.
         tracker_memory: most memory that one may take, GB; a quarter of the machine's or container's unless given.
@@ -141,7 +136,6 @@ def doctor(
         "static_sensors": static_sensors,
         "no_misses": no_misses,
         "skip": list(skip),
-        "log": None if log is None else str(log),
     }
     if out is not None:
         results.require_replaceable(Path(out), EXAMINATION)
@@ -150,26 +144,18 @@ def doctor(
         if out is not None:
             there.save(out)
         return there
-    path = next((Path(file) for file in (log, scenario) if file is not None), None)
-    if log is not None and (scenario is not None or static_sensors):
-        raise InputError("a log has its own sensors and observer", key="log")
     with _set_aside():
         try:
-            examined = subject(tracker, values, path, isolation, identities)
+            examined = subject(tracker, values, None if scenario is None else Path(scenario), isolation, identities)
         except TrackFault as fault:
             raise InputError(f"{tracker!r} does not start: {fault}") from fault
-        if log is not None and examined.multi_object:
-            raise InputError("only for a tracker of one object; this one follows several", key="log")
         if not examined.multi_object:
-            require_known_checks(skip, examined.sensors, package=CHECKS if log is None else LOG_CHECKS)
+            require_known_checks(skip, examined.sensors)
         elif no_misses or skip:
             key = "no_misses" if no_misses else "skip"
             raise InputError("only for a tracker of one object; this one follows several", key=key)
         try:
-            if log is not None:
-                on_log = LogDoctor(objects_of(Path(log)), no_misses=no_misses, skip=skip)
-                examination = on_log.examine(examined.name, examined.make)
-            elif examined.multi_object:
+            if examined.multi_object:
                 examination = TrafficDoctor(examined.sensors).examine(examined.name, examined.make, progress)
             else:
                 ready = Doctor(
@@ -187,8 +173,7 @@ def doctor(
             if hint:
                 raise InputError(hint, key="identities") from error
             raise
-    if log is None:
-        examination = replace(examination, notes=examined.notes)
+    examination = replace(examination, notes=examined.notes)
     if out is not None:
         examination.save(out)
     return examination

@@ -8,7 +8,6 @@ from typing import Any
 
 from trackbench.base.errors import InputError, did_you_mean, similar_names
 from trackbench.subjects.doctor.findings import (
-    CHECKS,
     CheckResult,
     DoctorCheck,
     Finding,
@@ -71,23 +70,20 @@ class Assumptions:
 NONE = Assumptions()
 
 
-def require_known_checks(
-    names: Iterable[str], sensors: Iterable[str], key: str = "skip", package: str = CHECKS
-) -> None:
+def require_known_checks(names: Iterable[str], sensors: Iterable[str], key: str = "skip") -> None:
     """Refuse a name that is no check's.
 
     Args:
         names: of checks, or of one of a sensor: ``gain.radar``.
         sensors: their names.
         key: what is said to have the wrong name.
-        package: of the checks.
 
     Raises:
         InputError: there is no such check; the message has the nearest name.
     """
     of_sensors = list(sensors)
     valid: list[str] = []
-    for name, question in questions(package).items():
+    for name, question in questions().items():
         valid += [name, *(f"{name}.{sensor}" for sensor in of_sensors if question.each_sensor)]
     for name in names:
         if name not in valid:

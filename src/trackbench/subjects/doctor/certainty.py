@@ -12,7 +12,6 @@ from trackbench.base.subjects import TermPage
 from trackbench.subjects.doctor.findings import (
     CERTAIN,
     CHECKS,
-    LOG_CHECKS,
     PROVEN,
     SURE,
     TRAFFIC_CHECKS,
@@ -107,7 +106,7 @@ def faults_terms() -> Iterator[TermPage]:
 
 def checks_terms() -> Iterator[TermPage]:
     """Every question that is asked of a tracker."""
-    for package in (CHECKS, TRAFFIC_CHECKS, LOG_CHECKS):
+    for package in (CHECKS, TRAFFIC_CHECKS):
         for check in checks_of(package):
             for question in check.questions:
                 yield TermPage(question.name, tuple(_of_check(check, question)))

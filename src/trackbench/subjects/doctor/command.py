@@ -39,12 +39,6 @@ FIRST = 200
     metavar="FILE",
     help="Use the sensors and the observer of this scenario.",
 )
-@click.option(
-    "--log",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Examine it on the recorded scans of this scenario, without truth.",
-)
 @out_option("Folder of the files.  [default: results/doctor/TRACKER]")
 @click.option(
     "--identities",
@@ -63,7 +57,6 @@ def doctor_command(
     tracker: str,
     options: tuple[str, ...],
     scenario: Path | None,
-    log: Path | None,
     out: Path | None,
     identities: Identities | None,
     static_sensors: bool,
@@ -83,9 +76,8 @@ def doctor_command(
     Examples:
       trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
-      trackbench doctor my_tracker:Tracker --no-misses --skip gate
+      trackbench doctor my_tracker:Tracker --no-misses --skip process_noise
       trackbench doctor my_tracks:Tracker --identities hidden
-      trackbench doctor my_tracker:Tracker --log log.yaml
       trackbench doctor "./my_tracker --q 2"
 
     \b
@@ -114,14 +106,13 @@ def doctor_command(
                 static_sensors=static_sensors,
                 no_misses=no_misses,
                 skip=skip,
-                log=log,
                 in_process=isolation.in_process,
                 tracker_timeout=isolation.timeout,
                 tracker_memory=isolation.memory,
                 progress=advance,
             )
     except InputError as error:
-        if error.key in ("identities", "log", "no_misses", "skip"):
+        if error.key in ("identities", "no_misses", "skip"):
             error.key = f"--{error.key.replace('_', '-')}"
         raise
     except (CannotRun, TrackFault) as error:
@@ -142,7 +133,7 @@ def doctor_command(
 @contextmanager
 def prints_folded() -> Iterator[None]:
     """Say in one line, at the end, what trackers in processes of their own have printed."""
-    from trackbench.driving.processes import printing_to
+    from trackbench.driving.process import printing_to
 
     with TemporaryFile() as file:
         try:

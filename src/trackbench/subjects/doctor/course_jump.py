@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
 from trackbench.subjects.doctor.probes import Probe, rotation, turned_scene, with_measurement_noise
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, apart, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -43,8 +42,6 @@ class CourseJump(NamedTuple):
     """The largest difference, as of `FAR`."""
     scan: Scan
     text: str
-    exhibit: Predictions | None
-    """None where a step fails."""
 
 
 class Followed(NamedTuple):
@@ -126,20 +123,14 @@ def _jump(scans: Sequence[Scan], here: Followed, turned: Sequence[tuple[float, F
     time = scans[first].time
     if here.failure is not None:
         text = f"{by} do not break it: the course jumps at pi, first at {time:.4g} s"
-        return CourseJump(FAILED, scans[first], text, None)
+        return CourseJump(FAILED, scans[first], text)
     wrong = here.estimates[first]
     assert wrong is not None
     text = (
         f"at {time:.4g} s, where the course is {_course(right):+.3f} rad, the velocity is {_velocity(wrong)}; "
         f"{by} give {_velocity(right)} (turned back)"
     )
-    exhibit = Predictions(
-        f"Estimate at {time:.4g} s, where the course jumps at pi",
-        None,
-        StatedBelief("tracker", wrong.mean, wrong.covariance),
-        StatedBelief("the same scene turned, turned back", right.mean, right.covariance),
-    )
-    return CourseJump(max(gaps[first:]), scans[first], text, exhibit)
+    return CourseJump(max(gaps[first:]), scans[first], text)
 
 
 def _gap(here: Estimate | None, first: Estimate | None, second: Estimate | None) -> float:

@@ -13,13 +13,12 @@ from pydantic import Field
 
 from trackbench.base.config import Config, Name, NonNegative, Positive, Probability
 from trackbench.base.types import Array, Mask, Scan, scan_of_member
-from trackbench.driving.steppers import Stateful
 from trackbench.models.sensors import Dropout, Sensor
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Carrier, SensorSite
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
-from trackbench.trackers.answers import Tracker, shaped_estimate
+from trackbench.trackers.answers import Tracker, shaped_estimate, unpack
 from trackbench.truth.config import MovingObserver
 from trackbench.truth.config.scripted import ScriptedStart
 from trackbench.truth.scripted import script
@@ -182,11 +181,12 @@ def rollout(
 
 
 def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
-    tracker, estimates = Stateful(make(), shaped_estimate), _empty(scans)
+    tracker, state, estimates = make(), None, _empty(scans)
     on_step = Examined.of(make).on_step
     for k, scan in enumerate(scans):
         try:
-            estimate = tracker.step(scan)
+            state, answer = unpack(tracker.step(state, scan))
+            estimate = shaped_estimate(answer, scan)
         except KeyboardInterrupt:
             raise
         except BaseException as error:

@@ -13,12 +13,10 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Generic, NamedTuple, ParamSpec
 
-from trackbench.subjects.doctor.exhibits import Exhibit
 from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
 
-#: The packages whose modules are checks: of trackers of one object, of several, and of one object on a log.
+#: The packages whose modules are checks: of trackers of one object, and of several.
 CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic_checks"
-LOG_CHECKS = "trackbench.subjects.doctor.log_checks"
 P = ParamSpec("P")
 
 
@@ -228,14 +226,14 @@ def known_faults() -> dict[str, KnownFault]:
     return {**faults_of(CHECKS), **faults_of(TRAFFIC_CHECKS)}
 
 
-def questions(package: str = CHECKS) -> dict[str, Question]:
+def questions() -> dict[str, Question]:
     """What is asked of a tracker of one object, by name, in the order in which it is asked."""
-    return {question.name: question for check in checks_of(package) for question in check.questions}
+    return {question.name: question for check in checks_of(CHECKS) for question in check.questions}
 
 
 def listed_checks() -> Iterator[tuple[str, str]]:
     """Name and question of every check, for ``trackbench list``."""
-    for name, question in [*questions().items(), *questions(LOG_CHECKS).items()]:
+    for name, question in questions().items():
         yield name, question.asks + (" For each sensor." if question.each_sensor else "")
 
 
@@ -258,8 +256,6 @@ class Finding:
     """Of that test drive."""
     consequence_of: str | None = None
     """The fault that causes this one."""
-    exhibit: Exhibit | None = field(default=None, compare=False, repr=False)
-    """The numbers of the evidence, for a figure."""
 
     @property
     def fragile(self) -> str | None:

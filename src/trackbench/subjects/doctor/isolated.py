@@ -6,12 +6,12 @@ import copy
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.types import Estimate, FieldOfView, Scan
 from trackbench.driving.faults import fault_of
-from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import SENSOR_MODELS, Mount, Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.drives import Rollout, TestDrive
@@ -27,9 +27,7 @@ LEFT_OUT = {
     "confidence",
     "continuity",
     "growth_by_noise",
-    "gate_reopens",
     "drive_innovations",
-    "late_measurements",
     "drives",
 }
 #: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic
@@ -48,8 +46,8 @@ class Isolated:
         make: gives a fresh tracker of several objects.
     """
 
-    def __init__(self, make: Callable[[], Stepper]) -> None:
-        self._tracker = make()
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._tracker, self._state = make(), None
 
     def step(self, state: int | None, scan: Scan) -> tuple[int | None, Estimate | None]:
         """The estimate of the track that answered before, or else of the one nearest to the detection; None where there
@@ -62,7 +60,8 @@ class Isolated:
             clutter_density=DENSITY,
             field_of_view=FieldOfView(np.pi, SEEN),
         )
-        tracks = tracks_of_run(self._tracker.step(batch), 0)
+        self._state, answer = self._tracker.step(self._state, batch)
+        tracks = tracks_of_run(answer, 0)
         same = np.flatnonzero(tracks.ids == state)
         if len(same):
             column = int(same[0])
@@ -94,9 +93,7 @@ class FilterDoctor(Doctor):
         return PartResult() if check.name in LEFT_OUT else super()._made(check, tracker)
 
 
-def filter_examined(
-    sensors: Mapping[str, Sensor], make: Callable[[], Stepper]
-) -> tuple[list[CheckResult], list[Finding]]:
+def filter_examined(sensors: Mapping[str, Sensor], make: Callable[[], Any]) -> tuple[list[CheckResult], list[Finding]]:
     """The checks of the filter, and its faults, root causes first.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, largest_entry, state_matrices
+from trackbench.subjects.doctor.matrices import largest_entry
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.trackers.answers import Tracker
 
@@ -236,29 +236,6 @@ def indefinite_entries(of: FaultyStep) -> str:
     if abs(relative[i, j]) > 1.0:
         return f"{text}; the correlation of {COMMON_STATE[i]} and {COMMON_STATE[j]} is {relative[i, j]:.4g}"
     return text
-
-
-def asymmetry_shown(of: FaultyStep) -> Matrices:
-    """The covariance before and after the step, and the latter minus its transpose, with the mirrored entries."""
-    i, j = _mirrored(of)
-    panels = (*_before_and_after(of), Panel("after, minus its transpose", of.after - of.after.T))
-    return state_matrices(f"Covariance {of.words}", panels, ((i, j), (j, i)))
-
-
-def indefinite_shown(of: FaultyStep) -> Matrices:
-    """The covariance before and after the step, with the negative variance or the correlation beyond one."""
-    variances, relative = np.diag(of.after), np.abs(scaled_covariances(of.after))
-    i, j = _correlated(of)
-    marked: tuple[tuple[int, int], ...] = ((i, j), (j, i)) if relative[i, j] > 1.0 else ()
-    if variances.min() < 0.0:
-        marked = tuple((int(k), int(k)) for k in np.flatnonzero(variances < 0.0))
-    return state_matrices(f"Covariance {of.words}", _before_and_after(of), marked)
-
-
-def _before_and_after(of: FaultyStep) -> tuple[Panel, ...]:
-    titles = {"start": "first", "output": "returned"}
-    after = Panel(titles.get(of.step, f"after the {of.step}"), of.after)
-    return (after,) if of.before is None else (Panel(f"before the {of.step}", of.before, "before"), after)
 
 
 def _mirrored(of: FaultyStep) -> tuple[int, int]:

@@ -23,7 +23,6 @@ from trackbench.results import EXAMINATION
 from trackbench.subjects.doctor.certainty import LEAST, Certainty, Word, certainty
 from trackbench.subjects.doctor.drive_figures import evidence_figures
 from trackbench.subjects.doctor.evidence import EvidenceRun
-from trackbench.subjects.doctor.exhibit_figures import exhibit_figure
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults, questions
 from trackbench.subjects.doctor.replay import examination_replay
 
@@ -154,7 +153,7 @@ class _SavedFinding(BaseModel):
 
 
 def _loaded(entry: Any) -> Finding:
-    """A saved finding, with the least confidence of its word, without what shows it and its exhibit.
+    """A saved finding, with the least confidence of its word, without what shows it.
 
     Raises:
         ValueError: the fault is none of the known ones, or a value is of another type.
@@ -309,11 +308,8 @@ def _findings(examination: Examination) -> Iterator[Block]:
     faults = known_faults()
     for number, finding in enumerate(examination.causes, 1):
         points = [Item(text, label.capitalize()) for label, text in _points(examination, finding)]
-        advice: Block = Items(tuple(points))
-        if finding.exhibit is not None:
-            advice = Row((advice, exhibit_figure(f"finding-{number}", finding.exhibit)))
         facts = Paragraph(_facts(examination, finding))
-        yield Section(f"{number}. {faults[finding.fault].title}", (facts, advice))
+        yield Section(f"{number}. {faults[finding.fault].title}", (facts, Items(tuple(points))))
     caused = [
         Item(f"{finding.evidence} (of {finding.consequence_of})", faults[finding.fault].title)
         for finding in examination.consequences

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Estimate, Scan, scan_of_member
-from trackbench.driving.alone import Alone
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import fault_of
-from trackbench.driving.program_steppers import ProgramTracker
+from trackbench.driving.program import ProgramTracker
+from trackbench.subjects.doctor.copyable_tracker import CopyableTracker
 from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
@@ -83,7 +83,7 @@ class TrackerSession:
     """
 
     def __init__(self, make: Callable[[], Tracker], columns: int = 1) -> None:
-        self._own = Alone(make)
+        self._own = CopyableTracker(make)
         how = Examined.of(make)
         self._no_misses, self._on_step = how.no_misses, how.on_step
         self._batched = self._own.batched

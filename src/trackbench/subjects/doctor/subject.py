@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.driving.isolation import ISOLATED, Isolation, is_program
-from trackbench.driving.remote import fresh, fresh_tracks
+from trackbench.driving.start import fresh, fresh_tracks
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import at_hand

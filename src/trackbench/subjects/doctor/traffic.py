@@ -15,7 +15,6 @@ from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Array, FieldOfView, Progress, Scan, Tracks, no_progress
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.findings import (
@@ -52,7 +51,7 @@ OF_OLD_SCANS, TIMELESS = "late_processed_as_new", "wrong_dt"
 #: What a failed step is called by the words of its error.
 FAILURES = {NOT_DEFINITE: "covariance_not_psd", NOT_FINITE: "nonfinite"}
 #: Gives a fresh tracker.
-Make = Callable[[], Stepper]
+Make = Callable[[], Any]
 
 
 @dataclass(frozen=True)
@@ -125,12 +124,13 @@ class MultiObjectSession:
     """A tracker on its way through scans."""
 
     def __init__(self, make: Make) -> None:
-        self._tracker = make()
+        self._tracker, self._state = make(), None
 
     def step(self, scan: Scan) -> Tracks:
         """The tracks after a scan."""
         batch = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
-        return tracks_of_run(self._tracker.step(batch), 0)
+        self._state, tracks = self._tracker.step(self._state, batch)
+        return tracks_of_run(tracks, 0)
 
     def follow(self, scans: Sequence[Scan]) -> list[Tracks]:
         """The tracks after each scan."""

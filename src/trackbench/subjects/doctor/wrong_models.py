@@ -12,7 +12,6 @@ import numpy as np
 from trackbench.base.types import Array, Mask, Scan
 from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.exhibits import measurement_shown
 from trackbench.subjects.doctor.findings import Finding
 from trackbench.subjects.doctor.probes import rotation
 from trackbench.subjects.doctor.trial import Trial
@@ -194,10 +193,8 @@ def systematic_error(sensor: str, trials: Sequence[Trial], clear: float) -> Find
     if not fits:
         return None
     best = min(fits, key=lambda fit: float(np.sum(_spread(fit, offsets, sigma) ** 2)))
-    clearest = int(np.argmax(np.max(np.abs(offsets) / sigma, axis=1)))
     text, confidence, factor = _evidence(sensor, known, best, offsets, clear)
-    exhibit = measurement_shown(known[clearest], known[clearest].predicted_measurement + offsets[clearest], clear)
-    return Finding(best.fault, confidence, text, sensor=sensor, factor=factor, exhibit=exhibit)
+    return Finding(best.fault, confidence, text, sensor=sensor, factor=factor)
 
 
 def _scale(trials: Sequence[Trial], offsets: Array) -> SystematicFit:

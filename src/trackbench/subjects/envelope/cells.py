@@ -274,7 +274,7 @@ def coverage_of(runs: Runs, claim: Claim) -> Interval | None:
     scores = runs.sums.get(ESTIMATES.name)
     if scores is None or not scores.due.sum() > 0:
         return None
-    share = ratio(scores.errors.per_run[ERROR["given"]], scores.due, at_least=0.0, at_most=1.0)
+    share = ratio(scores.per_run[ERROR["given"]], scores.due, at_least=0.0, at_most=1.0)
     return clustered(share, runs.scene) if claim == "traffic like these" else _by_repetition(share, runs.run)
 
 

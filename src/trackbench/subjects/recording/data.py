@@ -5,6 +5,7 @@ What is drawn is rounded to single precision. The entity ``data`` keeps the summ
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from dataclasses import dataclass
@@ -21,7 +22,6 @@ from trackbench.base.errors import InputError, similar_path_hint
 from trackbench.base.files import require_regular
 from trackbench.results import EXAMINATION, Result, Tables, summary_of
 from trackbench.results.declared import FUNCTION_TABLES
-from trackbench.results.folder import require_table
 from trackbench.subjects.recording.chunks import DATA, SUMMARY_COMPONENT, Unreadable, read_chunks
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def send_data(stream: Stream, result: Result) -> None:
     # To read a run, this process need not wait for it.
     import rerun as rr
 
-    components: dict[str, Any] = {SUMMARY_COMPONENT: json.dumps(result.json(), allow_nan=False, ensure_ascii=False)}
+    components: dict[str, Any] = {}
     own = [name for name in FUNCTION_TABLES if name in result.tables]
     for name in (*TABLES[result.summary.identities], *own):
         table = result.tables.if_there(name)
@@ -52,6 +52,10 @@ def send_data(stream: Stream, result: Result) -> None:
         sink = io.BytesIO()
         pq.write_table(table, sink, compression="zstd")
         components[name] = np.frombuffer(sink.getvalue(), dtype=np.uint8)
+    digests = {name: hashlib.sha256(blob).hexdigest() for name, blob in components.items()}
+    components[SUMMARY_COMPONENT] = json.dumps(
+        {**result.json(), "tables": digests}, allow_nan=False, ensure_ascii=False
+    )
     stream.static(DATA, rr.AnyValues(**components))
 
 
@@ -88,6 +92,7 @@ def read(path: Path) -> Recorded:
     try:
         runs = read_chunks(path)
         summaries = [json.loads(run.pop(SUMMARY_COMPONENT)) for run in runs]
+        digests = {name: hashlib.sha256(blob).hexdigest() for name, blob in runs[0].items()} if runs else {}
         tables = {name: pq.read_table(io.BytesIO(blob)) for name, blob in runs[0].items()} if runs else {}
     except (Unreadable, OSError, ValueError, pa.ArrowException) as error:
         problem = "this recording is cut off or damaged, or of another version of Rerun"
@@ -96,8 +101,8 @@ def read(path: Path) -> Recorded:
     if len(summaries) != 1:
         raise InputError("this recording holds no run of trackbench", file=path)
     summary = summary_of(summaries[0], path)
-    for name, table in tables.items():
-        require_table(name, table, summary.layout, path)
+    if summary.tables != digests:
+        raise InputError("a table of this recording is not the one that its run wrote", file=path)
     return Recorded(Result(summary, Tables(tables)), path, path)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted
 from trackbench.metrics.function_events import TrackEvent, events_of, function_events
-from trackbench.metrics.recorded_run import load_recorded_run, require_name, require_time, worst
+from trackbench.metrics.recorded_run import recorded_estimates, require_name, require_time, worst
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
 
@@ -68,11 +68,12 @@ def focus_of(result: Result, opening: Opening) -> Focus:
         vehicle, beside = _vehicle_at(result, event)
         return Focus(vehicle, event.time_s, tracker=event.tracker, beside=beside)
     if worst_number is not None:
-        run = load_recorded_run(result)
-        trackers = [tracker.name for tracker in result.filtering if tracker.name in run.tracks] or list(run.tracks)
+        estimates = recorded_estimates(result)
+        names = list(estimates["tracker"].unique())
+        trackers = [tracker.name for tracker in result.filtering if tracker.name in names] or names
         if opening.tracker is not None:
-            trackers = [require_name(opening.tracker, run.tracks, "tracker")]
-        moments = worst(run, trackers, worst_number, opening.vehicle)
+            trackers = [require_name(opening.tracker, names, "tracker")]
+        moments = worst(estimates, trackers, worst_number, opening.vehicle)
         if len(moments) < worst_number:
             raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
         moment = moments[worst_number - 1]

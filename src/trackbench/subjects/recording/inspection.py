@@ -19,7 +19,7 @@ from trackbench.metrics.function_events import FunctionEvent, TrackEvent, functi
 from trackbench.metrics.recorded_run import (
     EstimateMoment,
     SceneMoment,
-    load_recorded_run,
+    recorded_estimates,
     require_name,
     require_time,
     scene_at,
@@ -151,7 +151,7 @@ def _at(result: Result, opening: Opening) -> SceneMoment | TracksMoment | None:
         return None
     if result.summary.identities == "hidden":
         return _tracks_at(result, opening.at_s, opening.tracker)
-    return scene_at(result, load_recorded_run(result), opening.at_s)
+    return scene_at(result, opening.at_s)
 
 
 def _worst(result: Result, opening: Opening) -> Sequence[Moment] | None:
@@ -161,10 +161,10 @@ def _worst(result: Result, opening: Opening) -> Sequence[Moment] | None:
         return function_events(result, opening.function, opening.tracker, vehicle=opening.vehicle)[: opening.worst]
     if result.summary.identities == "hidden":
         return costly_events(result, opening.tracker, opening.vehicle)[: opening.worst]
-    run = load_recorded_run(result)
-    names = dict.fromkeys([*(tracker.name for tracker in result.filtering), *run.tracks])
-    shown = [name for name in names if name in run.tracks and opening.tracker in (None, name)]
-    return [moment for name in shown for moment in worst(run, [name], opening.worst, opening.vehicle)]
+    estimates = recorded_estimates(result)
+    names = dict.fromkeys([*(tracker.name for tracker in result.filtering), *estimates["tracker"].unique()])
+    shown = [name for name in names if opening.tracker in (None, name)]
+    return [moment for name in shown for moment in worst(estimates, [name], opening.worst, opening.vehicle)]
 
 
 def _modes(result: Result, opening: Opening) -> Modes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from trackbench.base.units import wrap_angle
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.driving.remote import start_stepper
-from trackbench.driving.steppers import Stepper
+from trackbench.driving.start import ending, start_stepper
+from trackbench.driving.steppers import ForeignTracker
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
 from trackbench.models.sensors import Lidar, Radar, sensor_type
@@ -59,7 +59,7 @@ class Served:
     """The scenario's lidar and radar by kind."""
     isolation: Isolation
 
-    def stepper(self) -> Stepper:
+    def stepper(self) -> Any:
         """Start a fresh tracker.
 
         Raises:
@@ -93,7 +93,8 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
         raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
     checked = Served(name, config.driven(name), loaded.folder, sensors, isolation)
     try:
-        checked.stepper().close()
+        with ending(checked.stepper()):
+            pass
     except (InputError, TrackFault) as error:
         message = error.message if isinstance(error, InputError) else str(error)
         raise loaded.locate(InputError(message, key=f"trackers.{name}")) from error
@@ -134,7 +135,7 @@ class Session:
         """
         self._served = served
         try:
-            self._stepper = served.stepper()
+            self._stepper, self._state = served.stepper(), None
         except (Exception, SystemExit) as error:
             raise TrackerFailed(f"to start: {fault_of(error)}") from error
         self._first: int | None = None
@@ -173,12 +174,13 @@ class Session:
 
     def close(self) -> None:
         """End the tracker."""
-        self._stepper.close()
+        if isinstance(self._stepper, ForeignTracker):
+            self._stepper.close()
 
     def _estimate(self, scan: Scan) -> Array | None:
         """Return the mean of the tracker's estimate, checked as the runner checks estimates."""
         with np.errstate(all="ignore"):
-            estimate = self._stepper.step(scan)
+            self._state, estimate = self._stepper.step(self._state, scan)
         if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
             if self.estimates:
                 raise TrackerFault(GIVEN_UP if estimate is None else NOT_FINITE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import closing
 from functools import partial
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
 from trackbench.driving.drive import deliveries, scans_read
+from trackbench.driving.start import ending
 from trackbench.driving.steppers import Offline
 from trackbench.engine.choice import users_kernels_compared
 from trackbench.engine.equations import EngineUsed
@@ -109,18 +109,19 @@ def score_labelled(
     with (
         np.errstate(all="ignore"),
         users_kernels_compared(work.engine_here, is_first_trial),
-        closing(stepper_of(work, piece, entry, tiled, trials)) as stepper,
+        ending(stepper_of(work, piece, entry, tiled, trials)) as stepper,
     ):
         given = [scan.prompt() for scan in scans] if isinstance(stepper, Offline) else scans
+        state = None
         for instant, group in enumerate(deliveries(given, sensors, scene.each_measurement)):
             for delivery in group:
                 scan = _tiled(delivery.scan, trials)
-                estimate = stepper.step(scan)
+                state, estimate = stepper.step(state, scan)
                 if delivery.number is not None and estimate is not None:
                     sums.add_innovation(instant, delivery.number, scan, estimate)
             sums.add_error(instant, estimate)
         sums.flush()
-    return sums.of_trials(), sums.available, work.engine_of(stepper.engine_used)
+    return sums.of_trials(), sums.available, work.engine_of(getattr(stepper, "engine_used", None))
 
 
 def _tiled(scan: Scan, trials: int) -> Scan:

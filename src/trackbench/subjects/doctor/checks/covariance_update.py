@@ -17,7 +17,6 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Covariances, StatedBelief, predicted, reduction_shown, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import finite, position_sigma
@@ -127,9 +126,8 @@ def _larger(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
         f"a measurement of {name} of {clearest.trial.description} makes the covariance larger: the standard deviation "
         f"of the position is {before:.3g} m before and {after:.3g} m after ({len(larger)} of {len(updates)} trials)"
     )
-    exhibit = reduction_shown(clearest.trial, clearest.estimate)
     shown_by = clearest.trial.name
-    return Finding("covariance_update_wrong", 0.92, text, sensor=name, shown_by=shown_by, exhibit=exhibit)
+    return Finding("covariance_update_wrong", 0.92, text, sensor=name, shown_by=shown_by)
 
 
 def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
@@ -144,8 +142,7 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
         f"was predicted: the standard deviation of the position is {before:.3g} m before and {after:.3g} m after "
         f"({len(kept)} of {len(updates)} trials)"
     )
-    exhibit = reduction_shown(clearest.trial, clearest.estimate)
-    return Finding("covariance_not_reduced", 0.97, text, sensor=name, shown_by="own_model", exhibit=exhibit)
+    return Finding("covariance_not_reduced", 0.97, text, sensor=name, shown_by="own_model")
 
 
 def _change(update: TrialUpdate) -> float:
@@ -169,15 +166,7 @@ def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUp
         f"{1 + middle:.3g} times the process noise of that which the tracker states at a missed scan (median of "
         f"{len(shares)} trials)"
     )
-    typical = min(found, key=lambda one: abs(one[0] - middle))[1]
-    exhibit = Covariances(
-        f"Covariance that the update of {name} starts from",
-        stated_belief("right: predicted, as stated at a missed scan", typical.trial.prediction),
-        StatedBelief(
-            "tracker: that of which the update follows", typical.trial.prediction.mean, _started_from(typical)
-        ),
-    )
-    return Finding("process_noise_twice", 0.9, text, factor=1 + middle, shown_by="own_model", exhibit=exhibit)
+    return Finding("process_noise_twice", 0.9, text, factor=1 + middle, shown_by="own_model")
 
 
 def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None:
@@ -324,13 +313,7 @@ def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
         f"(median of {len(shares)} trials, 100 % is right): the position moves by {moved:.2g} m in that time, and its "
         f"standard deviation goes from {before:.3g} to {after:.3g} m ({one.trial.description})"
     )
-    exhibit = Covariances(
-        f"A moment after a measurement of {name}",
-        stated_belief("returned after it", one.updated),
-        stated_belief(f"tracker, {MOMENT:g} s later", one.later),
-        predicted(one.updated, MOMENT),
-    )
-    return Finding("update_not_kept", 0.95, text, sensor=name, shown_by="own_model", exhibit=exhibit)
+    return Finding("update_not_kept", 0.95, text, sensor=name, shown_by="own_model")
 
 
 def _jumps(tracker: TrackerUnderTest, name: str, kept: list[KeptChange]) -> Finding | None:

@@ -9,11 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Mask
-from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.drives import Rollout, TestDrive, drive_configs, rollout
 from trackbench.subjects.doctor.evidence import evidence_run
-from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
 from trackbench.subjects.doctor.session import StepFailed
@@ -242,12 +240,11 @@ def _too_far_off(judged: list[JudgedDrive]) -> Finding | None:
         f"{_rms(worst.errors.distance[within]):.3g} m against {_rms(worst.reference.distance[within]):.3g} m"
         f" ({len(off)} of {len(judged)} drives)"
     )
-    exhibit = _shown(worst, "position", run, begin)
     still = [own_drive for own_drive in judged if not own_drive.drive.config.carrier.moves]
     if still and all(own_drive.drive.config.carrier.moves for own_drive in off):
         text += f"; and in none of {len(still)} with an observer that stands still"
-        return Finding("ego_motion_wrong", 0.82, text, shown_by=worst.drive.name, run=run, exhibit=exhibit)
-    return Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run, exhibit=exhibit)
+        return Finding("ego_motion_wrong", 0.82, text, shown_by=worst.drive.name, run=run)
+    return Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run)
 
 
 def _covariance_unbelievable(judged: list[JudgedDrive]) -> Finding | None:
@@ -266,23 +263,8 @@ def _covariance_unbelievable(judged: list[JudgedDrive]) -> Finding | None:
         f" ({len({one.drive.name for one, _ in off})} of {len(judged)} drives)"
     )
     fault, drive = "covariance_unbelievable", worst.drive.name
-    exhibit, factor = _shown(worst, part, run, begin), 2.0 / max(nees, 1e-12)
-    return Finding(fault, 0.85, text, factor=factor, shown_by=drive, run=run, exhibit=exhibit)
-
-
-def _shown(one: JudgedDrive, part: str, run: int, begin: float) -> OverTime:
-    """Position error and NEES of a run."""
-    time = one.drive.time
-    low, high = (np.full(len(time), float(bound)) for bound in mean_bounds(2, 1))
-    distance = Course("position error, m", one.errors.distance[:, run], one.reference.distance[:, run])
-    nees = Course(
-        f"NEES of the {part}",
-        one.errors.nees[part][:, run],
-        one.reference.nees[part][:, run],
-        (low, high),
-        "95 % of chi-square with 2 degrees of freedom",
-    )
-    return OverTime(one.drive.config.description, "time, s", time, (distance, nees), (begin, begin + SHOWN))
+    factor = 2.0 / max(nees, 1e-12)
+    return Finding(fault, 0.85, text, factor=factor, shown_by=drive, run=run)
 
 
 def _compared(nees: float) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 
 from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.exhibits import gain_shown, measurement_shown, update_shown
 from trackbench.subjects.doctor.expected_gain import linearised_gain
 from trackbench.subjects.doctor.findings import SURE, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import sampling_noise
@@ -119,6 +118,12 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
             "Look for a factor that is applied or missing (a unit, a calibration), and correct it.",
             Role("offset", rank=32, causes="numerical gain overconfident_start", drive="radial_approach"),
         ),
+        "time_offset": KnownFault(
+            "the time of a sensor's measurements is off by a constant",
+            "Where the time of a scan is read, and where a latency is taken off or added.",
+            "scan.time is when the measurement was taken: predict to it, and add or subtract no latency.",
+            Role("offset", rank=27, causes="measured growth angle sensor_bias scale_error", drive="tangential_pass"),
+        ),
     },
 )
 def expectation(tracker: TrackerUnderTest) -> PartResult:
@@ -164,8 +169,7 @@ def _examined(
     moved = [trial for trial in answered if _moves(trial, kind)]
     if not moved:
         text = f"no measurement of {sensor} moves the estimate, in any of {len(answered)} trials"
-        exhibit = update_shown(answered[0], answered[0].predicted_measurement + ASIDE * answered[0].sigma)
-        return False, text, Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit)
+        return False, text, Finding("measurement_ignored", 0.99, text, sensor=sensor)
     if (unused := _one_direction(sensor, moved)) is not None:
         return False, unused.evidence, unused
     innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in moved])
@@ -202,8 +206,7 @@ def _range_rate_alone(sensor: str, trials: Sequence[Trial]) -> Finding | None:
         f"of what {sensor} measures the range rate alone is predicted wrongly in {len(wrong)} of {len(trials)} trials: "
         f"of {trial.description} {used[2]:.4g} m/s has no innovation, and {trial.predicted_measurement[2]:.4g} is right"
     )
-    exhibit = measurement_shown(trial, used, 0.5)
-    return Finding("speed_for_range_rate", SURE, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
+    return Finding("speed_for_range_rate", SURE, text, sensor=sensor, shown_by=trial.name)
 
 
 def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
@@ -227,8 +230,7 @@ def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
         f"of the position that {sensor} measures one component moves nothing, that along ({unit[0]:.3g}, "
         f"{unit[1]:.3g}) for {trial.description}: the gain has one direction alone ({len(lost)} trials)"
     )
-    exhibit = gain_shown(trial, update.gain, linearised_gain(trial))
-    return Finding("measurement_ignored", 0.96, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
+    return Finding("measurement_ignored", 0.96, text, sensor=sensor, shown_by=trial.name)
 
 
 def _least_share(gain: Array) -> float:
@@ -244,8 +246,7 @@ def _while_moving(sensor: str, trials: Sequence[Trial], right: Mask, moving: Mas
         f"from moving observers the predicted measurement of {sensor} has an innovation in {np.sum(~right[moving])} of "
         f"{np.sum(moving)} trials, and from standing ones in {np.sum(~right[~moving])} of {np.sum(~moving)}"
     )
-    exhibit = update_shown(worst, worst.predicted_measurement)
-    return Finding("ego_motion_wrong", 0.9, text, sensor=sensor, shown_by=worst.name, exhibit=exhibit)
+    return Finding("ego_motion_wrong", 0.9, text, sensor=sensor, shown_by=worst.name)
 
 
 def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
@@ -267,8 +268,7 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -
         f"{model.description}: of {clearest.description}, {numbers}; the former has no innovation in {share:.0%} of "
         f"{len(trials)} trials, the latter has one"
     )
-    exhibit = measurement_shown(clearest, used, 0.5)
-    return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name, exhibit=exhibit)
+    return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name)
 
 
 def _share_without_innovation(trials: Sequence[Trial], model: WrongModel, zero: float) -> float:

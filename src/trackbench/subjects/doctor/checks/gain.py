@@ -14,7 +14,6 @@ from trackbench.subjects.doctor.checks.implied_noise import DIRECTION, ERRORS, n
 from trackbench.subjects.doctor.checks.jacobians import wrong_line
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
-from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of, gain_shown, told_apart
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
 from trackbench.subjects.doctor.findings import CERTAIN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import sampling_noise
@@ -253,19 +252,12 @@ def _jacobian(
     gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
     j = int(np.argmax(np.abs(gap)))
     at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
-    implied_entry, right_entry = told_apart(worst.jacobian[i, j], worst.trial.jacobian[i, j])
+    implied_entry, right_entry = _told_apart(worst.jacobian[i, j], worst.trial.jacobian[i, j])
     entry = (
         f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry}, where {right_entry} is right "
         f"(px, py, vx, vy = {at}); {text}"
     )
-    exhibit = Matrices(
-        f"Jacobian of {sensor}: {worst.trial.description}",
-        components_of(worst.trial.scan.kind),
-        STATE,
-        (Panel("implied by the gain", worst.jacobian), Panel("right", worst.trial.jacobian, "right")),
-        ((i, j),),
-    )
-    return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by, exhibit=exhibit)]
+    return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by)]
 
 
 def _is_right(row: ImpliedModel) -> bool:
@@ -317,8 +309,7 @@ def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confiden
         f"the stated noise give, linearised or by the moments of the Gaussian, whichever is nearer: "
         f"{', '.join(numbers)} (px, py, vx, vy = {at}); as a Jacobian, {text}"
     )
-    exhibit = gain_shown(row.trial, applied, right)
-    return Finding("gain_inconsistent", confidence, words, sensor=sensor, shown_by=row.trial.name, exhibit=exhibit)
+    return Finding("gain_inconsistent", confidence, words, sensor=sensor, shown_by=row.trial.name)
 
 
 def _apart(row: ImpliedModel, i: int) -> float:
@@ -341,3 +332,9 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     if length > SIZE:
         said += f", one {length:.3g} times as long as the right one"
     return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"
+
+
+def _told_apart(one: float, other: float) -> tuple[str, str]:
+    """Two numbers with as many digits as tell them apart, three at least."""
+    texts = [(f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(3, 17)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[0])

@@ -8,10 +8,8 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, variance_of_ray
 from trackbench.subjects.doctor.findings import Finding
-from trackbench.subjects.doctor.trial import Trial
 from trackbench.subjects.doctor.units_ratio import LEAST, conversion
 
 #: Ratio of the implied to the stated variance that still is a reasonable tuning.
@@ -51,15 +49,13 @@ def wrong_noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingError
                 f"the gains imply {factors[i]:.4g} times the stated variance of the {model.components[i]}, near "
                 f"{unit.formula} = {unit.exact:.4g}: a standard deviation {words}"
             )
-            exhibit = _noise_shown(sensor, rows[0].trial, factors, np.array([i]))
             factor = float(factors[i])
-            return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=factor, exhibit=exhibit)]
+            return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=factor)]
     known = factors[np.isfinite(factors)]
     if len(known) > 1 and np.all(np.abs(known - 2.0) < TWICE):
         text = f"the gains imply {', '.join(f'{one:.3g}' for one in known)} times the stated variances of {sensor}: "
         text += "the measurement noise is added to the innovation covariance twice"
-        exhibit = _noise_shown(sensor, rows[0].trial, factors, np.flatnonzero(np.isfinite(factors)))
-        return [Finding("measurement_noise_twice", 0.9, text, sensor=sensor, factor=2.0, exhibit=exhibit)]
+        return [Finding("measurement_noise_twice", 0.9, text, sensor=sensor, factor=2.0)]
     found = []
     for fault, wrong, words in (
         ("r_too_small", factors < 1 / band, "smaller"),
@@ -77,22 +73,8 @@ def wrong_noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingError
             f"(standard deviations: {parts}){_unit_of_noise(noise, sigma, np.flatnonzero(wrong), model)}"
         )
         confidence = min(0.98, 0.6 + 0.2 * abs(np.log(factor)) / np.log(4))
-        exhibit = _noise_shown(sensor, rows[0].trial, factors, np.flatnonzero(wrong))
-        found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor, exhibit=exhibit))
+        found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor))
     return found
-
-
-def _noise_shown(sensor: str, trial: Trial, factors: Array, wrong: Indices) -> Matrices:
-    return Matrices(
-        f"Standard deviations of {sensor}",
-        components_of(trial.scan.kind),
-        ("sigma",),
-        (
-            Panel("implied by the gains", (np.sqrt(factors) * trial.sigma)[:, None]),
-            Panel("stated", trial.sigma[:, None], "right"),
-        ),
-        tuple((int(i), 0) for i in wrong),
-    )
 
 
 def _unit_of_noise(noise: Array, sigma: Array, wrong: Indices, model: type[Sensor]) -> str:

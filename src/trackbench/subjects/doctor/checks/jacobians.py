@@ -23,10 +23,10 @@ import numpy as np
 from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of, largest_entry
 from trackbench.subjects.doctor.findings import PROVEN, Finding, PartResult, Question, doctor_check
 from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, OwnFilter, covariances_apart, own_filter
 from trackbench.subjects.doctor.inside.values import Assigned
+from trackbench.subjects.doctor.matrices import largest_entry
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.units_ratio import conversion
@@ -98,8 +98,7 @@ def _of_motion(own: OwnFilter) -> Finding | None:
             return _wrong_entry(less.assigned, at, right, None, f"differences of the prediction over {OVER:g} s")
         if _same(at.value, right) and covariances_apart(right.T @ narrow @ right, moved) < EXACT:
             text = f"{at.where}: with the Jacobian F = {at.name} covariances become F^T P F, and F P F^T is right"
-            exhibit = _shown("Covariance after a prediction", moved, right @ narrow @ right.T)
-            return Finding("predicted_covariance_wrong", PROVEN, text, exhibit=exhibit)
+            return Finding("predicted_covariance_wrong", PROVEN, text)
     return None
 
 
@@ -177,13 +176,7 @@ def _wrong_entry(assigned: Sequence[Assigned], at: Assigned, right: Array, senso
     marked = [(int(row), int(column)) for row, column in np.argwhere(off > OFF)]
     others = f" ({len(marked)} of its entries differ)" if len(marked) > 1 else ""
     text = f"{where}: {at.name}[{i}, {j}] is {at.value[i, j]:.4g}, and {by} give {right[i, j]:.4g}{others}"
-    exhibit = _shown(f"Jacobian {at.name}, {where}", at.value, right, *marked)
-    return Finding("jacobian_wrong", PROVEN, text, sensor=sensor, exhibit=exhibit)
-
-
-def _shown(title: str, used: Array, right: Array, *marked: tuple[int, int]) -> Matrices:
-    rows, columns = (tuple(map(str, range(size))) for size in right.shape)
-    return Matrices(title, rows, columns, (Panel("tracker", used), Panel("right", right, "right")), marked)
+    return Finding("jacobian_wrong", PROVEN, text, sensor=sensor)
 
 
 def _last_values(assigned: Sequence[Assigned], shape: tuple[int, ...]) -> list[Assigned]:
@@ -248,17 +241,8 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Find
             i, j = largest_entry(apart)
             text = f"d {name}[{i}] / d x[{j}] = {provided[i, j]:.4g}, where {found[i, j]:.4g} is right "
             text += f"({probe.description})" + _unit(provided[i], found[i])
-            exhibit = Matrices(
-                f"Jacobian of the {name}: {probe.description}",
-                components_of(scan.kind)
-                if name == "measurement"
-                else tuple(f"{name}[{k}]" for k in range(len(provided))),
-                tuple(f"x[{k}]" for k in range(provided.shape[1])),
-                (Panel("provided", provided), Panel("finite differences", found, "right")),
-                ((i, j),),
-            )
             fault, of = "jacobian_wrong", sensor if name == "measurement" else None
-            yield float(apart[i, j]), Finding(fault, 0.98, text, sensor=of, shown_by=probe.name, exhibit=exhibit)
+            yield float(apart[i, j]), Finding(fault, 0.98, text, sensor=of, shown_by=probe.name)
 
 
 def _unit(provided: Array, found: Array) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.exhibits import Matrices, Panel
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, ModelInnovation, bank_of, log_density
 from trackbench.subjects.doctor.inside.pinned import models_alone
@@ -201,15 +200,7 @@ def _transposed(step: BankStep, transition: Array) -> Finding:
         f"the models start from the mixtures of the transposed transition probabilities{where}: "
         f"{_matrix(transition)} is held with a row for the model before, and used with a column for it"
     )
-    before, after = (tuple(f"{word} {j + 1}" for j in range(len(transition))) for word in ("from", "to"))
-    exhibit = Matrices(
-        "Probabilities of transition, a row for the model before",
-        before,
-        after,
-        (Panel("as used", transition.T), Panel("as held", transition, "right")),
-        tuple((i, j) for i, j in np.argwhere(~np.isclose(transition, transition.T)).tolist()),
-    )
-    return Finding("imm_transition_transposed", CONFIDENCE, text, shown_by="course_turn", exhibit=exhibit)
+    return Finding("imm_transition_transposed", CONFIDENCE, text, shown_by="course_turn")
 
 
 def _matrix(matrix: Array) -> str:

@@ -15,7 +15,6 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.exhibits import Panel, gain_shown, largest_entry, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import has_samples
@@ -180,14 +179,13 @@ def _of_mean(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
     words, factor = found
     worst = max(errors, key=lambda one: one.gain)
     trial = worst.update.trial
-    exhibit = gain_shown(trial, worst.update.gain, worst.right)
     text = f"the gain of {sensor} is {words} ({len(errors)} trials)"
     of_right, of_applied = _covariance_errors(errors)
     if of_right < min(WRONG, of_applied / RATIO):
         text += ", while the covariance after it is that of one update with the right gain"
     elif of_applied < WRONG:
         text += ", and the covariance after it is that of this gain"
-    return Finding("gain_inconsistent", 0.95, text, sensor=sensor, factor=factor, shown_by=trial.name, exhibit=exhibit)
+    return Finding("gain_inconsistent", 0.95, text, sensor=sensor, factor=factor, shown_by=trial.name)
 
 
 def _covariance_errors(errors: Sequence[UpdateErrors]) -> tuple[float, float]:
@@ -278,14 +276,7 @@ def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | Non
         f"{_said(errors, off)}"
     )
     trial = worst.update.trial
-    panels = (
-        Panel("before the measurement", trial.prediction.covariance, "before"),
-        Panel("after it", worst.update.estimate.covariance),
-        Panel("right, after it", worst.right_covariance, "right"),
-    )
-    apart = np.abs(panels[1].values - panels[2].values) / trial.variance_scale
-    exhibit = state_matrices(f"Covariance and {sensor}: {trial.description}", panels, (largest_entry(apart),))
-    return Finding("covariance_update_wrong", 0.95, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
+    return Finding("covariance_update_wrong", 0.95, text, sensor=sensor, shown_by=trial.name)
 
 
 def _best_multiple(one: UpdateErrors, of_predicted: bool) -> float:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, state_matrices
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import with_measurement_noise
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -92,11 +91,8 @@ def output(tracker: TrackerUnderTest) -> PartResult:
     mean, truth = pairs[0]
     evidence = f"{wrong.description}: the target is at {_numbers(truth)} and the estimate is {_numbers(mean)}, "
     evidence += f"and likewise for all {len(pairs)} targets"
-    panels = (Panel("tracker", mean[:, None]), Panel("true", truth[:, None], "right"))
-    marked = tuple((int(i), 0) for i in np.flatnonzero(np.abs(mean - truth) > NEAR))
     probe = tracker.probes.general[0]
-    exhibit = Matrices(f"Estimate of {probe.description}", STATE, ("value",), panels, marked)
-    finding = Finding(wrong.fault, 0.98, evidence, shown_by=probe.name, exhibit=exhibit)
+    finding = Finding(wrong.fault, 0.98, evidence, shown_by=probe.name)
     return PartResult().add("output", False, text, finding)
 
 
@@ -135,33 +131,22 @@ def integers(tracker: TrackerUnderTest) -> PartResult:
                 started = True
     if not means:
         return PartResult().add("integers", None, "there was no estimate")
-    whole, exhibit = None, None
+    whole = None
     if _whole([mean[:2] for mean in means]):
         whole = f"the positions of all {len(means)} estimates are whole numbers, such as {_plain(means[-1][:2])} m"
-        exhibit = _means_shown("Last estimates", means)
     elif _whole([covariance[:2, :2] for covariance in covariances]) and not _constant(covariances):
         variances = _plain(np.diag(covariances[-1])[:2])
         whole = (
             f"the covariances of all {len(means)} estimates are whole numbers, such as {variances} m^2 of the position"
         )
-        marked = tuple((i, j) for i in (0, 1) for j in (0, 1))
-        exhibit = state_matrices("Covariance of an estimate", (Panel("tracker", covariances[-1]),), marked)
     elif len(first) > 1 and _whole([mean[:2] for mean in first]):
         whole = f"the first positions of all {len(first)} tracks are whole numbers, such as {_plain(first[-1][:2])} m"
-        exhibit = _means_shown("First estimates of tracks", first)
     if whole is None:
         text = f"the positions and covariances of {len(means)} estimates are not whole numbers"
         return PartResult().add("integers", True, text)
     shown_by = tracker.probes.general[0].name
-    finding = Finding("integer_state_matrix", 0.98, f"{whole}: truncated", shown_by=shown_by, exhibit=exhibit)
+    finding = Finding("integer_state_matrix", 0.98, f"{whole}: truncated", shown_by=shown_by)
     return PartResult().add("integers", False, whole, finding)
-
-
-def _means_shown(title: str, means: Sequence[Array]) -> Matrices:
-    shown = np.array(means[-SHOWN:]).T
-    columns = tuple(f"no. {len(means) - shown.shape[1] + k + 1}" for k in range(shown.shape[1]))
-    marked = tuple((i, k) for i in (0, 1) for k in range(shown.shape[1]))
-    return Matrices(title, STATE, columns, (Panel("tracker", shown),), marked)
 
 
 def _whole(values: Sequence[Array]) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,6 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions, largest_entry, predicted, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe, probe_rate
@@ -25,8 +23,6 @@ STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
 TOLERANCE = 0.1
 #: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.
 SHORT = 0.01
-#: Time of motion from which on the shortest step is drawn instead of the longest one, s.
-TOO_FAR = 10.0
 #: Longest time of motion of an estimate that does not move, s.
 STILL = 1e-3
 #: Turn of the velocity, rad, and change of the speed, relative to it, up to which a prediction is straight.
@@ -82,16 +78,6 @@ class PredictedStep(NamedTuple):
         apart = np.linalg.norm(later - velocity) / np.linalg.norm(velocity)
         return bool(apart < STRAIGHT and aside < STRAIGHT * max(abs(self.moved), STILL))
 
-    @property
-    def shown(self) -> Predictions:
-        """The prediction beside the right one."""
-        return Predictions(
-            f"Prediction over {self.step:g} s",
-            stated_belief("before", self.before),
-            stated_belief(f"tracker, {self.step:g} s later", self.after),
-            predicted(self.before, self.step),
-        )
-
 
 @doctor_check(
     Question("prediction", "Is the estimate predicted by its velocity times the time step?", misses=True),
@@ -139,9 +125,6 @@ def motion_prediction(tracker: TrackerUnderTest) -> PartResult:
     )
     passed = float(np.mean(wrong)) < 0.1
     finding = None if passed else _explained(tracker, steps)
-    if finding is not None:
-        shown = steps[-1] if abs(steps[-1].moved) < TOO_FAR else steps[0]
-        finding = replace(finding, exhibit=shown.shown)
     return PartResult().add("prediction", passed, text, finding)
 
 
@@ -283,23 +266,15 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
     )
     if not off:
         return PartResult().add("spreading", True, text)
-    low, high, block, probe = min(off, key=lambda spread: spread.least)
+    low, high, _, probe = min(off, key=lambda spread: spread.least)
     points = tracker.once(linearises) is False
     where = "a moved sigma point" if points else "an entry of the transition's Jacobian"
     evidence = (
         f"the covariance of position and velocity grows {low:.2g} to {high:.2g} times as much as the uncertain "
         f"velocity causes: {where} (d px / d vx = dt) is wrong"
     )
-    right = SPREAD_OVER * np.eye(2)
-    exhibit = Matrices(
-        f"Jacobian of the prediction over {SPREAD_OVER:g} s: {probe.description}",
-        ("px, m", "py, m"),
-        ("vx, m/s", "vy, m/s"),
-        (Panel("implied by the covariances", block), Panel("right", right, "right")),
-        (largest_entry(np.abs(block - right)),),
-    )
     fault = "predicted_covariance_wrong" if points else "jacobian_wrong"
-    finding = Finding(fault, 0.9, evidence, shown_by=probe.name, exhibit=exhibit)
+    finding = Finding(fault, 0.9, evidence, shown_by=probe.name)
     return PartResult().add("spreading", False, text, finding)
 
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array, Estimate
-from trackbench.subjects.doctor.exhibits import Course, OverTime, straight
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.matrices import straight
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -107,13 +107,13 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
         why = "there was no estimate to predict"
         return PartResult().add("process_noise", None, why).add("noise_per_step", None, why)
     growth = float(np.median([one[-1] for one in found]))
-    shown_by, exhibit = tracker.probes.general[0].name, _growth_shown(found)
+    shown_by = tracker.probes.general[0].name
     if growth < NONE:
         most = max(float(one[-1]) for one in found)
         text = (
             f"in 1 s without a measurement the variance of the speed does not grow (its root by at most {most:.2g} m/s)"
         )
-        finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by, exhibit=exhibit)
+        finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by)
         return PartResult().add("process_noise", False, text, finding)
     equal = growth / np.sqrt(STEP)
     text = (
@@ -122,7 +122,7 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
         f"{BAND[0]:g} to {BAND[1]:g} m/s fit road vehicles"
     )
     if (axis := _without_noise(tracker)) is not None:
-        finding = Finding("process_noise_omitted", 0.96, axis, shown_by=shown_by, exhibit=exhibit)
+        finding = Finding("process_noise_omitted", 0.96, axis, shown_by=shown_by)
         return PartResult().add("process_noise", False, axis, finding)
     fits = BAND[0] <= growth <= BAND[1]
     result = PartResult().add("process_noise", fits, text)
@@ -131,7 +131,7 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
         fault = "q_too_small" if growth < BAND[0] else "q_too_large"
         excess = BAND[0] / max(growth, 1e-9) if growth < BAND[0] else growth / BAND[1]
         confidence, factor = min(0.97, 0.8 + 0.1 * np.log(excess)), (growth / REFERENCE) ** 2
-        finding = Finding(fault, confidence, text, factor=factor, shown_by=shown_by, exhibit=exhibit)
+        finding = Finding(fault, confidence, text, factor=factor, shown_by=shown_by)
         result.findings.append(finding)
     return result
 
@@ -151,20 +151,6 @@ def _without_noise(tracker: TrackerUnderTest) -> str | None:
         return None
     x, y = np.mean(axes, axis=0)
     return f"in 1 s without a measurement the variance of the velocity along ({x:.2g}, {y:.2g}) does not grow"
-
-
-def _growth_shown(found: Sequence[Array]) -> OverTime:
-    """The growth beside the reference's; the variances of white accelerations are in proportion to the time."""
-    time: Array = STEP * np.arange(1.0, len(found[0]))
-    low, high = (bound * np.sqrt(time) for bound in BAND)
-    course = Course(
-        "growth of the speed's sigma, m/s",
-        np.median(found, axis=0)[1:],
-        REFERENCE * np.sqrt(time),
-        (low, high),
-        f"fits road vehicles: {BAND[0]:g} to {BAND[1]:g} m/s in 1 s",
-    )
-    return OverTime("Growth of the uncertainty without measurements", "time without a measurement, s", time, (course,))
 
 
 def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
@@ -187,11 +173,7 @@ def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
         f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the "
         f"step it were {STEPS[0] / STEPS[1]:g}"
     )
-    step = np.array(STEPS)
-    course = Course("growth of variance, m²/s²", np.array(pairs[0]), pairs[0][1] * step / step[1])
-    title, right = "Growth of the velocity's variance in a step", "in proportion to the step"
-    exhibit = OverTime(title, "length of the step, s", step, (course,), right_name=right)
-    finding = Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps", exhibit=exhibit)
+    finding = Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps")
     result.add("noise_per_step", share < CONSTANT, text, finding if share >= CONSTANT else None)
 
 
@@ -297,8 +279,8 @@ def noise_powers(tracker: TrackerUnderTest) -> PartResult:
         text = f"position, position and velocity, and velocity grow with {words} over {TIMES[0]:g} to {TIMES[-1]:g} s"
         return PartResult().add("noise_powers", True, text)
     text = "; ".join(map(_words, wrong))
-    shown_by, exhibit = tracker.probes.general[0].name, _power_shown(wrong[0])
-    finding = Finding("q_wrong_power_of_dt", 0.96, text, shown_by=shown_by, exhibit=exhibit)
+    shown_by = tracker.probes.general[0].name
+    finding = Finding("q_wrong_power_of_dt", 0.96, text, shown_by=shown_by)
     return PartResult().add("noise_powers", False, text, finding)
 
 
@@ -376,13 +358,4 @@ def _words(power: Power) -> str:
         f"the process noise of {_named(power.entry)} grows with dt^{power.found} ({power.values[0]:.3g} over "
         f"{TIMES[0]:g} s and {power.values[-1]:.3g} over {TIMES[-1]:g} s), where dt^{power.right} goes with the "
         f"{power.others}"
-    )
-
-
-def _power_shown(power: Power) -> OverTime:
-    steps = np.array(TIMES)
-    right = power.values[0] * (steps / steps[0]) ** power.right
-    course = Course(f"process noise of {_named(power.entry)}", power.values, right)
-    return OverTime(
-        "Process noise of a step", "length of the step, s", steps, (course,), right_name=f"with dt^{power.right}"
     )

@@ -16,7 +16,6 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.drives import harmless
-from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of, gain_shown, points_shown
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
@@ -185,8 +184,7 @@ def _weights(found: Sequence[Unmoved], text: str) -> Finding | None:
     factor = float(np.median(factors))
     words = f"{text}: the weights of the mean sum to {factor:.4g}"
     first = found[0]
-    exhibit = points_shown(first.before, first.after, weights=factor)
-    return Finding("sigma_weights_wrong", 0.98, words, factor=factor, shown_by=first.probe.name, exhibit=exhibit)
+    return Finding("sigma_weights_wrong", 0.98, words, factor=factor, shown_by=first.probe.name)
 
 
 def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | None:
@@ -205,8 +203,7 @@ def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | Non
     rows = bool(np.linalg.norm(one.after.covariance - swapped) < COVARIANCE * np.linalg.norm(swapped))
     if rows:
         text += "; it becomes L^T L of the lower Cholesky factor L: the points lie along its rows"
-    exhibit = points_shown(one.before, one.after, rows=rows)
-    return Finding("sigma_points_misdrawn", 0.96, text, shown_by=one.probe.name, exhibit=exhibit)
+    return Finding("sigma_points_misdrawn", 0.96, text, shown_by=one.probe.name)
 
 
 def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> Finding | None:
@@ -219,8 +216,7 @@ def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> F
         return None
     words = f"{text}: the points lie {np.sqrt(factor):.3g} times as far from their mean as their weights are made for"
     typical = min(found, key=lambda unmoved: abs(unmoved.covariance - factor))
-    exhibit = points_shown(typical.before, typical.after)
-    return Finding("sigma_spread_wrong", 0.95, words, factor=factor, shown_by=typical.probe.name, exhibit=exhibit)
+    return Finding("sigma_spread_wrong", 0.95, words, factor=factor, shown_by=typical.probe.name)
 
 
 def _first_gains(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[tuple[Trial, Array, Array]]:
@@ -254,20 +250,12 @@ def _omitted(gains: Sequence[tuple[Trial, Array, Array]]) -> Finding | None:
         f"a measurement of {trial.scan.sensor} moves the predicted one by {applied.min():.4g} of the innovation, "
         f"where {right.min():.3g} to {right.max():.3g} is right with the stated noise: as if there were no noise"
     )
-    exhibit = Matrices(
-        f"Share of the innovation of {trial.scan.sensor} that the estimate follows: {trial.description}",
-        components_of(trial.scan.kind)[:2],
-        ("share",),
-        (Panel("tracker", applied[:, None]), Panel("right", right[:, None], "right")),
-        ((0, 0), (1, 0)),
-    )
-    return Finding("measurement_noise_omitted", 0.97, text, shown_by=trial.name, exhibit=exhibit)
+    return Finding("measurement_noise_omitted", 0.97, text, shown_by=trial.name)
 
 
 def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
     """That the gain is right at once after a measurement, and without the process noise after a gap, if it is so."""
     errors: dict[float, list[float]] = {AT_ONCE: [], LATER: []}
-    worst: tuple[float, Matrices] | None = None
     for probe in tracker.probes.general:
         for sensor_set in tracker.sensor_sets():
             session = tracker.session_at(probe, sensor_set)
@@ -275,10 +263,7 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
                 trial = None if session is None else after_gap(tracker, probe, sensor, session, gap)
                 update = None if trial is None or not trial.usable else trial.linear_update()
                 if trial is not None and update is not None:
-                    error, right = gain_error(trial, update.gain)
-                    found.append(error)
-                    if gap == LATER and (worst is None or error > worst[0]):
-                        worst = (error, gain_shown(trial, update.gain, right))
+                    found.append(gain_error(trial, update.gain)[0])
     if min(len(found) for found in errors.values()) < 3:
         return None
     at_once, later = (float(np.median(found)) for found in errors.values())
@@ -288,5 +273,5 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
         f"the gain is that of the predicted covariance at {AT_ONCE:g} s after a measurement (within {at_once:.1%}) "
         f"and off by {later:.0%} at {LATER:g} s: the update goes on with points in which the process noise is missing"
     )
-    shown_by, exhibit = tracker.probes.general[0].name, None if worst is None else worst[1]
-    return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by, exhibit=exhibit)
+    shown_by = tracker.probes.general[0].name
+    return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by)

@@ -9,7 +9,6 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief, stated_belief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
@@ -181,21 +180,7 @@ def _polar(name: str, started: list[FirstEstimate]) -> Finding | None:
         f"at px {estimate.mean[0]:.4g}, py {estimate.mean[1]:.4g}; the target is at {truth[0]:.4g}, {truth[1]:.4g} "
         f"({len(best)} of {len(started)} tracks)"
     )
-    exhibit = _first_shown(best[0])
-    return Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name, exhibit=exhibit)
-
-
-def _first_shown(first: FirstEstimate) -> Predictions:
-    """The first estimate beside the measured position and the true velocity."""
-    position = SENSOR_MODELS[first.scan.kind].position(first.scan)
-    covariance = np.full((4, 4), np.nan)
-    covariance[:2, :2] = position.covariance
-    right = StatedBelief(
-        "measured position, true velocity", np.concatenate([position.mean, first.truth[2:]]), covariance
-    )
-    return Predictions(
-        f"First estimate of a track: {first.probe.description}", None, stated_belief("tracker", first.estimate), right
-    )
+    return Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name)
 
 
 def _reversed(name: str, started: list[FirstEstimate]) -> Finding | None:
@@ -216,8 +201,7 @@ def _reversed(name: str, started: list[FirstEstimate]) -> Finding | None:
         f"{estimate.mean[3]:.3g}: it is reversed for all {len(wrong)} targets that move toward -x, and for none of the "
         f"other {len(known) - len(wrong)}"
     )
-    exhibit = _first_shown(wrong[0])
-    return Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name, exhibit=exhibit)
+    return Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name)
 
 
 def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
@@ -236,7 +220,7 @@ def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
             f"at {own:+.3g} m/s along it: its own velocity is {words} ({len(off)} of {len(moving)} tracks)"
         )
         fault = "ego_motion_ignored" if times == 1.0 else "ego_motion_wrong"
-        return Finding(fault, 0.92, text, sensor=name, shown_by=first.probe.name, exhibit=_first_shown(first))
+        return Finding(fault, 0.92, text, sensor=name, shown_by=first.probe.name)
     return None
 
 
@@ -296,13 +280,7 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
         return PartResult().add("start_confidence", True, text)
     name = max(over, key=lambda item: over[item])
     shown_by = tracker.probes.general[0].name
-    part = int(np.argmax(means[name][1]))
-    axes = (("px error, sigma", "py error, sigma"), ("vx error, sigma", "vy error, sigma"))[part]
-    ring = Ring("2 sigma: 86 % within", np.zeros(2), np.eye(2), 2.0)
-    shown = np.array(errors[name])[:, 2 * part : 2 * part + 2].T
-    title = f"Errors of first estimates from {name}"
-    exhibit = Points(title, axes, f"{shown.shape[1]} tracks", shown, None, ring)
-    finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by, exhibit=exhibit)
+    finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by)
     return PartResult().add("start_confidence", False, text, finding)
 
 

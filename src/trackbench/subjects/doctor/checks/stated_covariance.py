@@ -16,7 +16,6 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.subjects.doctor.checks.drives import harmless
-from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue
@@ -122,10 +121,8 @@ def _constant(tracker: TrackerUnderTest) -> Finding | None:
         f"the covariance is the same in all {len(stated)} estimates, after a measurement of any sensor and {LATER:g} s "
         f"without one: standard deviations {sigmas} of px, py (m), vx, vy (m/s)"
     )
-    panels = (Panel("after measurements", first), Panel(f"{LATER:g} s later", pairs[0][1].covariance))
-    exhibit = state_matrices("Covariance", panels, tuple((i, i) for i in range(4)))
     shown_by = tracker.probes.general[0].name
-    return Finding("covariance_constant", 0.97, text, shown_by=shown_by, exhibit=exhibit)
+    return Finding("covariance_constant", 0.97, text, shown_by=shown_by)
 
 
 def _diagonal(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
@@ -145,12 +142,7 @@ def _diagonal(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
         f"measured positions move the velocity too ({share:.0%} of the gain of {clearest.trial.scan.sensor}, in "
         f"standard deviations, for {clearest.trial.description}): that takes the covariance of position and velocity"
     )
-    exhibit = state_matrices(
-        f"Predicted covariance: {clearest.trial.description}",
-        (Panel("returned", clearest.trial.prediction.covariance),),
-        ((0, 2), (1, 3), (2, 0), (3, 1)),
-    )
-    return Finding("covariance_diagonal", 0.95, text, shown_by=clearest.trial.name, exhibit=exhibit)
+    return Finding("covariance_diagonal", 0.95, text, shown_by=clearest.trial.name)
 
 
 def _velocity_share(update: TrialUpdate) -> float:
@@ -177,14 +169,7 @@ def _ordered(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
         f"within {errors[best]:.2g} (relative, median), and as px, py, vx, vy within {stated:.2g}"
     )
     update = max((of[0] for of in updates.values()), key=lambda one: _apart(one, range(4)))
-    p = update.trial.prediction.covariance
-    right = p[np.ix_(best, best)]
-    spread = np.sqrt(np.outer(np.diag(right), np.diag(right)))
-    wrong = np.abs(p - right) > UNCHANGED * spread
-    panels = (Panel("returned", p), Panel("as px, py, vx, vy", right, "right"))
-    marked = tuple((int(i), int(j)) for i, j in np.argwhere(wrong))
-    exhibit = state_matrices(f"Predicted covariance: {update.trial.description}", panels, marked)
-    return Finding("covariance_order", 0.97, text, shown_by=update.trial.name, exhibit=exhibit)
+    return Finding("covariance_order", 0.97, text, shown_by=update.trial.name)
 
 
 def _error(updates: dict[str, list[TrialUpdate]], order: tuple[int, ...] | range) -> float:
@@ -232,10 +217,7 @@ def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
         f"{clearest.trial.description} the standard deviation of the position is {sigmas[0]:.3g} m in it, and "
         f"{sigmas[1]:.3g} m by the gains"
     )
-    panels = (Panel("returned", returned), Panel("by the gains", clearest.own, "right"))
-    title = f"Covariance with the position, predicted: {clearest.trial.description}"
-    exhibit = Matrices(title, STATE, STATE[:2], panels, ())
-    return Finding("wrong_covariance_returned", 0.96, text, shown_by="own_model", exhibit=exhibit)
+    return Finding("wrong_covariance_returned", 0.96, text, shown_by="own_model")
 
 
 def _own_covariances(of_sensors: Sequence[Sequence[Trial]]) -> list[OwnCovariance]:

@@ -13,11 +13,10 @@ import numpy as np
 
 from trackbench.base.errors import TrackbenchError, counted
 from trackbench.base.types import Estimate, Scan
-from trackbench.driving.alone import NOT_COPIED
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.copyable_tracker import NOT_COPIED
 from trackbench.subjects.doctor.course_jump import course_jump, followed
-from trackbench.subjects.doctor.exhibits import Exhibit, Matrices, Panel, components_of
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import (
     SINGULAR,
@@ -25,7 +24,6 @@ from trackbench.subjects.doctor.output_checks import (
     fault_of_step,
     indefinite,
     indefinite_entries,
-    indefinite_shown,
 )
 from trackbench.subjects.doctor.probes import TURNS, turned_mounting
 from trackbench.subjects.doctor.session import FAR, MissGiven, StepFailed, TrackerSession, apart, finite, plausible
@@ -58,8 +56,8 @@ Failures = Sequence[tuple[str, StepFailed]]
 """Each with the name of the probe, drive or check where it happened."""
 
 
-Cause = tuple[str, str, str | None, Exhibit | None]
-"""A fault, the evidence, the sensor and the exhibit."""
+Cause = tuple[str, str, str | None]
+"""A fault, the evidence and the sensor."""
 
 
 class CannotRun(TrackbenchError):
@@ -159,9 +157,9 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     named: set[str] = set()
     for where, failure in tried:
         if _overflows(failure) and _in_drive(tracker, where):
-            fault, because, sensor, exhibit = "too_far_off", "", None, None
+            fault, because, sensor = "too_far_off", "", None
         else:
-            fault, because, sensor, exhibit = causes[where] or (fault_of_error(failure), "", only, None)
+            fault, because, sensor = causes[where] or (fault_of_error(failure), "", only)
         known = circumstances(tracker.make, failure)
         if _overflows(failure) and known is not None and (grown := _grown(known.before)) is not None:
             fault, because = "covariance_unbelievable", grown
@@ -175,7 +173,7 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
         # A track that has diverged may fail for that alone.
         confidence = 0.97 if known is None or known.before is None or plausible(known.before) else 0.85
         text = "; ".join(filter(None, parts))
-        yield Finding(fault, confidence, text, sensor=sensor, shown_by=where, exhibit=exhibit)
+        yield Finding(fault, confidence, text, sensor=sensor, shown_by=where)
 
 
 def _grown(before: Estimate | None) -> str | None:
@@ -223,7 +221,7 @@ def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> Cause 
     if step is None:
         return None
     text = f"the covariance first is not positive definite {step.words}: {indefinite_entries(step)}"
-    return fault_of_step("covariance_not_psd", step), text, None, indefinite_shown(step)
+    return fault_of_step("covariance_not_psd", step), text, None
 
 
 def _passes(make: Make, scans: Sequence[Scan]) -> bool:
@@ -253,7 +251,7 @@ def jumping_angle(make: Make, failure: StepFailed) -> Cause | None:
         if _passes(make, turned):
             return _azimuth(make, scans, turned, angle)
     course = course_jump(make, scans, followed(make, scans))
-    return None if course is None else ("course_not_wrapped", course.text, None, None)
+    return None if course is None else ("course_not_wrapped", course.text, None)
 
 
 def _azimuth(make: Make, scans: Sequence[Scan], turned: Sequence[Scan], angle: float) -> Cause | None:
@@ -278,19 +276,12 @@ def _azimuth(make: Make, scans: Sequence[Scan], turned: Sequence[Scan], angle: f
         f"from a sensor mounted at another yaw ({-angle:+g} rad) the same target does not break it: the azimuth jumps "
         f"at pi, first at {scan.time:.4g} s, where {_measured(scan)}"
     )
-    exhibit = Matrices(
-        f"Measurement of {scan.sensor} at {scan.time:.4g} s, where the azimuth jumps",
-        components_of(scan.kind),
-        ("value",),
-        (Panel("measured", scan.measurement[:, None]), Panel("predicted", measurement[:, None], "before")),
-        tuple((i, 0) for i in angular),
-    )
     expected = scan._replace(measurement=measurement)
     with_jump = _after(make, scans[:k], expected)
     if _same(with_jump, _after(make, turned[:k], turned_mounting(expected, angle))):
-        return "azimuth_not_wrapped", text, scan.sensor, exhibit
+        return "azimuth_not_wrapped", text, scan.sensor
     text += "; the update by its own predicted measurement, without an innovation, is wrong too"
-    return "angle_mean_not_circular", text, scan.sensor, exhibit
+    return "angle_mean_not_circular", text, scan.sensor
 
 
 def _same(one: Estimate | None, other: Estimate | None) -> bool:

@@ -18,9 +18,9 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.exhibits import Course, OverTime, Panel, largest_entry, state_matrices, straight
 from trackbench.subjects.doctor.expected_gain import OUTSIDE
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.matrices import straight
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
@@ -113,12 +113,6 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
     )
     if np.median(errors) < WRONG:
         return PartResult().add("transition", True, text)
-    worst = max(pairs, key=lambda pair: pair.error)
-    apart = np.abs(worst.stated - worst.expected)
-    spread = np.diag(np.abs(worst.expected))
-    panels = (Panel("tracker", worst.stated), Panel("as the mean moves", worst.expected, "right"))
-    title = f"Part of the covariance that a measurement takes away, {STEP:g} s later: {worst.trial.description}"
-    exhibit = state_matrices(title, panels, (largest_entry(apart / np.sqrt(np.outer(spread, spread))),))
     if tracker.once(linearises) is False:
         fault, words = "predicted_covariance_wrong", "the spread of the moved sigma points"
     elif all(pair.straight for pair in pairs):
@@ -126,7 +120,7 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
     else:
         fault, words = "jacobian_wrong", "the transition's Jacobian"
     evidence = f"{text}: {words} is not that of the motion that the mean makes"
-    finding = Finding(fault, 0.94, evidence, shown_by="manoeuvre", exhibit=exhibit)
+    finding = Finding(fault, 0.94, evidence, shown_by="manoeuvre")
     return PartResult().add("transition", False, text, finding)
 
 
@@ -203,9 +197,7 @@ def _forgets(tracker: TrackerUnderTest) -> Finding | None:
         f"a prediction over {STEP:g} s makes the same covariance of any before it: the standard deviation of the "
         f"position is {sigmas[0]:.3g} or {sigmas[1]:.3g} m before, {sigmas[2]:.3g} m after it ({len(trials)} trials)"
     )
-    panels = (Panel("before", small.covariance, "before"), Panel("predicted", after.covariance))
-    exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", panels, ())
-    return Finding("predicted_covariance_wrong", 0.96, text, shown_by="long_gap", exhibit=exhibit)
+    return Finding("predicted_covariance_wrong", 0.96, text, shown_by="long_gap")
 
 
 def _stays(tracker: TrackerUnderTest) -> Finding | None:
@@ -228,9 +220,7 @@ def _stays(tracker: TrackerUnderTest) -> Finding | None:
         f"{np.hypot(*(later.mean - now.mean)[:2]):.3g} m: the standard deviation of the position is "
         f"{position_sigma(now):.3g} m before and after it ({len(targets)} targets)"
     )
-    panels = (Panel("before", now.covariance, "before"), Panel(f"{GAP:g} s later", later.covariance))
-    exhibit = state_matrices(f"Covariance over {GAP:g} s: {probe.description}", panels, ())
-    return Finding("predicted_covariance_wrong", 0.97, text, shown_by="long_gap", exhibit=exhibit)
+    return Finding("predicted_covariance_wrong", 0.97, text, shown_by="long_gap")
 
 
 def _about_another_mean(tracker: TrackerUnderTest) -> Finding | None:
@@ -255,11 +245,7 @@ def _about_another_mean(tracker: TrackerUnderTest) -> Finding | None:
         "about the mean before the prediction"
     )
     over = tracker.predicted(probe, STEP)
-    panels = [
-        Panel(name, estimate.covariance) for name, estimate in zip(("before", "predicted"), over or (), strict=False)
-    ]
-    exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", tuple(panels), ((0, 0), (1, 1)))
-    return Finding("predicted_covariance_wrong", 0.95, text, shown_by="long_gap", exhibit=exhibit)
+    return Finding("predicted_covariance_wrong", 0.95, text, shown_by="long_gap")
 
 
 def _squared(now: Estimate, later: Estimate, step: float) -> float:
@@ -324,11 +310,7 @@ def noise_place(tracker: TrackerUnderTest) -> PartResult:
     if len(off) < LEAST_OFF:
         return PartResult().add("noise_place", True, text)
     pair, probe = off[0]
-    course = Course("growth of variance, m²/s²", pair, np.repeat(pair[0], 2))
-    title = f"Growth of the velocity's variance in {GROWTH_STEP:g} s: {probe.description}"
-    distance: Array = np.array([0.0, float(np.hypot(*SHIFT))])
-    exhibit = OverTime(title, "distance by which the scene is moved, m", distance, (course,), right_name="the same")
-    finding = Finding("q_depends_on_state", 0.95, text, shown_by=probe.name, exhibit=exhibit)
+    finding = Finding("q_depends_on_state", 0.95, text, shown_by=probe.name)
     return PartResult().add("noise_place", False, text, finding)
 
 

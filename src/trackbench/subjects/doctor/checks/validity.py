@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Estimate
-from trackbench.subjects.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import (
     ROUNDING,
@@ -15,11 +14,9 @@ from trackbench.subjects.doctor.output_checks import (
     WorstCase,
     asymmetric,
     asymmetry,
-    asymmetry_shown,
     fault_of_step,
     indefinite,
     indefinite_entries,
-    indefinite_shown,
     least_eigenvalue,
     mirrored_entries,
     scaled_covariances,
@@ -132,8 +129,7 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         for scan in bad.given():
             before, after = after, session.step(scan)
         confidence = 0.98 if before is None or plausible(before) else 0.85
-        exhibit = _not_finite_shown(before, after, bad)
-        result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where, exhibit=exhibit))
+        result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where))
     _symmetric(tracker, result)
     _definite(tracker, result)
     _predicted_definite(tracker, result)
@@ -150,8 +146,7 @@ def _symmetric(tracker: TrackerUnderTest, result: PartResult) -> None:
         step = asymmetric(tracker.make, worst.given())
         fault = fault_of_step("covariance_asymmetric", step)
         evidence = text if step is None else f"{text}; it arises {step.words}: {mirrored_entries(step)}"
-        exhibit = None if step is None else asymmetry_shown(step)
-        finding = Finding(fault, 0.95, evidence, shown_by=worst.where, exhibit=exhibit)
+        finding = Finding(fault, 0.95, evidence, shown_by=worst.where)
     result.add("symmetric", finding is None, text, finding)
 
 
@@ -172,8 +167,7 @@ def _definite(tracker: TrackerUnderTest, result: PartResult) -> None:
         evidence = text if step is None else f"{text}; it arises {step.words}: {indefinite_entries(step)}"
         diverged = step is not None and step.before is not None and np.abs(np.diag(step.before)).max() > FAR**2
         confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
-        exhibit = None if step is None else indefinite_shown(step)
-        finding = Finding(fault, confidence, evidence, shown_by=worst.where, exhibit=exhibit)
+        finding = Finding(fault, confidence, evidence, shown_by=worst.where)
     result.add("definite", finding is None, text, finding)
 
 
@@ -199,21 +193,6 @@ def _predicted_definite(tracker: TrackerUnderTest, result: PartResult) -> None:
     wrong = sum(after < -ROUNDING for _, after in least.values()) >= AT_LEAST
     finding = Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name)
     result.add("predicted_definite", not wrong, text, finding if wrong else None)
-
-
-def _not_finite_shown(before: Estimate | None, after: Estimate | None, bad: WorstCase) -> Matrices | None:
-    """Means and standard deviations before and after the step."""
-    if after is None:
-        return None
-    panels = [Panel(f"after {bad.sensor} at {bad.time:.4g} s", _mean_and_sigma(after))]
-    if before is not None:
-        panels.insert(0, Panel("before", _mean_and_sigma(before), "before"))
-    marked = tuple((int(i), int(j)) for i, j in np.argwhere(~np.isfinite(panels[-1].values)))
-    return Matrices("The first estimate that is not finite", STATE, ("mean", "sigma"), tuple(panels), marked)
-
-
-def _mean_and_sigma(estimate: Estimate) -> Array:
-    return np.column_stack([estimate.mean, np.sqrt(np.diag(estimate.covariance))])
 
 
 def _at(worst: WorstCase) -> str:
@@ -287,14 +266,7 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
         text += f", {noise:.2g} of their standard deviations in the median; they are said to draw random numbers"
         if noise < SAMPLES:
             return PartResult().add("repeatable", True, text)
-    apart = np.max([np.abs(run - runs[0]) for run in runs[1:]], axis=0)
-    time = np.array([scan.time - scans[0].time for scan in scans])
-    courses = (
-        Course("position apart, m", np.max(apart[:, :2], axis=1)),
-        Course("velocity apart, m/s", np.max(apart[:, 2:], axis=1)),
-    )
-    exhibit = OverTime("Fresh trackers, given the same measurements", "time, s", time, courses)
-    finding = Finding("not_deterministic", 0.99, text, shown_by=probe.name, exhibit=exhibit)
+    finding = Finding("not_deterministic", 0.99, text, shown_by=probe.name)
     return PartResult().add("repeatable", False, text, finding)
 
 

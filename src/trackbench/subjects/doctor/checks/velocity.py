@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Estimate
-from trackbench.subjects.doctor.exhibits import Predictions, predicted, stated_belief, update_shown
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -50,38 +49,18 @@ def velocity(tracker: TrackerUnderTest) -> PartResult:
     text = f"the speed is {np.median(over[longest]):.4g} times the one before after {longest:g} s"
     if updated:
         text += f", and {np.median(updated):.4g} times after a measurement where the target was predicted"
-    for ratios, changed, when, step in (
-        (over[SHORT], CHANGED, f"a prediction over {SHORT * 1e3:g} ms without a measurement", SHORT),
-        (updated, CHANGED, "a measurement where the target was predicted", None),
-        (over[LONG], CHANGED_IN_A_SECOND, f"a prediction over {LONG:g} s without a measurement", LONG),
+    for ratios, changed, when in (
+        (over[SHORT], CHANGED, f"a prediction over {SHORT * 1e3:g} ms without a measurement"),
+        (updated, CHANGED, "a measurement where the target was predicted"),
+        (over[LONG], CHANGED_IN_A_SECOND, f"a prediction over {LONG:g} s without a measurement"),
     ):
         if _alike(ratios, changed):
             ratio, count = float(np.median(ratios)), len(ratios)
             words = f"after {when} the speed is {ratio:.4g} times the one before (median of {count} trials; 1 is right)"
-            exhibit = _update_shown(tracker, ratio) if step is None else _prediction_shown(tracker, step)
             drive = "tangential_pass"
-            finding = Finding("velocity_not_kept", 0.95, words, factor=ratio, shown_by=drive, exhibit=exhibit)
+            finding = Finding("velocity_not_kept", 0.95, words, factor=ratio, shown_by=drive)
             return PartResult().add("velocity", False, text, finding)
     return PartResult().add("velocity", True, text)
-
-
-def _prediction_shown(tracker: TrackerUnderTest, step: float) -> Predictions | None:
-    for probe in tracker.probes.general:
-        pair = tracker.predicted(probe, step)
-        if pair is not None:
-            now, then = pair
-            title = f"Prediction over {step:g} s: {probe.description}"
-            right = predicted(now, step, "right: the same velocity")
-            return Predictions(
-                title, stated_belief("before", now), stated_belief(f"tracker, {step:g} s later", then), right
-            )
-    return None
-
-
-def _update_shown(tracker: TrackerUnderTest, ratio: float) -> Predictions | None:
-    """The update whose ratio is nearest to a given one."""
-    trial = min(_updated(tracker), key=lambda pair: abs(pair[0] - ratio))[1]
-    return update_shown(trial, trial.predicted_measurement)
 
 
 def _alike(ratios: Sequence[float], changed: float) -> bool:

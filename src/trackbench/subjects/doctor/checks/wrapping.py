@@ -16,7 +16,6 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import jumps_of_course
-from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief, stated_belief
 from trackbench.subjects.doctor.expected_gain import gain_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
@@ -65,7 +64,6 @@ class Jump(NamedTuple):
     text: str
     sensor: str
     probe: Probe
-    exhibit: Predictions | None
     measured: bool = False
     """Whether only the measurement is on the other side of pi."""
     without_innovation: bool = False
@@ -149,7 +147,7 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
         if angle == "course":
             jumps += [astray for of in tracker.sensor_sets() if (astray := _astray(tracker, probes[0], of)) is not None]
             jumps += [
-                Jump(jump.size, f"{probe.description}; {jump.text}", jump.scan.sensor, probe, jump.exhibit)
+                Jump(jump.size, f"{probe.description}; {jump.text}", jump.scan.sensor, probe)
                 for probe, jump in jumps_of_course(tracker)
             ]
         if not jumps:
@@ -164,7 +162,7 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             confidence = 0.97 if worst.size > 5 * FAR else 0.75
             # The drive on a circle passes the course pi; the probe's own has no other target.
             drive = "long_run"
-            finding = Finding("course_not_wrapped", confidence, worst.text, shown_by=drive, exhibit=worst.exhibit)
+            finding = Finding("course_not_wrapped", confidence, worst.text, shown_by=drive)
         result.add(f"{angle}_wrapping", finding is None, worst.text, finding)
     return result
 
@@ -184,7 +182,7 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
         text += "predicted measurement differs too"
         if abs(worst.innovation) > FAR:
             text += f", and its azimuth has an innovation of {worst.innovation:+.3g} sigma"
-    return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name, exhibit=worst.exhibit)
+    return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name)
 
 
 def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Jump | None:
@@ -193,26 +191,18 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
     here, error = _followed(tracker, probe, sensor_set)
     if here is None or not ASTRAY * speed <= error < DIVERGED * speed:
         return None
-    usual, others = 0.0, []
+    usual = 0.0
     for turn in ELSEWHERE:
         turned, of_turned = _followed(tracker, probe.turned(turn, tracker.sensors[sensor_set[0]]), sensor_set)
         usual = max(usual, of_turned)
         if turned is None or error < WORSE * usual:
             return None
-        others.append(turned.prediction)
     vx, vy = here.prediction.mean[2:]
     text = (
         f"after 3 s of measurements without noise {probe.description} has the velocity {vx:.3g}, {vy:.3g} m/s, where "
         f"{true[0]:.3g}, {true[1]:.3g} is right; that of the same target turned away is right to {usual:.2g} m/s"
     )
-    both = np.kron(np.eye(2), np.array([[np.cos(TURN), np.sin(TURN)], [-np.sin(TURN), np.cos(TURN)]]))
-    shown = Predictions(
-        f"After 3 s of measurements without noise: {probe.description}",
-        None,
-        stated_belief("tracker", here.prediction),
-        StatedBelief("the same target turned away", both @ others[0].mean, both @ others[0].covariance @ both.T),
-    )
-    return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, shown)
+    return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe)
 
 
 def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> tuple[Trial | None, float]:
@@ -321,22 +311,8 @@ def _jump(here: Trial, turned: Trial, back: Array, side: float, probe: Probe) ->
     centre, beside = here.predicted_measurement, _beside(here, side)
     angular = list(SENSOR_MODELS[here.scan.kind].angular)
     measured = bool(np.any(np.abs(beside[angular] - centre[angular]) > np.pi))
-    text, shown = _text(here, side, size), _shown(here, turned, both, side)
-    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, shown, measured)
-
-
-def _shown(here: Trial, turned: Trial, both: Array, side: float) -> Predictions | None:
-    """The update beside the target, and that of the turned target, turned back to it ``(4, 4)``."""
-    after, other = here.posterior(_beside(here, side)), turned.posterior(_beside(turned, side))
-    if after is None or other is None:
-        return None
-    mean = here.prediction.mean + both @ (other.mean - turned.prediction.mean)
-    return Predictions(
-        f"Update with {here.scan.sensor}: {here.description}",
-        stated_belief("before the measurement", here.prediction),
-        stated_belief("tracker, after it", after),
-        StatedBelief("as of the same target turned away", mean, both @ other.covariance @ both.T),
-    )
+    text = _text(here, side, size)
+    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, measured)
 
 
 def _moved(here: Trial, mounted: Trial) -> bool:

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Scan, Tracks
-from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.traffic.set_distances import gospa_of_sets
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
 from trackbench.subjects.doctor.traffic import DETECTION, Make, MultiObjectSession, Site, moved_objects
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.multi import build_multi
+from trackbench.trackers.multi import MultiObjectTracker, build_multi
 
 #: Length of the drive, time at its start that is not judged, and period of the scans, s.
 LENGTH, SETTLED, PERIOD = 8.0, 1.5, 0.1
@@ -67,10 +66,10 @@ def gospa_of(tracks: Sequence[Tracks], scans: Sequence[Scan]) -> float:
     return float(np.mean(np.sqrt(gospa_of_sets(objects, places, CUTOFF).total)))
 
 
-def _reference() -> Stepper:
+def _reference() -> MultiObjectTracker:
     """A global nearest neighbour with extended Kalman filters."""
     options = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": "gnn"}}
-    return DirectTracks(build_multi(FilterConfig.model_validate(options)))
+    return build_multi(FilterConfig.model_validate(options))
 
 
 @doctor_check(Question("traffic_drive", "Are the tracks as near to a drive's traffic as the reference's?"), place=90)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Tracks
 from trackbench.driving.faults import fault_of
-from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
+from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
     OBJECTS,
     RATE,
@@ -39,6 +39,15 @@ BEHIND = 0.5
     Question("late", "Is an old scan held against where the objects were?"),
     Question("all_late", "Are tracks predicted from when a scan was taken, not from when it arrived?"),
     place=80,
+    faults={
+        "late_processed_as_new": KnownFault(
+            "a late measurement is processed as if it were new",
+            "Where the time since the last scan is computed, and where the time of a scan is read.",
+            "Compare scan.time with the state's time: drop an older scan, or go back to its time; arrival_time is not "
+            "its time.",
+            Role(),
+        )
+    },
 )
 def late_scans(make: Make, site: Site) -> PartResult:
     """An old scan after newer ones, given late and as if it were new; of a sensor that is late, scans that all are."""

@@ -1,0 +1,353 @@
+"""The process of a tracker: it is started, answers frames over its pipes, is watched, and is ended as a group."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import pickle
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import weakref
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, BinaryIO, NamedTuple
+from uuid import uuid4
+
+from trackbench.base import notebook_classes
+from trackbench.base.errors import TrackbenchError
+from trackbench.base.exit_status import how_it_ended
+from trackbench.base.types import Progress
+from trackbench.base.user_code import place_in_dump
+from trackbench.driving.descendants import descendants, end_marked, memory_of
+from trackbench.driving.faults import Kind, TrackFault, reported_error
+from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, frame_message, message_frame
+from trackbench.driving.isolation import GIGABYTE, Isolation
+
+#: Variable in the environment of every tracker's process.
+INSIDE = "TRACKBENCH_TRACKER_PROCESS"
+#: Variables of the environment that a tracker is not told.
+UNTOLD = ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
+#: Start of the command of a tracker in Python.
+HOST = [sys.executable, "-m", "trackbench.driving.host"]
+#: What the bench is told of a process: its number and, once it has ended, its status as ``os.waitpid`` gives it.
+NUMBER = struct.Struct("<i")
+NOT_STARTED = "no process can be started for a tracker"
+#: Period at which the bench looks at the time and memory of a process that it waits for, s.
+GLANCE = 0.1
+#: Longest time for the stack of a process that is told to end, for a start and for an end, s.
+DUMPING, STARTING, ENDING = 1.0, 60.0, 10.0
+#: Bytes that are read at once. For more, each read gets its memory from the system, which takes 20 us.
+READ = 1 << 16
+#: First bytes of a MessagePack map.
+MAPS = frozenset([*range(0x80, 0x90), 0xDE, 0xDF])
+#: Characters that are shown of an answer that is no frame.
+SHOWN = 60
+#: What Python's faulthandler writes of each call, and the most bytes of it that are read.
+DUMPED, LONGEST_DUMP = b'  File "', 1 << 20
+
+
+class Launch(NamedTuple):
+    """Process of a tracker that is to be started."""
+
+    command: list[str]
+    """Program and arguments."""
+    folder: str
+    """Working directory."""
+    path: list[str]
+    """Module path of a tracker in Python."""
+    environment: dict[str, str]
+
+
+class ForkServer:
+    """The process that starts those of trackers (:mod:`trackbench.driving.fork_server`), as the bench speaks to it."""
+
+    def __init__(self) -> None:
+        self._control, theirs = socket.socketpair()
+        self._mark = f"{INSIDE}={uuid4()}"
+        serve = f"from trackbench.driving.fork_server import serve; serve({theirs.fileno()})"
+        output = 2 if os.path.exists("/dev/fd/2") else subprocess.DEVNULL
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path}; {serve}"],
+                env=self.environment(),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                pass_fds=[theirs.fileno()],
+                # Ctrl-C is for the bench, which ends the trackers.
+                start_new_session=True,
+            )
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the server was killed."""
+        return self._process.poll() is not None
+
+    def environment(self) -> dict[str, str]:
+        """Return the environment of trackers."""
+        return {name: value for name, value in os.environ.items() if name not in UNTOLD} | dict([self._mark.split("=")])
+
+    def start(self, command: list[str], folder: str, descriptors: Sequence[int]) -> None:
+        """Start the process of a tracker.
+
+        Args:
+            command: program and arguments.
+            folder: working directory.
+            descriptors: for reports, standard input and standard output of the process.
+
+        Raises:
+            TrackbenchError: the server does not take it.
+        """
+        launch = Launch(command, folder, sys.path, self.environment())
+        try:
+            socket.send_fds(self._control, [message_frame(launch._asdict())], [*descriptors, *_outputs[-1:]])
+        except OSError as error:
+            raise TrackbenchError(NOT_STARTED) from error
+
+    def close(self) -> None:
+        """End the server, with all that its processes have left behind."""
+        self._control.close()
+        try:
+            self._process.wait(ENDING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+        if self._process.wait() < 0:
+            # What the processes of a killed server have left behind is known by the mark in the environment.
+            end_marked(self._mark)
+
+
+_fork_servers: dict[int, ForkServer] = {}
+#: Descriptors of the files to which what trackers print goes, in place of standard error: that of the last one.
+_outputs: list[int] = []
+
+
+def fork_server() -> ForkServer:
+    """Return the server of this process, which may itself be a copy of one that has a server."""
+    own = os.getpid()
+    if own not in _fork_servers or _fork_servers[own].has_ended:
+        _fork_servers[own] = ForkServer()
+        atexit.register(_fork_servers[own].close)
+    return _fork_servers[own]
+
+
+@contextmanager
+def printing_to(file: BinaryIO) -> Iterator[None]:
+    """Send what trackers print whose processes are started meanwhile to a file."""
+    _outputs.append(file.fileno())
+    try:
+        yield
+    finally:
+        _outputs.pop()
+
+
+class TrackerProcess:
+    """A process that answers the frames that it is sent.
+
+    Args:
+        isolation: longest time for an answer, and most memory.
+        command: program and arguments.
+        folder: working directory.
+        name: text with which messages about the process begin.
+
+    Raises:
+        TrackbenchError: no process can be started.
+    """
+
+    def __init__(self, isolation: Isolation, command: list[str], folder: str, name: str = "") -> None:
+        self.timeout, self._most, self._name = isolation.timeout, isolation.bytes, name
+        self.fault: TrackFault | None = None
+        """Cause of the end of the process; None while it runs."""
+        self.members = 0
+        """Number of members of the batch that the trackers in the process follow."""
+        self._taken, self._until, self._next_glance = 0, 0.0, 0.0
+        self._status: int | None = None
+        self._unsent, self._received = b"", bytearray()
+        theirs, self._out = os.pipe()
+        self._in, writing = os.pipe()
+        self._reports, reporting = os.pipe()
+        try:
+            fork_server().start(command, folder, (reporting, theirs, writing))
+        finally:
+            for descriptor in (theirs, writing, reporting):
+                os.close(descriptor)
+        number = self._reported(STARTING)
+        if number is None:
+            raise TrackbenchError(NOT_STARTED)
+        os.set_blocking(self._out, False)
+        self._number = number
+        self._end = weakref.finalize(self, _end, number, self._reports, (self._out, self._in))
+        self._readable, self._writable = _poll(self._in, select.POLLIN), _poll(self._out, select.POLLOUT)
+
+    def close(self) -> None:
+        """End the process."""
+        if self.fault is None:
+            self.failed("its process was closed", "died")
+
+    def send(self, *frames: bytes) -> None:
+        """Send frames; the answers are to be received one by one.
+
+        Raises:
+            TrackFault: the process has ended, or does not read.
+        """
+        if self.fault is not None:
+            raise self.fault
+        content, self._unsent = memoryview(b"".join((self._unsent, *frames))), b""
+        self._until = time.monotonic() + self.timeout
+        while content:
+            try:
+                content = content[os.write(self._out, content) :]
+            except BlockingIOError:
+                self._wait(self._writable)
+            except OSError:
+                raise self._ended() from None
+
+    def receive(self) -> dict[str, Any]:
+        """Return the next answer.
+
+        Raises:
+            TrackFault: the tracker failed; its process has ended, is late, or wrote what is no answer.
+            InputError: the tracker cannot be found or does not take its options.
+        """
+        self._until = time.monotonic() + self.timeout
+        self._read(LENGTH.size + 1)
+        (size,) = LENGTH.unpack_from(self._received)
+        if not 0 < size <= LARGEST or self._received[LENGTH.size] not in MAPS:
+            raise self._no_frame()
+        end = LENGTH.size + size
+        self._read(end)
+        content = self._received[LENGTH.size : end]
+        del self._received[:end]
+        try:
+            answer = frame_message(content)
+        except NotAFrame as error:
+            raise self.failed(f"its answer is {error}; it begins with {_text(content)}") from None
+        if answer.get("type") == "error":
+            raise reported_error(answer, self.members, self._name)
+        return answer
+
+    def work(self, function: str, arguments: Mapping[str, Any], progress: Progress) -> Any:
+        """Call a function of trackbench in the process, the host of a tracker in Python; return what it returns.
+
+        Args:
+            function: ``module:name``. It reports its progress, each time within the longest time of an answer.
+            arguments: text and numbers.
+            progress: called with each report.
+
+        Raises:
+            TrackFault: the process has ended, is late, or wrote what is no answer.
+            InputError: the tracker cannot be found or does not take its options.
+        """
+        request = {"type": "work", "function": function, "arguments": arguments}
+        self.send(message_frame(request | {"classes": notebook_classes.dumps(None)}))
+        while (answer := self.receive()).get("type") == "progress":
+            progress(answer["done"], answer["expected"])
+        return pickle.loads(answer["pickled"])
+
+    def failed(self, cause: str, kind: Kind = "answer", place: str | None = None) -> TrackFault:
+        """End the process, unless it has ended; return the fault."""
+        self._end()
+        self.fault = TrackFault(f"{self._name}{cause}", kind, place)
+        return self.fault
+
+    def _read(self, size: int) -> None:
+        """Read until as many bytes have come."""
+        while len(self._received) < size:
+            self._wait(self._readable)
+            content = os.read(self._in, READ)
+            if not content:
+                raise self._ended()
+            self._received += content
+
+    def _wait(self, poll: select.poll) -> None:
+        """Wait until a pipe is ready; raise where the process is late, has ended, or takes too much memory."""
+        is_ready = False
+        while not is_ready:
+            is_ready = bool(poll.poll(1000 * GLANCE))
+            now = time.monotonic()
+            if now < self._next_glance:
+                continue
+            self._next_glance = now + GLANCE
+            self._taken = memory_of([self._number, *descendants(self._number)], self._most)
+            if self._taken > self._most or (not is_ready and self._ended_within(0.0)):
+                raise self._ended()
+            if now >= self._until:
+                raise self._late()
+
+    def _late(self) -> TrackFault:
+        stray = f"; it wrote {_text(self._received)}" if self._received else ""
+        # So Python writes down where it is.
+        with suppress(ProcessLookupError, PermissionError):
+            os.kill(self._number, signal.SIGABRT)
+        self._ended_within(DUMPING)
+        cause = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout){stray}"
+        return self.failed(cause, "died", self._place())
+
+    def _ended(self) -> TrackFault:
+        cause = "its process closed the connection"
+        if self._taken > self._most:
+            taken, most = self._taken / GIGABYTE, self._most / GIGABYTE
+            cause = f"it took {taken:.3g} GB of memory, where it may take {most:.3g} GB (see --tracker-memory)"
+        elif self._ended_within(min(ENDING, self.timeout)) and self._status is not None:
+            cause = how_it_ended(os.waitstatus_to_exitcode(self._status))
+        return self.failed(cause, "died", self._place())
+
+    def _no_frame(self) -> TrackFault:
+        # More of what it writes tells more.
+        self._place(GLANCE)
+        if DUMPED in self._received and self._ended_within(DUMPING):
+            return self._ended()
+        hint = "what a program prints belongs on standard error"
+        return self.failed(f"its standard output is no frame: it begins with {_text(self._received)}; {hint}")
+
+    def _place(self, patience: float = 0.0) -> str | None:
+        """Read what comes within ``patience`` s; return the line of the tracker's code that Python wrote there."""
+        while len(self._received) < LONGEST_DUMP and self._readable.poll(1000 * patience):
+            content = os.read(self._in, READ)
+            if not content:
+                break
+            self._received += content
+        return place_in_dump(self._received.decode(errors="replace"))
+
+    def _ended_within(self, seconds: float) -> bool:
+        """Whether the process ends within some time: what it has started may live on."""
+        if self._status is None:
+            self._status = self._reported(seconds)
+        return self._status is not None
+
+    def _reported(self, seconds: float) -> int | None:
+        """Return the next number from the fork server; SIGKILL if the server has ended, and its processes with it."""
+        if not _poll(self._reports, select.POLLIN).poll(1000 * seconds):
+            return None
+        content = os.read(self._reports, NUMBER.size)
+        return NUMBER.unpack(content)[0] if content else int(signal.SIGKILL)
+
+
+def _poll(descriptor: int, event: int) -> select.poll:
+    poll = select.poll()
+    poll.register(descriptor, event)
+    return poll
+
+
+def _text(content: bytes | bytearray) -> str:
+    """Return the first bytes of what is no frame, as text."""
+    return repr(bytes(content[:SHOWN])).removeprefix("b")
+
+
+def _end(process: int, reports: int, files: Sequence[int]) -> None:
+    """End a process with all that it has started, and wait for it."""
+    for file in files:
+        os.close(file)
+    reported = _poll(reports, select.POLLIN)
+    if not reported.poll(0):
+        for number in (*descendants(process), process):
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(number, signal.SIGKILL)
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process, signal.SIGKILL)
+        reported.poll(1000 * ENDING)
+    os.close(reports)

@@ -1,0 +1,142 @@
+"""Trackers started as a scenario names them: a built-in one as it is, any other here or in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from trackbench.base.errors import InputError
+from trackbench.driving.isolation import Isolation
+from trackbench.driving.program import Program, ProgramTracker
+from trackbench.driving.steppers import ForeignTracker, refuse_truth
+from trackbench.models.sensors import Sensor
+from trackbench.trackers.answers import Tracker
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.foreign import Command
+from trackbench.trackers.multi import build_multi
+from trackbench.trackers.published import check_tracker_options, create
+
+#: Sets the engine and the first states of a built-in tracker.
+Prepare = Callable[[Any], Any]
+
+
+def fresh(
+    config: PluginConfig,
+    folder: Path | None,
+    isolation: Isolation,
+    several: bool = False,
+    batch: int = 1,
+    sensors: Mapping[str, Sensor] = {},
+) -> Callable[[], Tracker]:
+    """Return a function that gives fresh trackers as they are, all from one process.
+
+    Args:
+        config: the scenario's entry.
+        folder: where a tracker's module is looked for first.
+        isolation: whether it gets a process of its own.
+        several: whether it follows several objects.
+        batch: number of tracks, or runs, that are followed at once, which a program is told.
+        sensors: of the scenario, by name, which a program is told.
+
+    Raises:
+        InputError: the tracker cannot be found or does not take its options.
+        TrackFault: its process ended.
+    """
+    if isolation.of(config):
+        return partial(ProgramTracker, Program(config, folder, isolation, several, batch, sensors))
+    return create(config.reference, config.options, folder)
+
+
+def fresh_tracks(config: FilterConfig | PluginConfig, folder: Path | None, isolation: Isolation) -> Callable[[], Any]:
+    """Return a function that gives fresh trackers of several objects, each for one run, all from one process.
+
+    Raises:
+        InputError: a plug-in cannot be found or does not take its options.
+        TrackFault: its process ended.
+    """
+    if isinstance(config, FilterConfig):
+        return partial(build_multi, config)
+    return partial(ForeignTracker, fresh(config, folder, isolation, several=True), 1, several=True)
+
+
+def start_stepper(
+    config: FilterConfig | PluginConfig,
+    folder: Path | None,
+    batch: int,
+    prepare: Prepare,
+    isolation: Isolation,
+    several: bool = False,
+    sensors: Mapping[str, Sensor] = {},
+) -> Any:
+    """Return a fresh tracker for a batch: a built-in one, or a :class:`ForeignTracker`.
+
+    Args:
+        config: the scenario's entry.
+        folder: where a tracker's module is looked for first.
+        batch: number of tracks, or runs, that are followed at once.
+        prepare: sets the engine of a built-in tracker, and its first states where it starts from the truth.
+        isolation: whether it gets a process of its own.
+        several: whether it follows several objects.
+        sensors: of the scenario, by name, which a program is told.
+
+    Raises:
+        InputError: a plug-in cannot be found or does not take its options, or the tracker is a smoother.
+        TrackFault: its process ended.
+    """
+    if isinstance(config, PluginConfig):
+        make = fresh(config, folder, isolation, several, batch, sensors)
+        if isolation.of(config) or several or not isinstance(tracker := make(), FilterTracker):
+            return ForeignTracker(make, batch, several)
+        refuse_truth(tracker)
+        return prepare(tracker.reading_only(config.sensors))
+    if config.smoother is not None:
+        raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
+    return prepare(build_multi(config) if several else build(config))
+
+
+@contextmanager
+def ending(stepper: Any) -> Iterator[Any]:
+    """Give a tracker, and end its process where it has one."""
+    try:
+        yield stepper
+    finally:
+        if isinstance(stepper, ForeignTracker):
+            stepper.close()
+
+
+def check_startable(
+    config: PluginConfig,
+    folder: Path | None,
+    isolation: Isolation,
+    started: bool,
+    several: bool,
+    sensors: Mapping[str, Sensor],
+) -> None:
+    """Find a tracker and hold its options against what it declares, in the process where it will live.
+
+    Args:
+        config: the scenario's entry.
+        folder: where a tracker's module is looked for first.
+        isolation: whether it gets a process of its own.
+        started: whether it is started for one member, too.
+        several: whether it follows several objects.
+        sensors: of the scenario, by name.
+
+    Raises:
+        InputError: it cannot be found, the options do not fit, or it does not start.
+        TrackFault: its process ended.
+    """
+    if isinstance(config.use, Command):
+        config.use.resolved(folder)
+    elif not isolation.of(config):
+        check_tracker_options(config.reference, config.options, folder)
+    elif not started:
+        Program(config, folder, isolation, several, batch=0).close()
+    if started:
+        with ending(start_stepper(config, folder, 1, lambda tracker: tracker, isolation, several, sensors)):
+            pass

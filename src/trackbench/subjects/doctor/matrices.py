@@ -1,0 +1,18 @@
+"""Small matrices that several checks need."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.base.types import Array
+
+
+def largest_entry(matrix: Array) -> tuple[int, int]:
+    """Return the row and the column of the largest entry."""
+    row, column = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
+    return int(row), int(column)
+
+
+def straight(step: float) -> Array:
+    """Return the transition ``(4, 4)`` with constant velocity over ``step`` s."""
+    return np.eye(4) + step * np.eye(4, k=2)
