@@ -8,7 +8,7 @@ GENERATED := docs/scenario-file.md docs/command-line.md docs/glossary.md docs/do
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
 	@echo "make quick     linter, and the fast tests of what differs from a commit (SINCE=HEAD): two minutes at most"
-	@echo "make test      linter, types, import contracts, documentation site and tests: about 10 minutes on 2 cores"
+	@echo "make test      linter, types, import contracts, documentation site and tests: about 7 minutes on 2 cores"
 	@echo "make test-all  the same, with the slow tests and the commands of the documentation's pages as they are printed"
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.
@@ -33,7 +33,7 @@ test: $(VENV)/.installed-dev
 	$(MAKE) -j2 lint types contracts docs
 	$(BIN)/pytest -n auto --dist worksteal -m "not docs_pages and not slow"
 
-# The slow tests, and the commands of the documentation's pages as they are printed; PART=0 to 11 takes one of twelve parts.
+# The slow tests, and the commands of the documentation's pages as they are printed; PART=0 to 7 takes one of eight parts.
 test-long: $(VENV)/.installed-dev
 	$(BIN)/pytest -n auto --dist worksteal -m "docs_pages or slow" $(if $(PART),--part $(PART))
 
@@ -104,7 +104,7 @@ recorded: $(VENV)/.installed
 	$(BIN)/python docs/projects/udacity.py
 
 docs/scenario-file.md: $(VENV)/.installed
-	$(BIN)/python -m trackbench.scenario.docs > $@
+	$(BIN)/python -m trackbench.scenario.docs docs
 
 docs/command-line.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.cli.docs > $@

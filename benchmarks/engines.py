@@ -21,7 +21,7 @@ from trackbench.trackers.filtered import FilterTracker
 NOISE = {"acceleration_sigma_mps2": peers.ACCELERATION_SIGMA}
 YAW_NOISE = {"yaw_acceleration_sigma_radps2": peers.YAW_ACCELERATION_SIGMA}
 START = {"from": "truth", "position_sigma_m": 0.3, "velocity_sigma_mps": 0.5}
-TURNING_START = {**START, "yaw_sigma_rad": 0.1, "yaw_rate_sigma_radps": 0.1}
+TURNING_START = {**START, "yaw_rate_sigma_radps": 0.1}
 CTRV = {"motion": "ctrv", **NOISE, **YAW_NOISE, "initial": TURNING_START}
 IMM = {"imm": [{"model": "cv", **NOISE}, {"model": "ctrv", **NOISE, **YAW_NOISE}], "stay_s": [5.0, 2.0]}
 
@@ -60,9 +60,9 @@ def problem(runs: int, steps: int) -> Problem:
 
 
 def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:
-    """A tracker that starts every run from its own draw around the truth, as a run where nothing comes late has it."""
+    """A tracker that starts every run from its own draw around the truth."""
     truth, runs = of.truth, of.runs
-    tracker = replace(build(FilterConfig.model_validate(TRACKERS[name])), engine=engine, lag_s=0.0)
+    tracker = replace(build(FilterConfig.model_validate(TRACKERS[name])).tracker, engine=engine)
     fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
     motion = Kinematics(*(np.full(runs, values[0, 0, 0]) for values in fields))
     return tracker.with_prior(np.zeros(runs), motion, np.random.default_rng(2).standard_normal((6, runs)))

@@ -88,7 +88,7 @@ def tracks(method: str, engine: Engine, seen: Traffic) -> Iterator[Tracks]:
     associate = {"method": method}
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": ACCELERATION_SIGMA, "associate": associate}
     # As in a run whose sensors have no latency: no past state is kept.
-    tracker = replace(build_multi(FilterConfig.model_validate(given)), engine=engine, lag_s=0.0)
+    tracker = replace(build_multi(FilterConfig.model_validate(given)).tracker, engine=engine)
     state = None
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
         state, found = tracker.step(
@@ -127,7 +127,7 @@ def beside_stonesoup(method: str) -> tuple[float, float, int]:
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": ACCELERATION_SIGMA}
     initial = {"from": "first_measurement", "sensors": ["start"], "velocity_sigma_mps": 4.0}
     config = {**given, "initial": initial, "associate": {"method": method, **keys}}
-    of = build_multi(FilterConfig.model_validate(config))
+    of = build_multi(FilterConfig.model_validate(config)).tracker
     state, begun = of.step(None, scan_of_run(first._replace(sensor="start"), 0))
     own = []
     for scan in later:

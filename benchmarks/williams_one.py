@@ -43,7 +43,7 @@ POISSON: dict[str, Any] = {
     "delete_existence": 1e-5,
     "delete_after_s": 1000,
 }
-COUNTING: dict[str, Any] = {"gate": POISSON["gate"], "confirm": [3, 5], "delete_misses": 3, "delete_after_s": 1000}
+COUNTING: dict[str, Any] = {"gate": POISSON["gate"], "confirm": [3, 5], "delete_after_s": 3}
 QUICK: dict[str, Any] = {"gate": POISSON["gate"], "confirm": [2, 3]}
 METHODS: dict[str, dict[str, Any]] = {
     "pmb": {"method": "pmb", **POISSON},

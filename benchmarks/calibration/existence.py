@@ -120,7 +120,7 @@ def _bins(world: World, method: str, keys: dict[str, Any]) -> Array:
                 "initial": {"from": "first_measurement", "velocity_sigma_mps": VELOCITY_SIGMA}, "associate": associate,
             }
         )
-    )  # fmt: skip
+    ).tracker  # fmt: skip
     state, answers = None, []
     for k in range(SCANS):
         detected = seen[k] & objects.shows[k] & (random.random(seen[k].shape) < world.detection)

@@ -29,14 +29,14 @@ def ekf_cv(
     start: str = "first_measurement", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0
 ) -> FilterTracker:
     initial = _initial(start, velocity_sigma)
-    return builtin.ekf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial)
+    return builtin.ekf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial).tracker
 
 
 def kf_cv(
     start: str = "first_measurement", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0
 ) -> FilterTracker:
     initial = _initial(start, velocity_sigma)
-    return builtin.kf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial)
+    return builtin.kf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial).tracker
 
 
 def ukf_ctrv(
@@ -54,7 +54,7 @@ def ukf_ctrv(
         augmented=augmented,
     )
     # As the filters of a page of NumPy, it has no other state than its own.
-    return replace(tracker, cartesian_fallback="never")
+    return replace(tracker.tracker, cartesian_fallback="never")
 
 
 EKF = ExaminedTracker("builtin_ekf", ekf_cv)

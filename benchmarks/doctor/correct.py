@@ -44,7 +44,6 @@ TUNINGS: dict[str, list[dict[str, float]]] = {
 MOTIONS = {
     builtin.kf: ("cv", "ca"),
     builtin.ekf: ("cv", "ca", "ctrv", "ctra"),
-    builtin.iekf: ("cv", "ctrv"),
     builtin.ukf: ("cv", "ctrv", "ctra"),
     builtin.ckf: ("cv", "ctrv"),
 }

@@ -61,7 +61,11 @@ def test_they_run_in_one_process_and_in_two_with_the_same_numbers(strange: Path,
     ("old", "new", "message"),
     [
         ("time_constant_s: 3", "time_constant_ms: 3000", "use time_constant_s (seconds): 3"),
-        ("acceleration_sigma_mps2: 2, ", "", "missing: motion {motion}:Singer needs acceleration_sigma_mps2"),
+        (
+            "acceleration_sigma_mps2: 2, ",
+            "",
+            "acceleration_sigma_mps2: missing; standard deviation of",
+        ),
         (":Singer", ":Singr", "trackers.ekf.motion: module '{motion}' has no 'Singr': did you mean 'Singer'?"),
         (":Sonar", ":linalg", "'{sensor}:linalg' is no sensor: it must be a subclass of trackbench.models.sensors."),
         ("cars: 4", "cars: 40", "truth.cars: 40 is not possible: it must be at most 20"),
@@ -161,13 +165,6 @@ def test_an_unfinished_motion_model_says_what_is_missing(
     module = write_module(tmp_path, MODEL.format(name="Unfinished", body=body))
     with pytest.raises(InputError, match=f"is no motion model: {message}"):
         MOTION_MODELS.get(f"{module}:Unfinished", tmp_path)
-
-
-def test_abstract_methods_are_named(tmp_path: Path, write_module: Write) -> None:
-    code = "from trackbench.models.motion import MotionModel\nclass Bare(MotionModel):\n    components = ('px',)\n"
-    module = write_module(tmp_path, code)
-    with pytest.raises(InputError, match="it lacks driving_noise and jacobian and noise_gain and transition"):
-        MOTION_MODELS.get(f"{module}:Bare", tmp_path)
 
 
 def test_one_name_published_twice_is_ambiguous(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,38 +35,6 @@ def filters(**others: float) -> dict[str, Any]:
     }
 
 
-def tracked(engine: str, method: str, ms: float, runs: int = 1) -> dict[str, Any]:
-    own = {"ms_per_scan": ms, "times_real_time": 25 / ms}
-    return {"engine": engine, "method": method, "runs": runs, "largest_difference": 2e-13, **own}
-
-
-TRACKED = [
-    tracked("Stone Soup", "gnn", 40.0),
-    tracked("fused", "gnn", 0.5),
-    tracked("numpy", "gnn", 1.25),
-    tracked("fused", "gnn", 0.05, runs=100),
-    tracked("numpy", "gnn", 0.1, runs=100),
-]
-
-
-def test_filters_and_trackers_stand_in_one_table_beside_the_others():
-    section = table.speed(filters(FilterPy=20.0, **{"C++ with Eigen": 0.06}), TRACKED)
-    assert cells(section) == [
-        ["", "fused", "NumPy", "C++ with Eigen", "FilterPy", "Stone Soup"],
-        ["EKF", "0.05", "0.2 (4 times)", "0.06 (1.2 times)", "20 (400 times)", ""],
-        ["IMM", "0.05", "0.2 (4 times)", "", "", ""],
-        ["gnn, one run", "500", "1250 (2.5 times)", "", "", "40000 (80 times)"],
-        ["gnn, 100 runs at once", "50", "100 (2 times)", "", "", ""],
-    ]
-    assert "the largest difference is 1.0e-10." in section
-
-
-def test_it_is_said_why_there_is_no_column_of_eigen():
-    section = table.speed(filters(FilterPy=20.0) | {"without_eigen": "no C++ compiler"}, TRACKED)
-    assert "Nothing is compared with C++ and Eigen: no C++ compiler." in section
-    assert cells(section)[0] == ["", "fused", "NumPy", "FilterPy", "Stone Soup"]
-
-
 def test_what_is_measured_fills_the_table(monkeypatch: pytest.MonkeyPatch):
     for name, value in {"STEPS": 8, "BATCH": 2, "PEER_STEPS": 2, "REPETITIONS": 1}.items():
         monkeypatch.setattr(traffic_trackers, name, value)

@@ -7,9 +7,8 @@ import json
 from pathlib import Path
 
 import pytest
-from benchmarks.envelopes import LONG, RESULTS, cells_csv, page
+from benchmarks.envelopes import LONG, RESULTS, cells_csv
 
-from trackbench.document import Document, Paragraph, Section
 from trackbench.subjects.envelope.claim import Claim
 
 CLAIMS = sorted(RESULTS.glob("*.json"))
@@ -27,11 +26,3 @@ def test_the_committed_cells_are_those_of_the_claim(file: Path) -> None:
         limits = max(1, len(claim.limits_of(tracker)))
         assert [row["state"] for row in own[::limits]] == states
     assert not [title for title in LONG if f"## {title}" in file.with_suffix(".md").read_text(encoding="utf-8")]
-
-
-def test_a_page_has_no_long_section() -> None:
-    sections = [Section(title, (Paragraph(title),)) for title in (LONG[0], "Margins", LONG[1])]
-    text = page(Document("envelope", "A map", tuple(sections)), "a_map")
-    assert "Margins" in text
-    assert not [title for title in LONG if title in text]
-    assert "Every cell is in a_map.csv" in text

@@ -10,8 +10,6 @@ import pytest
 from benchmarks.same_numbers import compared
 from benchmarks.same_numbers_values import read
 
-from benchmarks import same_numbers
-
 RESULT = {
     "trackers": [
         {"name": "ekf", "describe": "ekf, sigma 3", "metrics": {"rmse": {"value": 0.1}, "step_time": {"value": 8.0}}},
@@ -72,54 +70,3 @@ def test_last_bit(of):
 def test_column(of, column, values, difference):
     outcome = compared(of(), of(table={**TABLE, column: values}))
     assert outcome.differences == [f"runs.parquet:{column}{difference}"]
-
-
-def test_sign_of_zero(of):
-    assert compared(of(table={"x": [0.0]}), of(table={"x": [-0.0]})).differences
-
-
-def test_rows(of):
-    outcome = compared(of(), of(table={name: values[:2] for name, values in TABLE.items()}))
-    assert "runs.parquet:nees: 3 -> 2 rows" in outcome.differences
-
-
-def test_clocks_and_versions_are_left_out(of):
-    other = changed(("versions", "numpy"), "3", changed(("trackers", 0, "metrics", "step_time", "value"), 1.0))
-    assert compared(of(), of(other)).differences == []
-
-
-def test_words_of_a_sentence(of):
-    path = ("trackers", 0, "describe")
-    assert len(compared(of(), of(changed(path, "EKF of sigma 3"))).notes) == 1
-    assert compared(of(), of(changed(path, "ekf, sigma 4"))).differences
-
-
-def test_one_side_alone_is_a_difference_unless_told(of, monkeypatch):
-    more = of({**RESULT, "shape": 1}, {**TABLE, "nis": [1.0, 2.0, 3.0]})
-    told = ["result.json:shape", "runs.parquet:nis"]
-    assert compared(of(), more).differences == [f"only in the new: {path}" for path in told]
-    assert compared(more, of()).differences == [f"only in the old: {path}" for path in told]
-    monkeypatch.setattr(same_numbers, "ADDED", {"*.json:shape": "a new key", "*runs.parquet:nis": "a new column"})
-    assert compared(of(), more).differences == []
-
-
-def test_renamed(of, monkeypatch):
-    table = {"tracker": ["EKF", "EKF", "ukf"], "nees_mean": TABLE["nees"], "run": TABLE["run"]}
-    new = of({**changed(("trackers",), RESULT["trackers"][::-1]), "seed": 7}, table, "scores.parquet")
-    hint = "only in the old: runs.parquet:nees; the same values are in the new scores.parquet:nees_mean"
-    assert hint in compared(of(), new).differences
-    names = {"*runs.parquet": "*scores.parquet", "*scores.parquet:nees": "*scores.parquet:nees_mean"}
-    monkeypatch.setattr(same_numbers, "RENAMED", names)
-    monkeypatch.setattr(same_numbers, "RENAMED_VALUES", {"scores.parquet:tracker": {"ekf": "EKF"}})
-    assert compared(of(), new).differences == ["result.json:trackers<order>: ekf ukf -> ukf ekf"]
-
-
-def test_renamed_hides_no_difference(of, monkeypatch):
-    monkeypatch.setattr(same_numbers, "RENAMED", {"*.parquet:*s": "*.parquet:*s_mean"})
-    table = {"tracker": TABLE["tracker"], "nees_mean": [5.0, float("nan"), None], "run": TABLE["run"]}
-    assert len(compared(of(), of(table=table)).differences) == 1
-
-
-def test_renamed_alike(of, monkeypatch):
-    monkeypatch.setattr(same_numbers, "RENAMED", {"*.parquet:run": "*.parquet:nees"})
-    assert "several of the old are renamed: runs.parquet:nees" in compared(of(), of()).differences

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -74,12 +73,3 @@ def test_it_agrees_with_the_filter_of_the_authors(result: tb.Result, method: str
     assert found.ratio == pytest.approx(1, abs=0.04)
     for part in ("gospa_missed", "gospa_false"):
         assert found.rms[part] == pytest.approx(found.reference[part], rel=0.1)
-
-
-@pytest.mark.slow
-def test_tracks_that_end_where_objects_meet_are_missed(tmp_path: Path) -> None:
-    """The rule of duplicates costs what the filters of the literature do not: the objects that meet are missed."""
-    runs = range(1, 11)
-    with_rule = {"pmb": {**METHODS["pmb"], "end_duplicates": True}}
-    found = rows(tb.run(tb.load(scenario(tmp_path, runs, with_rule))), runs, ["pmb"])["pmb"]
-    assert found.rms["gospa_missed"] > 1.2 * found.reference["gospa_missed"]

@@ -35,14 +35,9 @@ def processes_of(group: int) -> list[str]:
     ("number", "where"),
     [
         (signal.SIGINT, ""),
-        (signal.SIGTERM, ""),
-        (signal.SIGINT, "--workers 1"),
-        (signal.SIGINT, "--workers 2"),
         (signal.SIGTERM, "--workers 2"),
         (signal.SIGKILL, "--workers 2"),
         (signal.SIGINT, "--cluster local:2"),
-        (signal.SIGTERM, "--cluster local:2"),
-        (signal.SIGKILL, "--cluster local:2"),
     ],
 )
 def test_ctrl_c_and_kill(

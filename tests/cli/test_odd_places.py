@@ -88,7 +88,7 @@ def test_a_user_without_a_home_has_a_cache(monkeypatch: pytest.MonkeyPatch, tmp_
     assert cache_folder() == tmp_path / f"trackbench-{os.getuid()}"
 
 
-@pytest.mark.parametrize("raised", ["ValueError('oops')", "SystemExit(0)", "GeneratorExit", "os._exit(0)"])
+@pytest.mark.parametrize("raised", ["SystemExit(0)", "os._exit(0)"])
 def test_a_published_plug_in_that_does_not_load(start: Start, tmp_path: Path, raised: str) -> None:
     act = raised if raised.startswith("os.") else f"raise {raised}"
     (tmp_path / "broken.py").write_text(f"import os\n{act}\n", encoding="utf-8")

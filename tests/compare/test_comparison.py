@@ -6,24 +6,17 @@ import json
 import re
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from matplotlib.figure import Figure
 
-from trackbench.compare import Comparison, Entrant, compare_results, load_comparison, results_in
-from trackbench.compare.comparison import GateResult
-from trackbench.document import Items, Paragraph, Status
-from trackbench.document.drawing import matplotlib_figure
-from trackbench.document.html import to_html
+from trackbench.compare import Comparison, compare_results, load_comparison
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import TRACKER_COLOURS, tracker_styles
-from trackbench.report.comparison.document import batch_files, comparison_document, comparison_files
+from trackbench.report.comparison.document import comparison_document
 from trackbench.report.comparison.figures import rank_figure
-from trackbench.report.comparison.sentences import answer_blocks, ranking_answer
-from trackbench.report.numbers import reach_text
+from trackbench.report.comparison.sentences import ranking_answer
 from trackbench.results import SCHEMA_VERSION, Result
 
 RUNS = 20
@@ -189,47 +182,6 @@ def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, clai
     assert claim in markdown(found)
 
 
-def test_equal_trackers_have_no_lead() -> None:
-    found = compare_results([[scenario(f"s{i}", {"good": 0.5, "fair": 0.501}) for i in range(8)]])
-    assert [item.mean_rank for item in found.ranking] == [1.5, 1.5]
-    assert "fair and good share the best mean rank, 1.50." in markdown(found)
-
-
-@pytest.mark.parametrize(
-    ("rmse", "first"),
-    [
-        ({"good": 0.5, "fair": 0.501}, "No two trackers are shown to differ in mean rank."),
-        (
-            {"good": 0.5, "fair": 0.502, "poor": 0.9},
-            "Only poor is shown to differ: it has a worse mean rank than every other.",
-        ),
-        (
-            {"good": 0.5, "fair": 0.7, "poor": 0.9},
-            "Shown to have a worse mean rank: fair than good; poor than every other.",
-        ),
-    ],
-)
-def test_what_is_shown_is_said_before_what_was_compared(rmse: dict[str, float], first: str) -> None:
-    found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
-    assert f"\n\n{first} {len(rmse)} trackers over 10 scenarios." in markdown(found)
-
-
-@pytest.mark.parametrize(
-    ("bounds", "expected"),
-    [
-        ((0.90, 1.10), "±0.10"),
-        ((0.90, 1.12), "±0.11"),
-        ((0.90, 1.13), "0.90 to 1.13"),
-        ((0.60, 1.10), "0.60 to 1.10"),
-        (None, ""),
-    ],
-)
-def test_an_interval_with_unequal_halves_is_written_by_its_ends(
-    bounds: tuple[float, float] | None, expected: str
-) -> None:
-    assert reach_text(1.0, bounds, 2) == expected
-
-
 def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
     rmse = {"good": 0.5, "fair": 0.502, "poor": 0.9}
     found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
@@ -249,29 +201,6 @@ def test_one_scenario_claims_no_certainty() -> None:
     assert re.search(r"poor \| good \| 0\.40.* \| worse \| \+80 \| 0\.900 \|", markdown(found).replace("**", ""))
 
 
-def test_the_answer_is_in_metres_and_says_what_is_shown() -> None:
-    found = compare_results([scenario("only", {"good": 0.5, "fair": 0.501, "poor": 0.9, "worst": 5.0}, tied=("fair",))])
-    (answer,) = answer_blocks(found)
-    assert isinstance(answer, Paragraph)
-    sentences = answer.text.split(". ")
-    assert sentences[0] == "By position RMSE: good has the smallest, 0.500 m"
-    assert re.fullmatch(r"Next is fair \+0\.00\d ±0\.\d+ m \(\+0\.\d %\): which .* is undecided", sentences[1])
-    assert re.match(r"Shown to be worse: poor \+0\.40\d ±", sentences[2])
-    assert ", worst +4.5" in sentences[2]
-
-
-def test_the_axis_is_set_by_those_that_are_near() -> None:
-    def limits(worst: float) -> tuple[float, float]:
-        found = compare_results([scenario("only", {"good": 0.5, "fair": 0.6, "poor": 0.7, "raw": worst})])
-        (figure,) = comparison_document(found).figures
-        canvas = matplotlib_figure(figure)
-        assert [text.get_text() for text in canvas.axes[0].texts] == [f"+{worst - 0.5:.3g} \N{RIGHTWARDS ARROW}"]
-        return canvas.axes[0].get_xlim()
-
-    assert limits(5.0) == limits(50.0)
-    assert 0.2 < limits(5.0)[1] < 0.3
-
-
 def test_over_scenarios_the_lead_is_in_metres() -> None:
     found = compare_results(
         [[scenario("one", {"good": 0.5, "fair": 0.6}), scenario("two", {"good": 0.5, "fair": 0.48})]]
@@ -280,19 +209,6 @@ def test_over_scenarios_the_lead_is_in_metres() -> None:
         "fair and good share the best mean rank, 1.50. Over 2 scenarios the position RMSE of good is between 0.1000 m "
         "smaller and 0.0200 m larger than that of fair: shown to be worse in 1, better in 1."
     )
-
-
-def test_limits_that_are_not_kept_stand_before_the_answer() -> None:
-    found = compare_results([scenario("only", {"a": 0.5, "b": 0.9})])
-    gates = [
-        GateResult(scenario="only", entrant=Entrant(tracker=who), metric="x", percent=2.0, outcome=outcome, text="")
-        for who, outcome in (("a", "undecided"), ("b", "failed"))
-    ]
-    first, second, third = answer_blocks(found.model_copy(update={"gates": gates}))
-    assert first == Status("0 of 2 limits kept, 1 broken, 1 undecided", "bad")
-    assert isinstance(second, Items)
-    assert [item.label for item in second.items] == ["FAILED", "UNDECIDED"]
-    assert isinstance(third, Paragraph)
 
 
 def test_markdown(compared: Comparison) -> None:
@@ -306,33 +222,6 @@ def test_markdown(compared: Comparison) -> None:
     assert "1 of 2 met" in text
     assert "](figures/ranks.svg)" in text
     assert "](figures/over-reference.svg)" in text
-
-
-def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
-    text = to_html(comparison_document(compared, times=True))
-    assert "good has the best mean rank" in text
-    assert "Too few sets of scenes for a claim" in text
-    assert "ValueError: matrix &lt;3&gt; is singular" in text
-    assert text.count("<figure") == text.count("<figcaption") == 2
-    assert re.search(r'<td class=" strong">0.510<small>±0.010</small></td>', text)
-    assert "://" not in text
-    assert to_html(comparison_document(compared, times=True)) == text
-
-
-def made(comparison: Comparison, folder: Path) -> dict[str, str]:
-    """The files of a batch, by their paths."""
-    found = batch_files(comparison, folder)
-    return {path.relative_to(folder).as_posix(): content.decode() for path, content in found}
-
-
-def test_times_are_in_the_page_and_not_in_what_is_kept(compared: Comparison, tmp_path: Path) -> None:
-    found = made(compared, tmp_path)
-    assert set(found) == {
-        *(f"comparison.{ending}" for ending in ("html", "md", "json")),
-        *(f"figures/{name}.svg" for name in ("ranks", "over-reference")),
-    }
-    assert [name for name, content in found.items() if "1.23" in content] == ["comparison.html"]
-    assert found == made(compared, tmp_path)
 
 
 def test_trackers_have_the_colours_of_the_first_scenario_that_has_them(tmp_path: Path) -> None:
@@ -351,29 +240,6 @@ def test_trackers_have_the_colours_of_the_first_scenario_that_has_them(tmp_path:
     assert len({style.colour for style in comparison_document(Comparison.model_validate(earlier)).trackers}) == 3
 
 
-def test_the_page_links_to_the_reports(tmp_path: Path) -> None:
-    results = [scenario(name, {"good": 0.5, "poor": 0.9}) for name in ("one", "two")]
-    (tmp_path / "one").mkdir()
-    (tmp_path / "one" / "report.html").touch()
-    found = made(compare_results([results_in(tmp_path, results)]), tmp_path)
-    assert '<a href="one/report.html">one</a>' in found["comparison.html"]
-    assert "two/report.html" not in found["comparison.html"]
-    assert "report.html" not in found["comparison.md"]
-
-
-def test_one_tracker_that_is_much_worse_does_not_bleach_the_others() -> None:
-    def colours(worst: float) -> list[str]:
-        rmse = {"good": 0.5, "fair": 0.6, "poor": worst}
-        comparison = compare_results([[scenario(f"s{i}", rmse) for i in range(2)]])
-        (figure,) = [figure for figure in comparison_document(comparison).figures if figure.name == "over-reference"]
-        canvas = Figure()
-        figure.paint(canvas)
-        return [str(patch.get_facecolor()) for patch in canvas.axes[0].patches]
-
-    assert colours(5.0) == colours(500.0)
-    assert len(set(colours(500.0))) == 3
-
-
 def test_json(compared: Comparison) -> None:
     found = json.loads(json.dumps(compared.json(), allow_nan=False))
     scores = {(score["scenario"], score["entrant"]["tracker"]): score for score in found["scores"]}
@@ -382,17 +248,6 @@ def test_json(compared: Comparison) -> None:
     assert scores["third", "mine"]["metrics"] == {}
     assert scores["third", "mine"]["failure"].startswith(REASON)
     assert [item["tracker"] for item in found["ranking"]] == ["good", "fair", "poor", "mine"]
-
-
-def test_figures_are_images_of_their_own(compared: Comparison, tmp_path: Path) -> None:
-    made = {path.name: content.decode() for path, content in comparison_files(compared, tmp_path / "x.svg")}
-    assert set(made) == {"x-ranks.svg", "x-over-reference.svg"}
-    for text in made.values():
-        root = ElementTree.fromstring(text)
-        assert root.tag == "{http://www.w3.org/2000/svg}svg"
-        assert root.attrib["aria-label"]
-        assert "currentColor" not in text
-        assert "var(" not in text
 
 
 def test_a_failed_tracker_is_not_compared_and_that_is_told() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from tests.support.past_results import SCENE, past, scene
+from tests.support.past_results import SCENE, past
 
 import trackbench as tb
 from trackbench.base.errors import InputError
@@ -84,12 +84,6 @@ def test_two_results_have_no_course_over_time(nights: list[Result]) -> None:
     assert figure.name == "differences-position_rmse"
 
 
-def test_another_metric_than_the_ranking_one_has_its_values_in_the_figure(nights: list[Result]) -> None:
-    (figure,) = figures(tb.compare(*nights[:3], metrics=["velocity_rmse"]))
-    (axes,) = matplotlib_figure(figure).axes
-    assert list(axes.lines[0].get_ydata()) == [scene()["raw"].velocity_rmse.value] * 3
-
-
 def test_a_change_back_is_not_marked_and_the_next_one_is() -> None:
     errors = [0.1, 0.1, 0.13, 0.13, 0.1, 0.13, 0.07]
     comparison = tb.compare(*(past(i, {"raw": 0.2, "kf": e}, seed=1) for i, e in enumerate(errors)))
@@ -139,13 +133,6 @@ def test_results_that_are_not_in_the_order_of_time_are_named(nights: list[Result
     comparison = tb.compare(nights[0], nights[3], nights[2])
     assert comparison.notes == ["results 3 was made before results 2, which stands before it"]
     assert tb.compare(*nights).notes == []
-
-
-def test_results_of_an_earlier_version_have_no_date(nights: list[Result]) -> None:
-    comparison = tb.compare(nights[0], nights[1].updated(provenance=None), nights[2])
-    assert [origin.made_at is None for origin in comparison.origins] == [False, True, False]
-    assert "- B: n/a UTC" not in str(comparison)
-    assert "- B: not known when" in str(comparison)
 
 
 def test_another_scene_under_the_same_name_is_refused(nights: list[Result]) -> None:

@@ -7,7 +7,6 @@ from tests.scenario.test_worlds import SCRIPTED
 
 import trackbench as tb
 from trackbench.compare.comparison import OrderInWorlds
-from trackbench.report.comparison.sentences import order_sentences
 
 
 @pytest.mark.parametrize(
@@ -40,15 +39,6 @@ def test_the_differences_of_all_worlds_are_corrected_together(results: list[tb.R
     assert 0 < least.p_value < 0.5
     assert least.p_value == pytest.approx(2 * min(item.p_value for item in alone if item.scenario == same.scenario))
     assert all(a.p_value >= b.p_value for a, b in zip(together, alone, strict=True))
-
-
-def test_the_sentence_names_the_worlds(results: list[tb.Result]) -> None:
-    comparison = tb.compare(results)
-    assert {name for order in comparison.worlds for name in (order.a, order.b)} == {"slow", "mid", "fast"}
-    smallest, order = order_sentences(comparison)
-    assert smallest == "small: smallest error of slow in ideal and typical."
-    assert order.startswith("slow is ahead of ")
-    assert "ideal" in order
 
 
 def test_results_outside_of_worlds_have_no_such_table(results: list[tb.Result]) -> None:

@@ -132,13 +132,6 @@ def test_a_search_finds_from_a_disk(site: Path, tmp_path: Path, query: str, page
     assert console == []
 
 
-@pytest.mark.browser
-def test_a_browser_draws_a_page_without_complaint(site: Path, tmp_path: Path) -> None:
-    dom, console = shown_by_browser(tmp_path, site / "motion-models.html")
-    assert "<math" in dom
-    assert console == []
-
-
 @pytest.mark.parametrize("page", EQUATIONS)
 def test_every_equation_is_drawn(some_pages: Path, page: str) -> None:
     text = (DOCS / f"{page}.md").read_text(encoding="utf-8")

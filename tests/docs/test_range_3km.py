@@ -68,24 +68,6 @@ def test_every_hypothesis_is_a_tracker(project):
         assert found.json()["trackers"][0]["failed"] is None
 
 
-def test_place(project):
-    place = project.Place(7.5, np.arange(100.0))
-    assert place.percentile == 8
-    assert place.inside
-    assert place.shown() == "8.0"
-    assert project.Place(-1, np.arange(100.0)).shown() == "**0.0**"
-
-
-def test_fill_replaces_the_named_table_alone(project, tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("a\n<!-- table: one -->\nold\n<!-- end -->\nb\n<!-- table: two -->\n<!-- end -->\n")
-    project.fill(page, {"one": project.markdown(["x", "y"], [["1", "2"]])})
-    table = "| x | y |\n| --- | ---: |\n| 1 | 2 |"
-    assert page.read_text() == f"a\n<!-- table: one -->\n{table}\n<!-- end -->\nb\n<!-- table: two -->\n<!-- end -->\n"
-    with pytest.raises(ValueError, match="'three'"):
-        project.fill(page, {"three": ""})
-
-
 def test_the_page_has_every_published_value(project):
     page = (DOCS / "projects" / "range-3km.md").read_text(encoding="utf-8")
     values = [value for case in project.PUBLISHED.values() for value in case["ekf"]]

@@ -34,7 +34,7 @@ def test_noise_in_si_units():
     np.testing.assert_allclose(SPEED(**SENSOR).sigmas(), [30, np.deg2rad(0.5), 2])
 
 
-@pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf"])
+@pytest.mark.parametrize("name", ["kf", "ekf", "ukf", "ckf"])
 def test_every_filter_follows_a_target_by_it(name):
     random = np.random.default_rng(1)
     scans = []

@@ -43,10 +43,6 @@ def results(project: ModuleType, rows: tuple[Any, ...]) -> dict[str, Result]:
     return {project.TUNING: project.result(project.TUNING, trackers), project.FUSION: project.result(project.FUSION)}
 
 
-def test_there_are_eleven_rows(project: ModuleType) -> None:
-    assert len((*project.UKF, *project.TUNED)) == 11
-
-
 def test_every_digit_of_the_published_ukf_comes_back(
     project: ModuleType, rows: tuple[Any, ...], results: dict[str, Result]
 ) -> None:

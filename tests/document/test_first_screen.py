@@ -6,11 +6,8 @@ import re
 
 import pytest
 
-from trackbench.document import Cell, Column, Document, Section, Table, TrackerStyle, end_of_axis, typeset
-from trackbench.document.files import document_text
+from trackbench.document import Cell, Column, Document, Section, Table, TrackerStyle, typeset
 from trackbench.document.html import to_html
-from trackbench.document.latex import table_to_latex
-from trackbench.document.markdown import to_markdown
 
 ERRORS = {"imm": (0.1, 0.08, 0.12), "ekf": (0.2, 0.18, 0.22), "raw": (1.0, 0.9, 1.1)}
 TABLE = Table(
@@ -27,15 +24,6 @@ DOCUMENT = Document(
     (Section("Verdict", (TABLE,)), Section("In detail", (Section("More", (), folded=True),), folded=True)),
     trackers=(TrackerStyle("t0", "imm", "#112233"),),
 )
-
-
-def test_an_axis_ends_before_what_is_far_out() -> None:
-    assert end_of_axis([1.0, 2.0, 3.9, 100.0]) == 3.9
-    assert end_of_axis([1.0, 9.0]) == 1.0
-    assert end_of_axis([1.0, 3.0]) == 3.0
-    assert end_of_axis([0.0, 0.0, 5.0]) == 5.0
-    assert end_of_axis([]) == 0.0
-    assert TABLE.axis(1) == (0.0, 0.22)
 
 
 def test_a_page_draws_bars_to_scale_and_says_which_goes_on() -> None:
@@ -57,19 +45,6 @@ def test_bars_below_zero_begin_at_zero() -> None:
     page = to_html(Document("tuning", "changes", (changes,)))
     assert '<rect x="4.55%" width="22.73%"' in page
     assert '<rect x="27.27%" width="68.18%"' in page
-
-
-def test_the_navigation_leads_to_every_top_section() -> None:
-    page = to_html(DOCUMENT)
-    links = re.findall(r'<a href="#([\w-]+)">', page)
-    assert links == ["verdict", "in-detail"]
-    assert all(f'id="{link}"' in page for link in links)
-
-
-def test_other_formats_have_the_texts() -> None:
-    for plain in (to_markdown(DOCUMENT), document_text(DOCUMENT), table_to_latex(TABLE)):
-        assert plain.count("optimistic") == 3
-        assert "0.20" in plain
 
 
 @pytest.mark.parametrize(

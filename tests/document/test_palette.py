@@ -12,8 +12,6 @@ from trackbench.document.palette import (
     IDENTITY_COLOURS,
     SENSOR_COLOURS,
     TRACKER_COLOURS,
-    tracker_colours,
-    tracker_styles,
 )
 
 # Linear sRGB to cone responses and to OKLab: Ottosson, "A perceptual color space for image processing", 2020.
@@ -77,18 +75,3 @@ def test_colours_are_seen_on_both_grounds(colour: str) -> None:
 def test_identities_are_no_tracker_or_sensor(colour: str) -> None:
     assert min(difference(colour, other) for other in (*TRACKER_COLOURS, *SENSOR_COLOURS)) > 0.06
     assert contrast(colour, "#101216") > 9
-
-
-def test_two_runs_of_nine_trackers_have_eighteen_colours() -> None:
-    names = [f"t{i} ({run})" for run in ("before", "after") for i in range(9)]
-    assert len(set(tracker_colours(names).values())) == 18
-
-
-def test_a_colour_that_is_taken_has_a_dash_and_a_marker_and_in_a_recording_another_colour() -> None:
-    places = {"first": 2, "other": 0, "second": 2}
-    styles, colours = tracker_styles(places), tracker_colours(places)
-    assert styles["first"].colour == styles["second"].colour == TRACKER_COLOURS[2]
-    assert (styles["first"].line, styles["first"].marker) == ("solid", "")
-    assert styles["second"].line != "solid"
-    assert styles["second"].marker
-    assert colours == {"first": TRACKER_COLOURS[2], "other": TRACKER_COLOURS[0], "second": TRACKER_COLOURS[1]}

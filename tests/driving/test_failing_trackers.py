@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from trackbench.results import MetricValue, Result, json_text
@@ -144,24 +143,6 @@ def test_the_lane_of_a_batch_is_named(outcome: Result) -> None:
     # Members are runs within objects: of 2 objects and 4 runs, member 6 is run 2 of the second object.
     failed = entry(outcome, "batch_nan")["failed"]
     assert (failed["run"], failed["object"], failed["step"]) == (2, outcome.json()["truth"]["objects"][1], 1)
-
-
-def test_the_others_finish_as_if_they_were_alone(outcome: Result, tiny_result: Result) -> None:
-    assert outcome.summary.fingerprint == tiny_result.summary.fingerprint
-    for name in ("raw", "ekf"):
-        found, alone = (dict(numbers(result[name].metrics)) for result in (outcome, tiny_result))
-        # Where one of them fails the sums of the others are added in another order.
-        assert found == pytest.approx(alone, rel=1e-12, abs=1e-12)
-        assert entry(outcome, name)["failed"] is None
-    assert outcome.json()["ranking"][:2] == tiny_result.json()["ranking"]
-    assert sorted(outcome.json()["ranking"]) == sorted(["raw", "ekf", *ANSWERS, *WHOLE])
-    for name, table in tiny_result.tables.items():
-        for column in table.column_names:
-            values, expected = (each[column].to_pandas() for each in (outcome.tables[name], table))
-            if expected.dtype == float:
-                np.testing.assert_allclose(values, expected, rtol=1e-12, atol=1e-12, err_msg=f"{name}: {column}")
-            else:
-                assert list(values) == list(expected), f"{name}: {column}"
 
 
 def numbers(metrics: dict[str, MetricValue]) -> Iterator[tuple[str, float]]:

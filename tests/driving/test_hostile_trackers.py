@@ -167,10 +167,6 @@ def outcome(tmp_path_factory: pytest.TempPathFactory, write_module: Any, run_tin
     return result
 
 
-def test_there_are_at_least_fifty() -> None:
-    assert len(STEPS) >= 50
-
-
 @pytest.mark.parametrize("name", STEPS)
 def test_the_cause_and_the_line_are_reported(outcome: Result, name: str) -> None:
     _, cause, known = STEPS[name]
@@ -325,21 +321,6 @@ def test_input_is_at_its_end(tiny: Path, cli: Any, write_module: Any) -> None:
     assert failed["failed"]["cause"].startswith(
         "EOFError: EOF when reading a line (a process of its own has no terminal"
     )
-
-
-def test_nothing_is_left_behind(tiny: Path, write_module: Any, trackbench: str) -> None:
-    code = (
-        "import os, subprocess, sys, time\nclass T:\n    def step(self, state, scan):\n"
-        "        child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1e6)'])\n"
-        "        open('left.txt', 'a').write(f'{os.getpid()} {child.pid} ')\n        time.sleep(1e6)\n"
-    )
-    _use(tiny, f"{write_module(tiny.parent, code)}:T")
-    command = [trackbench, "run", "tiny.yaml", "--quiet", "--no-recording", "--tracker-timeout", "2"]
-    done = subprocess.run(command, cwd=tiny.parent, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 3, done.stderr
-    for number in (tiny.parent / "left.txt").read_text().split():
-        with pytest.raises(ProcessLookupError):
-            os.kill(int(number), 0)
 
 
 def test_an_own_tracker_has_the_same_bits_in_either_process(

@@ -187,15 +187,3 @@ def test_address_space_is_no_memory(run_tiny: Callable[..., Result], tmp_path: P
 def test_the_memory_of_a_tracker_is_a_quarter_of_the_container() -> None:
     assert Isolation().bytes == container_memory() // 4
     assert 2**28 < container_memory() <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-
-
-def test_what_a_tracker_prints_is_passed_on(begin: Any) -> None:
-    code = (
-        "import sys\nclass Mine:\n    batched = True\n    def step(self, state, scan):\n"
-        "        for n in range(100): print(n); print(n, file=sys.stderr)\n        return 0, None\n"
-    )
-    run, _ = begin(code)
-    out, err = run.communicate(timeout=PATIENCE)
-    # Of 11 scans, twice: in the run and in its second drive.
-    assert sorted(line for line in err.splitlines() if line.isdecimal()) == sorted(map(str, [*range(100)] * 44))
-    assert not any(line.isdecimal() for line in out.splitlines())

@@ -108,17 +108,6 @@ class ReadsModule(Fading):
         return np.exp(-dt * GAIN)
 
 
-class Amplifies(Fading):
-    """Its velocity depends on digits behind the thirteenth."""
-
-    linear: ClassVar[bool] = False
-    pure = True
-
-    def left(self, x: Array, dt: float) -> Any:
-        turns = 1e13 * np.sin(x[0])
-        return 1.0 + 0.1 * (turns - np.floor(turns))
-
-
 class ByLinearAlgebra(Fading):
     """Takes its noise from a factorisation."""
 

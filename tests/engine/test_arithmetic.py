@@ -17,7 +17,7 @@ WIDE = np.finfo(np.longdouble).nmant > np.finfo(float).nmant
 SMALLEST, TINY, LARGEST = 5e-324, np.finfo(float).tiny, np.finfo(float).max
 SPECIAL = [0.0, SMALLEST, 3e-310, TINY, 1e-200, 1e-9, 0.5, 1.0, np.pi / 4, np.pi / 2, np.pi, 40.0, 1e9, 1e200, LARGEST]
 EVERY_SIGN = np.array([sign * value for value in [*SPECIAL, np.inf, np.nan] for sign in (1.0, -1.0)])
-ANGLES = ("tan", "sin", "cos")
+ANGLES = ("sin", "cos")
 #: How many examples of a kind are tried.
 SIZE = 50_000
 
@@ -121,7 +121,8 @@ def test_special_values_are_those_of_numpy(kernels: Kernels, name: str) -> None:
     def finite(values: Values) -> Values:
         """What is not finite as masks, since NumPy would compute again the members with such an output."""
         y = FUNCTIONS[name](*(values[x] for x in names))
-        return {"NaN": np.isnan(y), "infinite": np.isinf(y), "negative": y < 0, "y": np.where(np.isfinite(y), y, 1.0)}
+        infinite, finite = np.abs(y) == np.inf, np.where(np.isfinite(y), y, 1.0)
+        return {"NaN": np.isnan(y), "infinite": infinite, "negative": y < 0, "y": finite}
 
     equations = Equations(name, finite, dict.fromkeys(names, 0), key=("special", name))
     values = dict(zip(names, arguments, strict=True))
@@ -147,7 +148,7 @@ def test_a_direction_has_the_sign_of_its_second_coordinate(kernels: Kernels) -> 
     np.testing.assert_array_equal(np.signbit(found), np.signbit(y))
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "tan"])
+@pytest.mark.parametrize("name", ["sin", "cos"])
 def test_beyond_the_largest_angle_numpy_computes(kernels: Kernels, name: str) -> None:
     x = np.array([1.0, np.nextafter(LARGEST_ANGLE, np.inf), 1e300, -1e22])
     equations = Equations(name, lambda values: {"y": FUNCTIONS[name](values["x"])}, {"x": 0}, key=("beyond", name))
@@ -167,17 +168,3 @@ def test_numpy_evaluates_the_same_arithmetic() -> None:
     special = np.asarray(np.arctan2(by_arithmetic(y), x))
     np.testing.assert_allclose(special, np.arctan2(y, x), rtol=1e-15, atol=0)
     np.testing.assert_array_equal(np.signbit(special[~np.isnan(special)]), np.signbit(y[~np.isnan(special)]))
-
-
-def test_angles_of_no_end_are_those_of_numpy() -> None:
-    y, x = np.array([*product(EVERY_SIGN, [np.inf, -np.inf, np.nan])]).T
-    np.testing.assert_array_equal(np.asarray(np.arctan2(by_arithmetic(y), x)), np.arctan2(y, x))
-
-
-def test_other_functions_of_such_an_array_are_those_of_numpy() -> None:
-    x = np.linspace(0.1, 3.0, 7)
-    own = by_arithmetic(x.copy())
-    own += 1.0
-    np.testing.assert_array_equal(np.asarray(own), x + 1.0)
-    np.testing.assert_array_equal(np.asarray(np.tan(own)), np.tan(x + 1.0))
-    assert np.add.reduce(own) == np.add.reduce(x + 1.0)

@@ -38,7 +38,7 @@ PROCESSORS = ["x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", None]
 def said(given: Drive, name: str, start: str, kernels: Kernels) -> list[Array]:
     """What a tracker believes and says of the objects after each scan."""
     of, state = given.tracker(name, "fused", STARTS[start]), None
-    of.steps.__dict__["computed_filter"] = FusedFilter(of.filter, kernels)
+    of.__dict__["computed_filter"] = FusedFilter(of.filter, kernels)
     found: list[Array] = []
     for scan in given.scans:
         state, estimate = of.step(state, scan)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,11 +13,9 @@ from typing import Any
 import pytest
 
 import trackbench as tb
-from trackbench.base.errors import InputError
 from trackbench.engine import choice
 from trackbench.engine.choice import chosen
-from trackbench.engine.equations import EngineUsed, joined_engines
-from trackbench.results import Result
+from trackbench.engine.equations import EngineUsed
 from trackbench.runner.loop import run_block
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
@@ -97,17 +94,6 @@ def test_without_llvmlite_the_fused_engine_is_refused_in_one_line(
 
 
 @pytest.mark.usefixtures("without_llvmlite")
-def test_from_a_program_both_are_errors_of_the_input(tiny: Path) -> None:
-    with pytest.raises(InputError) as missing:
-        tb.run(tiny, engine="fused")
-    assert str(missing.value) == NO_LLVMLITE
-    for call in (lambda: tb.run(tiny, engine="nmpy"), lambda: tb.tune(tiny, ["ekf"], engine="nmpy")):  # type: ignore[arg-type]
-        with pytest.raises(InputError) as unknown:
-            call()
-        assert str(unknown.value) == "engine: no engine 'nmpy'; did you mean 'numpy'?"
-
-
-@pytest.mark.usefixtures("without_llvmlite")
 def test_auto_computes_by_numpy_without_llvmlite_and_says_so_if_asked(
     cli: Cli, tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,19 +112,6 @@ def test_auto_takes_the_fused_engine_where_there_is_work_enough() -> None:
     assert chosen("auto", choice.WORTH_COMPILING) == "fused"
     assert chosen("numpy", 10**9) == "numpy"
     assert chosen("fused", 1) == "fused"
-
-
-def test_the_work_is_counted_in_steps_of_single_objects(tiny: Path) -> None:
-    loaded = load_scenario(tiny, ["monte_carlo.runs=5"])
-    work = work_of(loaded, truths_of(loaded))
-    # 2 trackers, 5 runs, 2 objects; the radar at 10 Hz and the lidar at 5 Hz, from 0 to 2 s.
-    assert work.steps == 2 * 5 * 2 * (21 + 11)
-
-
-def test_few_steps_load_no_compiler(tiny: Path) -> None:
-    code = f"import sys, trackbench as tb; tb.run({str(tiny)!r}, recording=False); print('llvmlite' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
 
 
 def test_a_result_names_the_engine_that_was_asked_for(cli: Cli, tiny: Path, tmp_path: Path) -> None:
@@ -191,45 +164,3 @@ def test_a_tracker_of_ones_own_has_no_engine(
         "ekf": "numpy",
         "own": None,
     }
-
-
-def test_parts_that_were_computed_in_different_ways() -> None:
-    fused, numpy = EngineUsed("fused"), EngineUsed("numpy", "why")
-    assert joined_engines([]) is None
-    assert joined_engines([fused, fused]) == fused
-    assert joined_engines([fused, numpy, numpy]) == EngineUsed("fused and numpy", "why")
-
-
-def test_results_of_earlier_versions_were_computed_by_numpy(tiny_result: Result) -> None:
-    raw = json.loads(json.dumps(tiny_result.json()))
-    del raw["engine"]
-    for tracker in raw["trackers"]:
-        del tracker["engine"]
-    found = Result.from_json(raw, tiny_result.tables)
-    assert found.summary.engine == "numpy"
-    assert [tracker.engine for tracker in found.summary.trackers] == [None, None]
-    assert found.summary.made_with.endswith("; numpy engine")
-
-
-def test_results_of_two_engines_are_compared_and_it_is_said(tiny_result: Result, cli: Cli) -> None:
-    other = replace(tiny_result, summary=tiny_result.summary.model_copy(update={"engine": "fused"}))
-    note = "new was computed by the fused engine, old by the numpy engine: equal values may differ in their last digits"
-    for folder, result in (("old", tiny_result), ("new", other)):
-        result.save(Path(folder) / "tiny", {})
-    done = cli("compare", "old", "new", "--fail-on-regression", "position_rmse:5")
-    assert done.status == 0, done.err
-    assert note in " ".join(done.out.split())
-    assert "engine" not in cli("compare", "old", "old").out
-
-
-@pytest.mark.parametrize("text", [None, HIDDEN])
-def test_a_tuning_says_what_computed_it(cli: Cli, tiny: Path, tmp_path: Path, text: str | None) -> None:
-    if text is not None:
-        tiny.write_text(text, encoding="utf-8")
-    tracker = "ekf" if text is None else "gnn"
-    tune = ("tune", "tiny.yaml", "--trackers", tracker, "--trials", "3", "--engine", "numpy")
-    done = cli(*tune)
-    assert done.status == 0, done.err
-    found = json.loads((tmp_path / "tuned.json").read_text(encoding="utf-8"))
-    assert found["command"].endswith("--engine numpy --out tuned.yaml")
-    assert [item["engine"] for item in found["trackers"]] == ["numpy"]

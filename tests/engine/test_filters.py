@@ -35,17 +35,15 @@ def test_each_operation(name: str, kernels: Kernels, of_each_kind: dict[str, Dri
         predicted = own.predict(belief, 0.1)
         expected = own.predict_measurement(predicted, scan)
         assert agreement.of_predictions(fused.predict_measurement(predicted, scan), expected, predicted) < LIMIT
-        for given in (None, expected):
-            pair = fused.update(predicted, scan, given), own.update(predicted, scan, given)
-            assert agreement.of_updates(*pair, scan, angular) < LIMIT
+        assert agreement.of_updates(fused.update(predicted, scan), own.update(predicted, scan), scan, angular) < LIMIT
         stepped, by_numpy = fused.step(belief, 0.1, scan), step_of(own, belief, 0.1, scan)
         assert agreement.of_updates(stepped.update, by_numpy.update, scan, angular) < LIMIT
         for one in (stepped.cartesian, fused.cartesian(by_numpy.update.belief)):
             assert agreement.of_gaussians(one, by_numpy.cartesian) < LIMIT
         later = by_numpy.update.belief
         assert near(fused.smooth(belief, later, 0.1), own.smooth(belief, later, 0.1))
-        # Of several motion models NumPy smooths.
-        assert fused.used.engine == ("fused and numpy" if len(own.motions) > 1 else "fused")
+        # NumPy smooths.
+        assert fused.used.engine == "fused and numpy"
 
 
 def _under_way(of: Drive, name: str) -> AnyBelief:

@@ -124,16 +124,6 @@ def test_a_damaged_file_is_made_again(count: list[str], tmp_path: Path, damage: 
     assert [item.name for item in tmp_path.iterdir()] == [file.name]
 
 
-@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may read and write everything")
-@pytest.mark.parametrize("mode", [0o000, 0o500])
-def test_a_folder_that_may_not_be_written_does_no_harm(count: list[str], tmp_path: Path, mode: int) -> None:
-    folder = tmp_path / "kernels"
-    folder.mkdir(mode=mode)
-    run(folder)
-    run(folder)
-    assert len(count) == 2
-
-
 @pytest.mark.parametrize("where", ["a file", "below a file", "full"])
 def test_where_nothing_can_be_written_nothing_is_kept(
     count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
@@ -152,24 +142,6 @@ def test_where_nothing_can_be_written_nothing_is_kept(
     run(folder)
     assert len(count) == 2
     assert where != "full" or not list(folder.iterdir())
-
-
-def test_a_file_that_cannot_be_read_is_made_again(
-    count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run(tmp_path)
-
-    opened = os.open
-
-    def unreadable(name: Any, *arguments: Any, **options: Any) -> int:
-        if str(name).endswith(".o"):
-            raise PermissionError(13, "Permission denied", str(name))
-        return opened(name, *arguments, **options)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "open", unreadable)
-        run(tmp_path)
-    assert len(count) == 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no owners and rights of POSIX")
@@ -193,27 +165,6 @@ def test_a_file_that_another_user_can_have_written_is_refused(
         assert {file.stat().st_mode & 0o777 for file in tmp_path.iterdir()} == {0o600}
         run(tmp_path)
         assert len(count) == 4
-
-
-@pytest.mark.parametrize("mode", [0o600, 0o644, 0o444])
-def test_a_file_that_others_may_only_read_is_used(count: list[str], tmp_path: Path, mode: int) -> None:
-    run(tmp_path)
-    for file in tmp_path.iterdir():
-        file.chmod(mode)
-    run(tmp_path)
-    assert len(count) == 1
-
-
-def test_the_folder_is_the_one_that_is_stated(
-    count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path / "stated"))
-    Kernels()(squared(5.0), {"x": X})
-    assert len(list((tmp_path / "stated" / "kernels").glob("*.o"))) == 1
-    monkeypatch.delenv("TRACKBENCH_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
-    Kernels()(squared(5.0), {"x": X})
-    assert len(list((tmp_path / "user" / "trackbench" / "kernels").glob("*.o"))) == 1
 
 
 def test_processes_that_compile_at_once_do_no_harm(kernels: Kernels, tmp_path: Path) -> None:
@@ -255,60 +206,3 @@ def test_a_broken_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(llvm, "parse_assembly", broken)
     assert machine.unavailable() == "llvmlite cannot be loaded: libllvmlite.so: cannot open shared object file"
-
-
-def test_an_old_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    llvm = pytest.importorskip("llvmlite.binding")
-
-    def old(text: str) -> None:
-        raise RuntimeError("LLVM IR parsing error: expected type")
-
-    monkeypatch.setattr(llvm, "parse_assembly", old)
-    assert "too old" in str(machine.unavailable())
-
-
-class Library:
-    """A C library with an mprotect that answers so."""
-
-    def __init__(self, answer: int) -> None:
-        self.mprotect = type("Function", (), {"__call__": lambda *_: answer})()
-
-
-def refusing(*_: Any, **__: Any) -> Any:
-    return Library(-1)
-
-
-def without_mprotect(*_: Any, **__: Any) -> Any:
-    return object()
-
-
-def not_loaded(*_: Any, **__: Any) -> Any:
-    raise TypeError("LoadLibrary() argument 1 must be str, not None")
-
-
-@pytest.mark.parametrize(
-    ("library", "words"),
-    [
-        (refusing, "lets no memory be made executable"),
-        (without_mprotect, "cannot be found out"),
-        (not_loaded, "cannot be found out"),
-    ],
-)
-def test_without_executable_memory_there_are_no_kernels(
-    monkeypatch: pytest.MonkeyPatch, library: Callable[..., Any], words: str
-) -> None:
-    pytest.importorskip("llvmlite")
-    monkeypatch.setattr(machine.ctypes, "CDLL", library)
-    assert words in str(machine.unavailable())
-
-
-@pytest.mark.skipif(os.name != "posix", reason="no pipes and links of POSIX")
-def test_a_pipe_is_not_waited_for_and_a_link_is_not_followed(tmp_path: Path) -> None:
-    cache = KernelCache(tmp_path)
-    os.mkfifo(tmp_path / f"{KEY}.o")
-    assert cache.find(KEY) is None
-    cache.put(KEY, b"code")
-    assert cache.find(KEY) == b"code"
-    (tmp_path / f"{KEY}.o").rename(tmp_path / "elsewhere")
-    (tmp_path / f"{KEY}.o").symlink_to("elsewhere")
-    assert cache.find(KEY) is None

@@ -14,7 +14,6 @@ from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import LEAST_GROUP, Kernels
 from trackbench.engine.layout import Input
 from trackbench.engine.trace import Trace
-from trackbench.engine.vector_code import WIDTH
 
 RANKS = {"x": 1, "p": 2, "dt": 0, "valid": 0, "sigma": 1}
 
@@ -55,12 +54,6 @@ def test_batches_of_any_size_and_axes(kernels: Kernels, batch: tuple[int, ...]) 
         assert found[name].dtype == expected[name].dtype
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-14)
     assert STEP.key not in kernels.untraced
-
-
-def test_a_batch_of_none(kernels: Kernels) -> None:
-    found = kernels(STEP, given((0,)))
-    assert found["x"].shape == (3, 0)
-    assert found["far"].shape == (0,)
 
 
 def test_without_batch_axes(kernels: Kernels) -> None:
@@ -156,24 +149,11 @@ def test_other_types_are_left_to_numpy(kernels: Kernels, name: str, kind: Any) -
     assert "not given as doubles" in str(compared(kernels, equations, values))
 
 
-def test_a_whole_number_of_python_is_a_number(kernels: Kernels) -> None:
-    assert compared(kernels, STEP_TWICE, {**given(), "dt": 2}) == 0
-    assert compared(kernels, STEP_TWICE, {**given(), "dt": 2.5}) == 0
-
-
 def test_equations_of_one_name_are_told_apart(kernels: Kernels) -> None:
     values = given()
     for factor in (2.0, 3.0):
         scaled = equations_of(lambda given, factor=factor: {"y": given["x"] * factor}, {"x": 1})
         assert compared(kernels, scaled, values) == 0
-
-
-def test_the_same_output_twice_is_two_where_numpy_computes_again(kernels: Kernels) -> None:
-    def doubled(values: Values) -> Values:
-        x = values["x"]
-        return {"a": x[0], "b": x[0] if np.all(x[1] > 0) else np.where(x[1] > 0, x[0], x[2])}
-
-    assert compared(kernels, equations_of(doubled, {"x": 1}), given()) > 0
 
 
 class KernelCache:
@@ -299,36 +279,12 @@ def test_a_function_that_changes_its_input_is_left_to_numpy(kernels: Kernels, ch
     assert equations.key in kernels.untraced
 
 
-@pytest.mark.parametrize("said", [3.0, 3, True, (1.0,), np.float64(2.0), None])
-def test_a_number_as_output_is_that_of_all_members(kernels: Kernels, said: Any) -> None:
-    equations = equations_of(lambda v: {"y": v["x"], "odd": said}, {"x": 1})
-    found = kernels(equations, given())
-    assert equations.key not in kernels.untraced
-    if said is None:
-        assert "odd" not in found
-    else:
-        np.testing.assert_array_equal(found["odd"], np.broadcast_to(said, 19))
-
-
 @pytest.mark.parametrize("said", [[1.0, 2.0], np.zeros((0, 19)), np.ones(19), np.ones((19, 1)), np.ones(0)])
 def test_an_output_without_the_batch_axes_is_left_to_numpy(kernels: Kernels, said: Any) -> None:
     equations = equations_of(lambda v: {"y": v["x"], "odd": said}, {"x": 1})
     found = kernels(equations, given((3, 5)))["odd"]
     assert found is said
     assert "does not end with the batch axes" in kernels.untraced[equations.key][1]
-
-
-@pytest.mark.parametrize("said", [[1.0], 2.0, None, "text"])
-def test_what_gives_no_named_arrays_fails_as_it_does_by_numpy(kernels: Kernels, said: Any) -> None:
-    with pytest.raises((TypeError, ValueError)):
-        kernels(equations_of(lambda _: said, {"x": 1}), given())
-
-
-@pytest.mark.parametrize("said", ["text", object(), [[1.0], [1.0, 2.0]], np.array([None])])
-def test_outputs_that_are_no_numbers_are_left_to_numpy(kernels: Kernels, said: Any) -> None:
-    equations = equations_of(lambda v: {"y": v["x"], "odd": said}, {"x": 1})
-    assert kernels(equations, given())["odd"] is said
-    assert equations.key in kernels.untraced
 
 
 def test_an_error_is_that_of_numpy(kernels: Kernels) -> None:
@@ -383,13 +339,6 @@ def test_a_branch_in_batches_of_other_axes(kernels: Kernels, batch: tuple[int, .
         assert compared(kernels, equations_of(reset, {"x": 1}), values) == np.sum(values["x"][0] > 1.0)
 
 
-def test_a_branch_that_none_takes(kernels: Kernels) -> None:
-    def either(values: Values) -> Values:
-        return {"y": values["x"] if np.all(values["x"] < 1e9) else -values["x"]}
-
-    assert compared(kernels, equations_of(either, {"x": 1}), given()) == 0
-
-
 def test_a_given_mask_takes_the_general_branch(kernels: Kernels) -> None:
     taken = []
 
@@ -408,65 +357,6 @@ def test_a_given_mask_takes_the_general_branch(kernels: Kernels) -> None:
         assert compared(kernels, equations, {**values, "valid": valid}) == 0
         if valid is values["valid"]:
             assert (False, False, True, False, True, False) in taken
-
-
-def test_a_mask_is_no_branch_on_data_where_it_is_compared(kernels: Kernels) -> None:
-    def data(values: Values) -> Values:
-        found = values["valid"] & (values["x"][0] > 0.0)
-        return {"y": values["x"] if not np.any(found) else np.where(found, 0.0, values["x"])}
-
-    values = given((50,))
-    expected = np.sum(values["valid"] & (values["x"][0] > 0.0))
-    assert compared(kernels, equations_of(data, {"x": 1, "valid": 0}), values) == expected
-
-
-def test_an_output_that_only_the_other_branch_gives(kernels: Kernels) -> None:
-    def sometimes(values: Values) -> Values:
-        x = values["x"]
-        return {"y": x, "negative": x < 0.0 if np.any(x[0] > 1.0) else None}
-
-    values = given((60,))
-    found = kernels(equations_of(sometimes, {"x": 1}), values)
-    there = values["x"][0] > 1.0
-    assert found["negative"].dtype == bool
-    np.testing.assert_array_equal(found["negative"], (values["x"] < 0.0) & there)
-
-
-def test_values_that_are_the_same_for_all_can_be_outputs(kernels: Kernels) -> None:
-    def uniform(values: Values) -> Values:
-        x = values["x"]
-        return {"y": x if np.all(x[0] < 1.0) else 2.0 * x, "gain": values["sigma"][:, None] * values["dt"], "one": 1.0}
-
-    values = given((30,))
-    found = kernels(equations_of(uniform, {"x": 1, "sigma": 1, "dt": 0}), values)
-    np.testing.assert_array_equal(found["gain"], np.broadcast_to((0.1 * values["sigma"])[:, None], (3, 30)))
-    np.testing.assert_array_equal(found["one"], np.ones(30))
-
-
-def test_entries_of_values_without_batch_axes(kernels: Kernels) -> None:
-    def changed(values: Values) -> Values:
-        sigma = values["sigma"].copy()
-        first = sigma[0, ...]
-        first += values["dt"]
-        sigma[1] = 5.0
-        scaled = values["x"] * sigma[0] * sigma.sum() * float(len(sigma)) + sigma[1:].T[0]
-        return {"y": scaled, "z": scaled + np.diag(np.diag(values["q"]))[0, 0] * values["q"].T[0, 1]}
-
-    q = np.arange(4.0).reshape(2, 2)
-    equations = equations_of(changed, {"x": 1, "sigma": 1, "dt": 0, "q": 2})
-    assert compared(kernels, equations, {**given(), "q": q}) == 0
-
-
-def test_what_is_changed_in_place_changes_nothing_else(kernels: Kernels) -> None:
-    def changed(values: Values) -> Values:
-        x = values["x"]
-        first = x[:1].sum(axis=0)
-        first += 1.0
-        same = np.copy(x)
-        same[1:2] *= 3.0
-        return {"x": x + 0.0, "first": first, "same": same}
-
-    assert compared(kernels, equations_of(changed, {"x": 1}), given()) == 0
 
 
 DROPPED: dict[str, Callable[[Any, Any], Any]] = {
@@ -491,13 +381,6 @@ def test_what_is_left_out_hides_no_infinity(kernels: Kernels, name: str) -> None
     assert isinstance(compared(kernels, equations, {"a": a, "b": b}), int)
 
 
-def test_finite_members_are_not_computed_again(kernels: Kernels) -> None:
-    for name, function in DROPPED.items():
-        equations = equations_of(lambda v, f=function: {"y": f(v["a"], v["b"])}, {"a": 0, "b": 0})
-        values = {"a": np.linspace(-3.0, 2.0, 33), "b": np.linspace(5.0, 7.0, 33)}
-        assert compared(kernels, equations, values) == 0, name
-
-
 def test_what_is_not_counted_need_not_be_finite(kernels: Kernels) -> None:
     def update(values: Values) -> Values:
         x, valid = values["x"], values["valid"]
@@ -513,44 +396,3 @@ def test_what_is_not_counted_need_not_be_finite(kernels: Kernels) -> None:
     assert compared(kernels, equations_of(update, ranks), values) == np.sum(~values["valid"])
     values["z"][values["valid"]] = np.inf
     assert compared(kernels, counted, values) == np.sum(values["valid"])
-
-
-def test_an_input_that_is_not_counted_need_not_be_finite(kernels: Kernels) -> None:
-    def weighed(values: Values) -> Values:
-        return {"y": values["x"] + np.where(values["valid"], 0.0 * values["z"], 1.0)}
-
-    values = given((50,))
-    values["z"] = np.where(values["valid"], 1.0, np.nan)
-    ranks = {"x": 1, "z": 0, "valid": 0}
-    assert compared(kernels, equations_of(weighed, ranks, counted={"z": "valid"}), values) == 0
-    assert compared(kernels, equations_of(weighed, ranks), values) == np.sum(~values["valid"])
-
-
-@pytest.mark.parametrize("function", [np.maximum, np.minimum])
-def test_the_larger_and_the_smaller_of_what_is_no_number(kernels: Kernels, function: Callable[..., Any]) -> None:
-    def extremes(values: Values) -> Values:
-        a, b = values["a"], values["b"]
-        every = {"both": function(a, b), "left": function(1.0, b), "right": function(a, 1.0), "one": function(a, a)}
-        none = {f"{name} is none": np.isnan(value) for name, value in every.items()}
-        return none | {name: np.where(np.isfinite(value), value, 7.0) for name, value in every.items()}
-
-    a, b = (part.ravel() for part in np.meshgrid(*[[np.nan, -np.inf, 0.0, 1.0, 2.0, np.inf]] * 2))
-    assert compared(kernels, equations_of(extremes, {"a": 0, "b": 0}), {"a": a, "b": b}) == 0
-
-
-def test_half_of_a_symmetric_matrix_is_read(kernels: Kernels) -> None:
-    equations = equations_of(lambda v: {"y": np.einsum("ij...->i...", v["p"])}, {"p": 2}, symmetric=frozenset({"p"}))
-    values = {"p": given()["p"]}
-    expected = values["p"].sum(axis=1)
-    values["p"] = values["p"] * np.tri(3)[..., None]
-    np.testing.assert_allclose(kernels(equations, values)["y"], expected, rtol=1e-13)
-
-
-def test_few_members_are_as_many(kernels: Kernels) -> None:
-    """A member has the same bits alone and among others."""
-    values = given((WIDTH * 3 + 5,))
-    whole = kernels(STEP, values)
-    for i in (0, 7, 8, 20, 28):
-        one = {name: value[..., i : i + 1] if np.ndim(value) > RANKS[name] else value for name, value in values.items()}
-        for name, found in kernels(STEP, one).items():
-            np.testing.assert_array_equal(found, whole[name][..., i : i + 1])

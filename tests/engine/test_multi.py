@@ -16,7 +16,7 @@ CV, CA, CTRV = ({"model": name, **NOISE[name]} for name in ("cv", "ca", "ctrv"))
 FILTERS = {
     "kf": ("kf", CV),
     "ekf": ("ekf", CTRV),
-    "iekf": ("iekf", CA),
+    "ekf of ca": ("ekf", CA),
     "ukf": ("ukf", CTRV),
     "ckf": ("ckf", CV),
     "imm": ("ekf", {"imm": [CV, CTRV], "stay_s": [3, 2]}),
@@ -27,7 +27,7 @@ ROUNDING = 1e-8
 
 def tracker(filter_name, motion, method, initial=None) -> MultiObjectTracker:
     given = {"filter": filter_name, "motion": motion, "associate": {"method": method}}
-    return build_multi(FilterConfig.model_validate(given | ({} if initial is None else {"initial": initial})))
+    return build_multi(FilterConfig.model_validate(given | ({} if initial is None else {"initial": initial}))).tracker
 
 
 def assert_same_tracks(of, seen) -> None:

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from tests.engine import agreement
 from tests.engine.agreement import drive, of_modes
-from tests.support.scenes import NOISE, tracker
+from tests.support.scenes import NOISE
 from tests.support.steps import step_of
 
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.machine import KernelCache, Processor
-from trackbench.filters import Belief, InteractingMultipleModel, SingleModelFilter, select
-from trackbench.models.motion import ConstantProcessNoise, ConstantVelocity
+from trackbench.filters import Belief, select
 from trackbench.subjects.tuning.entry import combined
 from trackbench.trackers.builtin import build, filter_of
 from trackbench.trackers.config import FilterConfig
@@ -85,7 +84,7 @@ def test_fifty_values_need_no_other_kernel(name: str, counted: Kernels) -> None:
 def test_each_member_may_have_its_own(name: str) -> None:
     entry, drawn = own_values(name)
     whole = combined(entry, drawn)
-    of, by_kernels = build(whole), build(whole)
+    of, by_kernels = build(whole).tracker, build(whole).tracker
     object.__setattr__(by_kernels, "engine", "fused")
     angular = tuple(motion.angular for motion in of.filter.motions)
     state = other = None
@@ -110,22 +109,6 @@ def test_a_member_with_its_own_is_as_with_those_for_all(name: str) -> None:
         assert _bits(select(own, np.array([i]))) == _bits(select(alike, np.array([i])))
 
 
-def test_a_list_of_which_each_member_has_its_own() -> None:
-    variances = (0.1, np.linspace(0.1, 1.0, 9), 0.2, 0.3)
-    model = ConstantProcessNoise(motion=ConstantVelocity(acceleration_sigma_mps2=1.0), variances=(0.1,) * 4)
-    filter = _ekf(model.model_copy(update={"variances": variances}))
-    belief = Belief(*_anywhere(4, 9))
-    fused = FusedFilter(filter, Kernels())
-    assert agreement.apart(fused.predict(belief, 0.1), filter.predict(belief, 0.1), ((),)) < agreement.LIMIT
-    assert fused.used[:3] == ("fused", "", 0)
-
-
-def _ekf(model: Any) -> SingleModelFilter:
-    made = tracker(**SEARCHED["ekf-cv"][0]).filter
-    assert not isinstance(made, InteractingMultipleModel)
-    return type(made)(model)
-
-
 def _anywhere(size: int, batch: int = BATCH) -> Any:
     random = np.random.default_rng(size)
     root = random.normal(size=(size, size, batch))
@@ -134,7 +117,7 @@ def _anywhere(size: int, batch: int = BATCH) -> Any:
 
 
 def _last_belief(entry: FilterConfig) -> Any:
-    made, state = build(entry), None
+    made, state = build(entry).tracker, None
     object.__setattr__(made, "engine", "fused")
     for scan in drive(15, BATCH, ["lidar", "radar"]).scans:
         state, _ = made.step(state, scan)

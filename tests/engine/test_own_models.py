@@ -13,35 +13,19 @@ import numpy as np
 import pytest
 from tests.engine import agreement, own_models
 from tests.engine.agreement import drive
-from tests.engine.compared import equations_of
 from tests.engine.own_models import Fading
 
-from trackbench.base import linalg
 from trackbench.base.types import Estimate, Scan
-from trackbench.engine import kernels as kernels_module
 from trackbench.engine.choice import Engine
-from trackbench.engine.equations import EngineUsed, Values
-from trackbench.engine.filters import FusedFilter
-from trackbench.engine.filters import kernels as kernels_of_this_process
-from trackbench.engine.kernels import Kernels
-from trackbench.engine.machine import KernelCache
-from trackbench.engine.user_types import agree
-from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled_points
-from trackbench.models.motion import ConstantProcessNoise, ConstantVelocity, MotionModel
+from trackbench.engine.equations import EngineUsed
+from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, SymmetricSet
+from trackbench.models.motion import MotionModel
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.initial import InitialConfig
 
 pytestmark = pytest.mark.usefixtures("kernels")
 FIRST = InitialConfig.model_validate({"from": "first_measurement", "velocity_sigma_mps": 10})
 SCANS = drive(12, 9, ["lidar", "radar"]).scans
-
-
-@pytest.fixture
-def kernels_of_process() -> Iterator[Kernels]:
-    """Those of this process, in which a model is first seen."""
-    kernels_of_this_process.cache_clear()
-    yield kernels_of_this_process()
-    kernels_of_this_process.cache_clear()
 
 
 def tracked(
@@ -52,7 +36,7 @@ def tracked(
     start: InitialConfig = FIRST,
 ) -> tuple[list[Estimate], EngineUsed]:
     """What a filter with the model says of all scans, and what computed it."""
-    filter = SigmaPointFilter(model, scaled_points(1.0, 2.0, 0.0)) if kind is SigmaPointFilter else kind(model)
+    filter = SigmaPointFilter(model, SymmetricSet(1.0, 2.0, 0.0)) if kind is SigmaPointFilter else kind(model)
     tracker = FilterTracker(filter, start, engine=engine)
     state, said = None, []
     for scan in scans:
@@ -138,28 +122,6 @@ def test_a_class_says_for_itself_that_it_is_pure() -> None:
     assert difference(said, tracked(own_models.Silent(), "numpy")[0]) == 0.0
 
 
-def test_so_does_a_model_within_another() -> None:
-    within = ConstantProcessNoise(motion=own_models.Silent(), variances=(1.0,) * 4)
-    assert "Silent does not say pure = True" in tracked(within, "fused")[1].why_numpy
-    within = ConstantProcessNoise(motion=own_models.Fading(), variances=(1.0,) * 4)
-    assert tracked(within, "fused")[1] == EngineUsed("fused")
-
-
-def test_a_kernel_is_compared_only_where_it_is_asked_for(kernels_of_process: Kernels) -> None:
-    kernels_of_process.compares = False
-    assert tracked(own_models.AsksForAnArray(), "fused")[1] == EngineUsed("fused")
-
-
-def test_kernels_of_a_users_model_are_not_kept_on_disk(tmp_path: Path) -> None:
-    kept = KernelCache(tmp_path)
-    belief = Belief(np.ones((4, 9)), np.stack([np.eye(4)] * 9, axis=-1))
-    for motion, count in ((Fading(), 0), (ConstantVelocity(acceleration_sigma_mps2=1.0), 1)):
-        filter = FusedFilter(ExtendedKalmanFilter(motion), Kernels(kept=kept))
-        filter.predict(belief, 0.1)
-        assert filter.used == EngineUsed("fused")
-        assert len([*tmp_path.iterdir()]) == count
-
-
 def test_the_line_that_cannot_be_traced_is_named() -> None:
     for model, function in ((own_models.ByLinearAlgebra, "noise_gain"), (own_models.ChangesItsInput, "transition")):
         _, used = tracked(model(), "fused")
@@ -214,44 +176,3 @@ def test_a_start_from_the_first_measurement(model: type[Fading]) -> None:
     assert np.isfinite(said[-1].mean).all()
     assert used.engine == "fused" or model not in COMPILED
     assert difference(said, expected) < 1e-10
-
-
-def test_rounding_is_no_difference() -> None:
-    """However much the equations amplify it."""
-    mean = np.ones((4, 40)) * np.linspace(1.0, 50.0, 40)
-    belief = Belief(mean, np.stack([np.diag([1.0, 1.0, 9.0, 9.0])] * 40, axis=-1))
-    filter = FusedFilter(SigmaPointFilter(own_models.Amplifies(), scaled_points(1.0, 2.0, -1.0)), Kernels())
-    filter.predict(belief, 0.1)
-    assert filter.used == EngineUsed("fused")
-
-
-@pytest.mark.parametrize(("covariance", "alike"), [(1e-32, True), (1e-16, True), (1e-3, False)])
-def test_a_covariance_that_is_zero_for_all_members_is_compared_with_the_variances(
-    covariance: float, alike: bool
-) -> None:
-    def function(values: Values) -> Values:
-        return {"p": linalg.matrix([[values["x"], 0.0 * values["x"]], [0.0 * values["x"], values["x"]]])}
-
-    values = {"x": np.linspace(1.0, 2.0, 9)}
-    expected = function(values)
-    outputs = {"p": expected["p"] + covariance * np.array([[0.0, 1.0], [1.0, 0.0]])[..., None]}
-    assert agree(equations_of(function, {"x": 0}), values, outputs, expected) == alike
-
-
-@pytest.mark.parametrize("offset", [0.0, 5e6])
-def test_a_component_is_compared_by_itself(monkeypatch: pytest.MonkeyPatch, offset: float) -> None:
-    """A speed that is wrong by a millimetre a second, at coordinates of a map."""
-    run, wrong = kernels_module._run, [0.0]
-
-    def disturbed(*arguments: Any) -> Any:
-        outputs, held = run(*arguments)
-        outputs["mean"] = np.concatenate([outputs["mean"][:2], outputs["mean"][2:] + wrong[0]])
-        return outputs, held
-
-    monkeypatch.setattr(kernels_module, "_run", disturbed)
-    mean = np.linspace([offset, offset, 1.0, 2.0], [offset + 40.0, offset, 12.0, 3.0], 40, axis=-1)
-    belief = Belief(mean, np.stack([np.eye(4)] * 40, axis=-1))
-    filter = FusedFilter(ExtendedKalmanFilter(own_models.Nonlinear()), Kernels())
-    for wrong[0] in (0.0, 1e-3):
-        filter.predict(belief, 0.1)
-        assert filter.used.differs == (wrong[0] > 0.0)

@@ -12,6 +12,7 @@ from tests.support.traffic_scans import traffic, vehicles
 
 from trackbench.base.types import FieldOfView, Scan
 from trackbench.engine.beliefs import belief_values, prediction_values
+from trackbench.engine.filters import fused_filter
 from trackbench.engine.kernels import Kernels
 from trackbench.filters import AnyBelief
 from trackbench.trackers.config import FilterConfig
@@ -30,8 +31,8 @@ def both(name: str) -> tuple[TrackFilter, FusedTrackFilter]:
     filter_name, motion = FILTERS[name]
     of = build_multi(
         FilterConfig.model_validate({"filter": filter_name, "motion": motion, "associate": {"method": "gnn"}})
-    )
-    return TrackFilter(of.filter, of.initial), FusedTrackFilter(of.filter, of.initial)
+    ).tracker
+    return TrackFilter(of.filter, of.initial), FusedTrackFilter(fused_filter(of.filter), of.initial)
 
 
 def scans(kind: str) -> list[Scan]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from tests.engine import agreement
-from tests.engine.agreement import FILTERS, LIMIT, Drive, drive
+from tests.engine.agreement import LIMIT, Drive, drive
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -27,9 +27,3 @@ def largest_difference(name: str, of: Drive) -> float:
 @pytest.mark.parametrize("name", agreement.CHOSEN)
 def test_sixty_scans(name: str) -> None:
     assert largest_difference(name, drive(60, 21)) < LIMIT
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FILTERS)
-def test_five_hundred_scans(name: str) -> None:
-    assert largest_difference(name, drive(500, 60)) < LIMIT

@@ -10,11 +10,9 @@ from trackbench.filters import (
     CUBATURE,
     Belief,
     ExtendedKalmanFilter,
-    IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
-    classic_points,
-    scaled_points,
+    SymmetricSet,
 )
 from trackbench.models.motion import MOTION_MODELS, process_noise_covariance
 from trackbench.models.sensors import SENSOR_MODELS
@@ -128,35 +126,6 @@ def test_extended_kalman_filter_is_the_textbook_one(motion):
 
 
 @every_model
-def test_iterated_filter_finds_the_most_probable_state(motion):
-    belief = start(motion)
-    x, p = belief.mean, belief.covariance * 0.1
-    h, slope = observation(motion, "radar")
-    measurement = h(x) + np.array([0.8, 0.03, -0.6])
-    expected = reference.most_probable(x, p, measurement, h, RADAR_NOISE, reference.residual((1,)))
-    seen = scan("radar", 0.1, measurement, pose=POSE, velocity=OWN)
-    found = IteratedExtendedKalmanFilter(motion, 50).update(Belief(x, p), seen)
-    np.testing.assert_allclose(reference.residual(motion.angular)(found.belief.mean, expected), 0, atol=1e-6)
-    # Its covariance is that of the linearisation at the estimate, its innovation that of the prediction.
-    _, covariance, _ = reference.update(x, p, np.zeros(3), slope(expected), RADAR_NOISE)
-    np.testing.assert_allclose(found.belief.covariance, covariance, atol=1e-5)
-    first = ExtendedKalmanFilter(motion).update(Belief(x, p), seen)
-    np.testing.assert_allclose(found.innovation, first.innovation, atol=1e-12)
-    np.testing.assert_allclose(found.innovation_covariance, first.innovation_covariance, atol=1e-12)
-
-
-@every_model
-def test_iterated_filter_with_one_iteration_is_the_extended_one(motion):
-    belief = start(motion)
-    for seen, dt in scans(motion, steps=4):
-        extended, iterated = ExtendedKalmanFilter(motion), IteratedExtendedKalmanFilter(motion, 1)
-        a = extended.update(extended.predict(belief, dt), seen).belief
-        b = iterated.update(iterated.predict(belief, dt), seen).belief
-        assert_same(a, b.mean, b.covariance, tolerance=1e-12)
-        belief = a
-
-
-@every_model
 @pytest.mark.parametrize("augmented", [True, False], ids=["augmented", "additive"])
 @pytest.mark.parametrize(
     "rule",
@@ -164,7 +133,7 @@ def test_iterated_filter_with_one_iteration_is_the_extended_one(motion):
     ids=["scaled", "alpha 0.5", "negative centre", "cubature"],
 )
 def test_unscented_filter_is_the_textbook_one(motion, augmented, rule):
-    unscented = SigmaPointFilter(motion, scaled_points(*rule), augmented)
+    unscented = SigmaPointFilter(motion, SymmetricSet(*rule), augmented)
     belief = start(motion)
     x, p = belief.mean, belief.covariance
     subtract = reference.residual(motion.angular)
@@ -204,10 +173,9 @@ def test_unscented_filter_is_the_textbook_one(motion, augmented, rule):
 def test_all_filters_are_one_on_a_linear_problem(motion):
     others = {
         "ekf": ExtendedKalmanFilter(motion),
-        "iekf": IteratedExtendedKalmanFilter(motion, 4),
-        "scaled ukf": SigmaPointFilter(motion, scaled_points(0.7, 2.0, 1.0)),
-        "classic ukf": SigmaPointFilter(motion, classic_points(None)),
-        "additive ukf": SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0), augmented=False),
+        "scaled ukf": SigmaPointFilter(motion, SymmetricSet(0.7, 2.0, 1.0)),
+        "classic ukf": SigmaPointFilter(motion, SymmetricSet(1.0, 0.0, None)),
+        "additive ukf": SigmaPointFilter(motion, SymmetricSet(1.0, 2.0, 0.0), augmented=False),
         "ckf": SigmaPointFilter(motion, CUBATURE, augmented=False),
     }
     kalman, belief = KalmanFilter(motion), start(motion)
@@ -229,15 +197,14 @@ def test_all_filters_are_one_on_a_linear_problem(motion):
 
 
 def test_the_classic_rule_takes_three_minus_the_dimension():
-    assert classic_points(None).weights(5) == pytest.approx((np.sqrt(3), (3 - 5) / 3, (3 - 5) / 3, 1 / 6))
+    assert SymmetricSet(1.0, 0.0, None).weights(5) == pytest.approx((np.sqrt(3), (3 - 5) / 3, (3 - 5) / 3, 1 / 6))
 
 
 def test_the_keys_of_a_scenario_choose_the_rule():
-    made = tracker(filter="ukf", motion="ctrv", alpha=0.5, beta=1.5, kappa=2.0, **NOISE["ctrv"]).filter
-    assert made.rule == scaled_points(0.5, 1.5, 2.0)
+    made = tracker(filter="ukf", motion="ctrv", kappa=2.0, **NOISE["ctrv"]).filter
+    assert made.rule == SymmetricSet(1.0, 2.0, 2.0)
     assert made.augmented
     made = tracker(filter="ukf", motion="ctrv", sigma_points="classic", augmented=False, **NOISE["ctrv"]).filter
-    assert made.rule == classic_points(None)
+    assert made.rule == SymmetricSet(1.0, 0.0, None)
     assert not made.augmented
     assert tracker(filter="ckf", motion="ca", **NOISE["ca"]).filter == SigmaPointFilter(MODELS["ca"], CUBATURE, False)
-    assert tracker(filter="iekf", motion="cv", iterations=7, **NOISE["cv"]).filter.iterations == 7

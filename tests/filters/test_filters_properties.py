@@ -75,24 +75,12 @@ def test_a_batch_is_the_loop_over_its_members(keys, initial):
             made.with_prior(times[i], Kinematics(*(value[i] for value in motion)), normal[:, i]) for i in range(size)
         ]
         made = made.with_prior(times, motion, normal)
-    # Gauss-Newton steps from a course of which nothing is known enlarge the rounding of the last bit.
-    loose = initial == "first_measurement" and keys["filter"] == "iekf" and not made.filter.motion.linear
     batch = through(made, scans)
     for i in range(size):
         for whole, single in zip(batch, through(alone[i], [member(seen, i) for seen in scans]), strict=True):
-            assert_member_is(whole, single, i, 1e-9 if loose else 1e-12)
+            assert_member_is(whole, single, i, 1e-12)
     assert np.isfinite(batch[-1].mean[:, :3]).all()
     assert np.isnan(batch[-1].mean[:, 3]).all()
-
-
-@every_tracker
-def test_batch_axes_of_any_shape(keys):
-    scans = list(measurements(6, 8, seed=5, detection=1.0))
-    flat = through(tracker(**keys), scans)[-1]
-    square = [s._replace(measurement=s.measurement.reshape(-1, 2, 3), valid=s.valid.reshape(2, 3)) for s in scans]
-    found = through(tracker(**keys), square)[-1]
-    np.testing.assert_allclose(found.mean.reshape(4, 6), flat.mean, rtol=1e-12)
-    np.testing.assert_allclose(found.covariance.reshape(4, 4, 6), flat.covariance, rtol=1e-12, atol=1e-12)
 
 
 @every_tracker
@@ -140,7 +128,7 @@ def test_no_time_means_no_prediction(keys):
 
 
 # The Kalman filter on a radar is left out: the unbiased conversion moves a noiseless measurement.
-NOISELESS = [(name, kind) for name in TRACKERS for kind in ("radar", "lidar") if name.startswith(("ekf", "iekf"))]
+NOISELESS = [(name, kind) for name in TRACKERS for kind in ("radar", "lidar") if name.startswith("ekf")]
 NOISELESS += [("kf-cv", "lidar"), ("kf-ca", "lidar")]
 
 
@@ -167,7 +155,7 @@ def test_sigma_points_on_nearly_noiseless_measurements_err_in_second_order_only(
     if keys["motion"] in ("ca", "ctra"):
         small["acceleration_sigma_mps2"] = 1e-3
     if keys["motion"] in ("ctrv", "ctra"):
-        small |= {"yaw_sigma_rad": 1e-3, "yaw_rate_sigma_radps": 1e-3}
+        small["covariance_diag"] = [1e-6] * (5 if keys["motion"] == "ctrv" else 6)
     made = tracker(**keys, initial={"from": "truth", **small})
     start = Kinematics(*(np.full(1, value) for value in (30.0, 5.0, 12.0, 3.0, 0.4, 0.3)))
     made = made.with_prior(np.zeros(1), start, np.zeros((6, 1)))
@@ -179,25 +167,3 @@ def test_sigma_points_on_nearly_noiseless_measurements_err_in_second_order_only(
         noise = np.eye(3) * 1e-6
         state, estimate = made.step(state, scan("radar", 0.1 * k, exact, noise=noise, pose=POSE, velocity=OWN))
         np.testing.assert_allclose(estimate.mean, target, atol=1e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["ekf-cv", "ekf-ctra", "ukf-ctrv", "ckf-ctra"])
-def test_thousands_of_steps_leave_the_filter_as_sound_as_ever(name):
-    made = tracker(**TRACKERS[name], initial="first_measurement")
-    random = np.random.default_rng(1)
-    state, dt = None, 0.1
-    target = np.stack([50 * np.ones(4), np.zeros(4), np.zeros(4), 10 * np.ones(4)])
-    for k in range(4_000):
-        angle = 0.2 * dt * k
-        c, s = np.cos(angle), np.sin(angle)
-        target = np.array([[50 * c], [50 * s], [-10 * s], [10 * c]])
-        kind, noise = ("radar", RADAR_NOISE) if k % 2 else ("lidar", LIDAR_NOISE)
-        exact = SENSOR_MODELS[kind].measure(target, np.zeros(3), np.zeros(2))
-        sigma = np.sqrt(np.diag(noise))[:, None]
-        state, estimate = made.step(state, scan(kind, k * dt, exact + sigma * random.normal(size=(len(noise), 4))))
-    covariance = estimate.state_covariance
-    np.testing.assert_allclose(covariance, np.swapaxes(covariance, 0, 1), rtol=1e-12, atol=1e-14)
-    assert np.all(smallest_eigenvalue(covariance) > 0)
-    assert np.all(np.hypot(*(estimate.mean - target)[:2]) < 1.5)
-    assert estimate.repaired is None

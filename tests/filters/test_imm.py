@@ -14,11 +14,10 @@ from trackbench.filters import (
     Belief,
     ExtendedKalmanFilter,
     InteractingMultipleModel,
-    IteratedExtendedKalmanFilter,
     KalmanFilter,
     MultiModelBelief,
     SigmaPointFilter,
-    scaled_points,
+    SymmetricSet,
 )
 from trackbench.filters.imm import in_state_of, transition_probabilities
 from trackbench.models.motion import (
@@ -34,9 +33,8 @@ MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items
 QUIET, LIVELY = ConstantVelocity(acceleration_sigma_mps2=0.3), ConstantVelocity(acceleration_sigma_mps2=8.0)
 KINDS = {
     "ekf": ExtendedKalmanFilter,
-    "iekf": IteratedExtendedKalmanFilter,
-    "ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0)),
-    "additive ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0), augmented=False),
+    "ukf": lambda motion: SigmaPointFilter(motion, SymmetricSet(1.0, 2.0, 0.0)),
+    "additive ukf": lambda motion: SigmaPointFilter(motion, SymmetricSet(1.0, 2.0, 0.0), augmented=False),
     "ckf": lambda motion: SigmaPointFilter(motion, CUBATURE, augmented=False),
 }
 every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -205,15 +203,6 @@ def test_without_a_measurement_the_modes_are_left_to_the_chain():
         np.testing.assert_allclose(after.mean[:, 1], before.mean[:, 1], rtol=1e-14)
         np.testing.assert_allclose(after.covariance[..., 1], before.covariance[..., 1], rtol=1e-14, atol=1e-14)
     np.testing.assert_array_equal(update.innovation == 0.0, [[False, True]] * 3)
-
-
-def test_over_no_time_the_modes_stay_as_they_are():
-    filter = imm(ExtendedKalmanFilter, MODELS["cv"], MODELS["ctrv"])
-    belief = run(filter, begun(filter), scans(steps=3))[-1].belief
-    after = filter.predict(belief, 0.0)
-    np.testing.assert_array_equal(after.probability, belief.probability)
-    for a, b in zip(after.modes, belief.modes, strict=True):
-        np.testing.assert_allclose(a.mean, b.mean, atol=1e-13)
 
 
 @every_kind

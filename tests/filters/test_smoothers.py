@@ -12,11 +12,9 @@ from trackbench.filters import (
     CUBATURE,
     Belief,
     ExtendedKalmanFilter,
-    IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
-    classic_points,
-    scaled_points,
+    SymmetricSet,
 )
 from trackbench.models.motion import MOTION_MODELS
 
@@ -24,10 +22,9 @@ MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items
 KINDS = {
     "kf": KalmanFilter,
     "ekf": ExtendedKalmanFilter,
-    "iekf": IteratedExtendedKalmanFilter,
-    "ukf": lambda motion: SigmaPointFilter(motion, scaled_points(0.7, 2.0, 1.0)),
-    "classic ukf": lambda motion: SigmaPointFilter(motion, classic_points(None)),
-    "additive ukf": lambda motion: SigmaPointFilter(motion, scaled_points(1.0, 2.0, 0.0), augmented=False),
+    "ukf": lambda motion: SigmaPointFilter(motion, SymmetricSet(0.7, 2.0, 1.0)),
+    "classic ukf": lambda motion: SigmaPointFilter(motion, SymmetricSet(1.0, 0.0, None)),
+    "additive ukf": lambda motion: SigmaPointFilter(motion, SymmetricSet(1.0, 2.0, 0.0), augmented=False),
     "ckf": lambda motion: SigmaPointFilter(motion, CUBATURE, augmented=False),
 }
 every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -134,9 +131,3 @@ def test_a_batch_is_the_loop_over_its_members(kind):
         for a, b in zip(together, alone, strict=True):
             np.testing.assert_allclose(a.mean[:, i], b.mean, rtol=1e-10, atol=1e-10)
             np.testing.assert_allclose(a.covariance[..., i], b.covariance, rtol=1e-10, atol=1e-10)
-
-
-def test_of_one_belief_nothing_changes():
-    belief = Belief(np.ones(4), np.eye(4))
-    (found,) = smoothed(ExtendedKalmanFilter(MODELS["cv"]), [belief], [])
-    assert found.mean is belief.mean

@@ -27,10 +27,7 @@ ROWS = [
 ]
 #: Of the same motion as boxes, with a don't-care box; and detections with a false alarm in each scan.
 BOX_HEAD = ["t", "who", "type", "x", "y", "vx", "vy", "yaw", "l", "w"]
-BOXES = [
-    *([t, name, "car", x, y, vx, vy, 0.06, 4.5, 1.8] for t, name, x, y, vx, vy, *_ in ROWS),
-    *([k * 0.05, "", "DontCare", 30.0, -8.0, 0, 0, 0.0, 10, 5] for k in range(30)),
-]
+BOXES = [[t, name, "car", x, y, vx, vy, 0.06, 4.5, 1.8] for t, name, x, y, vx, vy, *_ in ROWS]
 SCAN_HEAD = ["t", "who", "r", "az", "rr"]
 SCANS = [
     *([t, name, *polar] for t, name, _, _, _, _, *polar in ROWS),
@@ -43,13 +40,7 @@ TRACKERS = {"raw": {"use": "raw"}, "ekf": {"filter": "ekf", "motion": "cv", "acc
 COLUMNS = {"time": "t", "object": "who", "px": "x", "py": "y", "vx": "vx", "vy": "vy"}
 READINGS = {"front": {"range": "r", "azimuth": "az", "range_rate": "rr"}}
 BOX_COLUMNS = {**COLUMNS, "class": "type", "heading": "yaw", "length": "l", "width": "w"}
-REFERENCE = {
-    "point": "rear_bumper",
-    "region": [[0, -20], [60, -20], [60, 20], [0, 20]],
-    "range_m": 50,
-    "classes": ["car"],
-    "ignore": {"type": ["DontCare"]},
-}
+REFERENCE = {"range_m": 50, "classes": ["car"]}
 GNN = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, "associate": {"method": "gnn"}}
 #: Of the cases that are valid, these shares are run and audited.
 RUN, AUDIT = 0.3, 0.1

@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from tests.fuzz.mutations import cases, edited_bytes, edited_mcap, edited_table, edited_text
-from tests.support.exported import HIDDEN, SCENARIO
-from tests.support.mcap_files import log_of, mounted, write_tracks
+from tests.support.exported import SCENARIO
+from tests.support.mcap_files import write_tracks
 from tests.support.ros_bags import Messages, write_bag
 from tests.support.traffic_files import OPTIONS, WRITERS
 
@@ -107,16 +107,3 @@ def test_a_damaged_file_of_tracks_is_one_line(form: str, tmp_path: Path) -> None
     if hasattr(TRAFFIC_FORMATS[form], "rows"):
         assert all("\n" not in message for message in messages_of(form, tmp_path, partial(as_tracks, form, file)))
     assert messages_of(form, tmp_path, partial(as_traffic, form, file))
-
-
-@pytest.mark.parametrize("text", [SCENARIO, HIDDEN], ids=["labelled", "unlabelled"])
-@pytest.mark.filterwarnings("error")
-def test_a_damaged_log_in_mcap_is_one_line(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    content = mounted(text)
-    content["monte_carlo"]["runs"] = 1
-    tb.export(yaml.safe_dump(content, sort_keys=False), "scans", "truth", format="mcap")
-    log = yaml.safe_dump(log_of(content, hidden=text == HIDDEN, run=0), sort_keys=False)
-    for manifest in tmp_path.rglob("manifest.json"):
-        manifest.unlink()
-    assert messages_of("log", tmp_path, lambda: tb.sense(log))

@@ -111,16 +111,6 @@ def test_chance_misses_make_no_gap():
     assert {name for name, *_ in classes(standing(10, steps=20), config)} == {"straight"}
 
 
-def test_the_slowest_sensor_sets_what_a_gap_is():
-    of = standing(10, steps=40)
-    slow = LIDAR.model_copy(update={"rate_hz": 1.0})
-    short = LIDAR.model_copy(update={"max_range_m": 5.0})
-    sensors = ideal_sensors(of, {"slow": slow, "short": short})
-    assert {named(code)[0] for code in condition_classes(of, np.arange(40), sensors, range(1)).flat} == {"straight"}
-    alone = condition_classes(of, np.arange(40), sensors[1:], range(1))
-    assert {named(code)[0] for code in alone.flat} == {"sensor gap"}
-
-
 def test_each_run_has_its_own_classes_where_its_motion_is_its_own():
     of = standing(10, steps=2)
     own = truth(of.time, np.array([[[10.0, 30, 60]]] * 2), *[np.zeros((2, 1, 3))] * 3, yaw_rate=np.array([0, 1, 0]))
@@ -198,9 +188,3 @@ def test_velocities_that_are_correlated_to_the_last_bit_break_nothing():
     tight[2:, 2:] = [[1, 1 - 1e-15], [1 - 1e-15, 1]]
     found = breakdown(scored(np.zeros((1, 4, 2)), np.zeros((1, 1, 1)), 2, np.repeat(tight[..., None], 2, 2)))
     assert found.all.nees_velocity.mean == 0
-
-
-def test_one_run_has_no_interval():
-    found = breakdown(scored(np.ones((3, 4, 1)), np.zeros((3, 1, 1)), 1)).all
-    assert found.position_rmse.ci95 is None
-    assert "too short" in found.position_rmse.reason

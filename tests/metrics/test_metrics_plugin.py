@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
-from tests.support.places import ROOT
 
 from trackbench.base.errors import InputError
 from trackbench.compare.comparability import stored_metric
-from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.results import Result
 from trackbench.runner import work
 from trackbench.scenario import load_scenario
-from trackbench.scenario.schema import json_schema
-from trackbench.trackers.published import check_tracker_options
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -276,42 +270,6 @@ class Own(ConstantVelocity):
 """
 
 
-@pytest.mark.parametrize(
-    ("body", "message"),
-    [
-        ("components = 5", "its components must be a tuple of names, not 5"),
-        ("components = 'px'", "its components must be a tuple of names, not 'px'"),
-        ("driving_noise = None", "its driving_noise must be a tuple of names, not None"),
-        ("angular = (9,)", "its angular must be a tuple of places in its components, not (9,)"),
-        ("angular = ([],)", "TypeError: unhashable type: 'list'"),
-        ("linear = 'no'", "its linear must be True or False, not 'no'"),
-        ("first_sigmas = None", "its first_sigmas must be a mapping of components to standard deviations, not None"),
-        ("first_sigmas = {'tilt': 'wide'}", "its first_sigmas say 'wide' of tilt, where a positive number is needed"),
-        ("def problems(self): raise RuntimeError('no luck')", "does not take these options: RuntimeError: no luck"),
-    ],
-)
-def test_a_motion_model_that_is_wrong_is_one_message(tiny: Path, write_module: Write, body: str, message: str) -> None:
-    name = write_module(tiny.parent, MODEL.format(body))
-    with pytest.raises(InputError) as caught:
-        load_scenario(tiny, [f"trackers.ekf.motion='{name}:Own'"])
-    assert message in caught.value.message
-    assert str(caught.value.key).startswith("trackers.ekf")
-
-
-def test_tracker_options_that_raise_are_one_message(tmp_path: Path, write_module: Write) -> None:
-    code = """
-from pydantic import BaseModel, model_validator
-class Own:
-    class Options(BaseModel):
-        @model_validator(mode="after")
-        def check(self): raise RuntimeError("no luck")
-    def step(self, state, scan): pass
-"""
-    name = write_module(tmp_path, code)
-    with pytest.raises(InputError, match="does not take these options: RuntimeError: no luck"):
-        check_tracker_options(f"{name}:Own", {}, tmp_path)
-
-
 TILTING = """
 import numpy as np
 from trackbench.models.motion import ConstantVelocity
@@ -327,64 +285,6 @@ class Own(ConstantVelocity):
     def noise_gain(self, x, dt):
         return np.concatenate([super().noise_gain(x[:4], dt), np.zeros((1, 2))])
 """
-
-
-def test_a_stated_process_noise_leaves_the_model_its_first_sigmas(
-    run_tiny: Run, tmp_path: Path, write_module: Write
-) -> None:
-    name = write_module(tmp_path, TILTING)
-    tracker = f"{{filter: ekf, motion: '{name}:Own', process_noise_diag: [0.1, 0.1, 0.1, 0.1, 0.1], initial: truth}}"
-    result = run_tiny(f"trackers.own={tracker}", folder=tmp_path)
-    assert result["own"].position_rmse.value < 1.0
-
-
-def test_an_expectation_of_an_unknown_metric_names_the_nearest(tiny: Path, module: tuple[str, Path]) -> None:
-    name, folder = module
-    file = folder / "tiny.yaml"
-    file.write_text(tiny.read_text(encoding="utf-8"), encoding="utf-8")
-    metrics = f"score.metrics=['{name}:Square', '{name}:Largest']"
-    with pytest.raises(InputError, match=r"there is no metric 'squares'; did you mean 'square'\?"):
-        load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: squares, below: 1}]"])
-    with pytest.raises(InputError, match=r"trackers are not compared by largest\.radar; only by .*square"):
-        load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: largest.radar, better_than: raw}]"])
-
-
-def test_metrics_of_traffic_are_listed(cli: Callable[..., Any]) -> None:
-    listed = " ".join(cli("list", "metrics").out.split())
-    for path in (*TRACK_METRICS, *DETECTION_METRICS):
-        assert path in listed
-    page = (ROOT / "docs/scenario-file.md").read_text(encoding="utf-8")
-    assert "| `gospa` | m | yes |" in page
-    assert "| `nees_inside` | 1 |  |" in page
-
-
-def test_a_published_one_is_listed_and_named(
-    cli: Callable[..., Any], tiny: Path, tmp_path: Path, write_module: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    name = write_module(tmp_path, CODE)
-    published = tmp_path / "published"
-    (published / "own-1.0.dist-info").mkdir(parents=True)
-    (published / "own-1.0.dist-info" / "METADATA").write_text("Name: own\nVersion: 1.0\n")
-    points = f"[trackbench.metrics]\nmean_square = {name}:Square\nno_use = {name}:Nothing\n"
-    (published / "own-1.0.dist-info" / "entry_points.txt").write_text(points)
-    monkeypatch.syspath_prepend(str(published))
-    monkeypatch.syspath_prepend(str(tmp_path))
-    listed = cli("list", "metrics")
-    lines = [line.split(maxsplit=1) for line in listed.out.splitlines()]
-    assert ["square", "mean square error of the position [m^2]"] in lines
-    assert "no_use" in listed.out
-    assert f"module '{name}' has no attribute 'Nothing'" in " ".join(listed.out.split())
-    assert load_scenario(tiny, ["score.metrics=[mean_square]"]).config.score.metrics[0].name == "square"
-    assert name in sys.modules
-
-
-def test_the_schema_takes_every_form() -> None:
-    schema = json_schema()["$defs"]["Score"]["properties"]["metrics"]
-    good = ["own:Square", {"use": "own:Square", "options": {"limit_m": 1}}]
-    jsonschema.validate(good, schema)
-    for bad in ("unpublished", {"use": "unpublished"}, {"options": {}}):
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate([bad], schema)
 
 
 WRITES = [

@@ -111,11 +111,6 @@ def test_before_the_first_measurement_there_is_no_bound_and_then_that_of_the_mea
     np.testing.assert_allclose(found[:, 5, 1, 1], [2 * 0.15**2, 2 * 20.0**2], rtol=1e-6)
 
 
-def test_two_sensors_that_measure_first_at_the_same_instant_both_count():
-    found, _, _ = bound(moving(), {"a": LIDAR, "b": LIDAR}, BoundStart(velocity_sigma=20.0))
-    np.testing.assert_allclose(found[:, 0, :, 0], [[0.15**2] * 2, [2 * 20.0**2] * 2], rtol=1e-6)
-
-
 def test_from_the_truth_it_begins_when_the_target_is_there():
     alive = np.ones((41, 2), dtype=bool)
     alive[:10, 1] = False
@@ -137,13 +132,6 @@ def test_from_the_truth_it_begins_at_the_tracker_s_own_instants():
     found = conditional_bound(of, told, seen, 2.0, PRIOR, np.arange(41))
     assert (found[:, :6, 1] == 0.0).all()
     np.testing.assert_allclose(found[:, 6, 1, 0], [2.0, 18.0])
-
-
-def test_where_all_runs_have_the_same_measurements_there_is_one_bound_for_all():
-    valid = np.ones((21, 2, 7), dtype=bool)
-    found = bound(moving(), {"lidar": LIDAR}, valid=valid)[0]
-    assert found.shape == (2, 21, 2, 1)
-    np.testing.assert_array_equal(found, bound(moving(), {"lidar": LIDAR})[0])
 
 
 def test_an_acceleration_that_is_drawn_at_every_step_of_the_truth_moves_a_target_less():
@@ -186,13 +174,6 @@ def test_a_target_that_starts_at_the_sensor_leaves_the_bound_finite():
     found = bound(script(config, 1, "test", 1), {"radar": radar}, BoundStart(velocity_sigma=1.0), sigma=1.0)[0]
     assert np.all(found[:, 1:] > 0.0)
     assert np.all(found[0, 1:] < 2 * 0.3**2)
-
-
-def test_more_sensors_tighten_it():
-    of = moving()
-    full, two = bound(of, {"lidar": LIDAR})[0], bound(of, {"lidar": LIDAR, "radar": RADAR})
-    at_lidar = np.isin(two[2], np.arange(0, 41, 2))
-    assert np.all(two[0][:, at_lidar][:, 1:] < full[:, 1:])
 
 
 def scripted(rate_hz=20, **piece):
@@ -239,12 +220,6 @@ def test_the_typical_acceleration_is_that_of_the_living():
     assert typical_acceleration([replace(of, alive=np.zeros((4, 2), dtype=bool))]) == 0.0
 
 
-def test_the_typical_acceleration_of_scenes_is_that_of_all_their_targets():
-    two = [scripted(acceleration_mps2=-0.5), scripted(turn_rate_degps=float(np.rad2deg(0.4)))]
-    found = [typical_acceleration([one]) for one in two]
-    assert typical_acceleration(two) == pytest.approx(np.hypot(*found) / np.sqrt(2))
-
-
 def test_the_entry_velocity_is_that_at_which_targets_appear():
     """3 and 4 m/s of one that is there at first; 12 m/s of one that comes when it has slowed down from 30."""
     alive = np.array([[True, False, False], [True, True, False]])
@@ -282,12 +257,6 @@ def test_a_run_out_of_range_has_no_part_in_it():
     of = two_runs((0.0, 200.0))
     (radar,) = ideal_sensors(of, {"sensor": RADAR.model_copy(update={"max_range_m": 100.0})})
     np.testing.assert_allclose(of_first(radar, of), along(radar, (40.0, 0.0)), atol=1e-9)
-
-
-def test_the_information_of_a_lidar_does_not_depend_on_the_motion():
-    for of in (two_runs((0.0, 200.0)), two_runs((40.0, 0.0))):
-        (lidar,) = ideal_sensors(of, {"sensor": Lidar(rate_hz=10, position_sigma_m=0.15)})
-        np.testing.assert_allclose(of_first(lidar, of), np.diag([0.15**-2, 0.15**-2, 0, 0]), atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,11 @@
 """Scores of hand-made estimates, and of blocks that are merged."""
 
-import weakref
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from tests.support.scenes import TRACKERS, block_of, random_walk, scan, truth, values, work
 
 from trackbench.base.types import Estimate
-from trackbench.metrics import Fault, Scorer, Target, evaluate, health, scorer
+from trackbench.metrics import Fault, Scorer, Target, health, scorer
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import independent_scores
 from trackbench.metrics.sums import ERROR, merge
@@ -98,19 +95,6 @@ def test_errors_by_hand():
     np.testing.assert_allclose(scores.per_step[1:3].sum(axis=0), [25, 1])
 
 
-def test_nees_with_a_full_covariance_agrees_with_numpy():
-    random = np.random.default_rng(0)
-    batch = 6
-    root = random.normal(size=(batch, 4, 4))
-    covariance = root @ np.swapaxes(root, 1, 2) + 0.5 * np.eye(4)
-    mean = random.normal(size=(4, batch))
-    state = np.array([0.5, -0.2, 3.0, 1.0]).reshape(4, 1, 1)
-    scores = scored(target(state, batch), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
-    error = mean.T - state[:, 0, 0]
-    expected = [e @ np.linalg.solve(p, e) for e, p in zip(error, covariance, strict=True)]
-    np.testing.assert_allclose(scores.per_run[5], expected, rtol=1e-12)
-
-
 def test_the_course_of_an_object_at_rest_is_not_scored():
     state = np.zeros((4, 1, 2))
     state[2, 0, 1] = 5.0
@@ -196,11 +180,6 @@ def test_a_track_that_ends_is_charged_the_worse_of_its_last_estimate_and_the_mea
     assert health(scores).missing_estimates == 7
 
 
-def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
-    with pytest.raises(Fault, match=NOT_FINITE):
-        scored(target(np.zeros((4, 1, 1)), 1), [([], estimate(np.full((4, 1), np.inf)))])
-
-
 @pytest.mark.parametrize("batch", [1, 15], ids=["one by one", "in threes"])
 def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, monkeypatch):
     of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
@@ -216,27 +195,6 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, mon
         for sensor in SENSORS:
             a, b = found.nis[sensor].per_run, expected[name].scores.nis[sensor].per_run
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
-
-
-def test_of_what_a_step_computed_no_more_is_kept_than_is_scored():
-    of = target(np.zeros((4, 3, 1)), 2)
-    nowhere = np.zeros((2, 3, 1))
-    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3}, measured=lambda here: nowhere[:, here])
-    computed = np.zeros((9, 2))
-    left = weakref.ref(computed)
-    given = estimate(computed[:4], whitened_innovation=computed[4:6])
-    waits.scan(0, scan("lidar", 0.0, np.zeros((2, 2))), given)
-    waits.estimate(given)
-    del computed, given
-    assert left() is None
-    assert waits.waits
-
-
-def test_the_time_of_a_step_is_that_of_one_run():
-    made = Scorer(target(np.zeros((4, 1, 1)), 2), np.zeros((1, 1, 1), dtype=np.int8), {"lidar": 1})
-    made.scan(0, scan("lidar", 0.0, np.zeros((2, 2))), estimate(np.zeros((4, 2))), seconds=0.002)
-    made.estimate(estimate(np.zeros((4, 2))))
-    assert evaluate(made.close(), np.zeros(2, dtype=np.intp)).values["step_time"].value == pytest.approx(1000.0)
 
 
 def test_innovations_by_hand():
@@ -261,26 +219,6 @@ def test_innovations_by_hand():
     white = values(scores)["whiteness.lidar"]
     assert white.value == pytest.approx((1 - 2) / (2 + 4))
     assert white.bounds95 == pytest.approx([-1.96 / 2, 1.96 / 2])
-
-
-def test_a_tracker_that_gives_no_innovation_has_no_nis():
-    seen = scan("lidar", 0.0, np.zeros((2, 2)))
-    scores = scored(target(np.zeros((4, 1, 1)), 2), [([seen], estimate(np.zeros((4, 2))))], {"lidar": 1})
-    found = values(scores)
-    assert found["nis.lidar"].mean is None
-    assert "no innovation" in found["nis.lidar"].reason
-    assert found["whiteness.lidar"].value is None
-
-
-def test_repairs_are_counted_where_the_object_is_scored():
-    seen = scan("lidar", 0.0, np.zeros((2, 4)))
-    given = estimate(np.zeros((4, 4)), repaired=np.array([True, False, True, True]))
-    of = target(np.zeros((4, 2, 2)), 2, alive=[[True, True], [True, False]])
-    scores = scored(of, [([seen], given), ([seen], given)], {"lidar": 2})
-    # Members are object 0 runs 0 and 1, object 1 runs 0 and 1.
-    np.testing.assert_array_equal(scores.repaired, [3, 1])
-    assert health(scores).repaired_covariances == 4
-    assert health(scores).repaired_runs == 2
 
 
 def test_the_error_is_taken_over_that_of_the_reference():
@@ -361,21 +299,6 @@ def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over()
     first = np.argmax(valid, axis=0)
     # Thirty measurements, 0.1 s apart.
     np.testing.assert_array_equal(scores.due, np.maximum(30 - (first + 10), 0))
-
-
-def test_the_recorded_run_is_the_same_in_whichever_block_it_is():
-    of = random_walk(6, 30, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
-    whole = replace(work(of, SENSORS, TWO, 6), recorded_run=4)
-    one, other = block_of(whole, range(6)), block_of(whole, range(3, 6))
-    assert block_of(whole, range(3)).recorded_scans is None
-    for name in TWO:
-        np.testing.assert_allclose(one.recorded[name].mean, other.recorded[name].mean, rtol=1e-12)
-        np.testing.assert_allclose(
-            one.recorded[name].covariance, other.recorded[name].covariance, rtol=1e-12, atol=1e-12
-        )
-        assert one.recorded[name].mean.shape == (4, 30, 1)
-    for a, b in zip(one.recorded_scans.scans, other.recorded_scans.scans, strict=True):
-        np.testing.assert_array_equal(a.measurement, b.measurement)
 
 
 class Faulty:

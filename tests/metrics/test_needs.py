@@ -10,7 +10,7 @@ import pytest
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.registry import by_path, metric_paths, metrics_for
+from trackbench.metrics.registry import by_path, metrics_for
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 
 Write = Callable[[Path, str], str]
@@ -41,15 +41,6 @@ monte_carlo: {{runs: 3, seed: 3}}
 score: {{metrics: ["{module}:Steps"]}}
 expect: [{{tracker: kf, metric: position_rmse, below: 9}}, {{tracker: kf, metric: step_time, above: 0}}]
 """
-
-
-def test_a_metric_is_named_once_however_it_is_summed() -> None:
-    fields = {field.name: field.needs for field in metric_paths()}
-    assert len(fields) == len(metric_paths())
-    assert [fields[name] for name in ("position_rmse", "velocity_rmse", "nees.mean")] == [{"truth"}] * 3
-    assert fields["step_time"] == set()
-    assert fields["gospa"] == {"tracks", "truth"}
-    assert fields["health.diverged_runs"] == {"labels"}
 
 
 def test_a_scenario_has_what_its_properties_allow() -> None:

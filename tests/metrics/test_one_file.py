@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.support.places import ROOT
 
-from trackbench.base.errors import InputError
 from trackbench.compare import compare_results, find_results
 from trackbench.compare.limits import Limit
-from trackbench.metrics import BUILT_IN
-from trackbench.metrics.built_in import metrics_in
 from trackbench.results import Result
-from trackbench.scenario import load_scenario
 
 CODE = """
 import numpy as np
@@ -75,15 +68,6 @@ def test_a_comparison_and_a_gate_know_it(folder: Path, name: str) -> None:
 
 
 @NAMES
-def test_page_and_tables_have_a_column_of_it(folder: Path, tmp_path: Path, cli: Callable[..., Any], name: str) -> None:
-    assert cli("report", folder, "--format", "csv", "--out", tmp_path / "csv").status == 0
-    rows = [file.read_text(encoding="utf-8").splitlines() for file in (tmp_path / "csv").rglob("*.csv")]
-    assert any(heading.startswith(name) for table in rows for heading in next(csv.reader(table)))
-    assert cli("report", folder, "--format", "html", "--out", tmp_path).status == 0
-    assert any(name in page.read_text(encoding="utf-8") for page in tmp_path.glob("*.html"))
-
-
-@NAMES
 def test_it_can_be_tuned_for(
     tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str], cli: Callable[..., Any], name: str
 ) -> None:
@@ -97,35 +81,6 @@ def test_it_can_be_tuned_for(
     found = json.loads(next(tmp_path.glob("*.json")).read_text(encoding="utf-8"))
     assert found["objective"] == name
     assert name in {item["metric"] for tracker in found["trackers"] for item in tracker["held_out"]}
-
-
-def test_the_list_and_the_reference_have_the_built_in_ones(cli: Callable[..., Any]) -> None:
-    listed = " ".join(cli("list", "metrics").out.split())
-    assert all(metric.meaning in listed for metric in BUILT_IN)
-
-
-def test_a_built_in_one_is_a_file_that_no_other_names() -> None:
-    source = ROOT / "src" / "trackbench"
-    own = source / "metrics" / "built_in" / "with_own_sums.py"
-    words = re.compile(r"position_p95|PositionP95|VelocityP95|built_in\.with_own_sums")
-    assert words.search(own.read_text(encoding="utf-8"))
-    # The class of what a tracker reached lists the names for editors and type checkers.
-    others = [file for file in source.rglob("*.py") if file not in (own, source / "results" / "tracker_result.py")]
-    assert [file for file in others if words.search(file.read_text(encoding="utf-8"))] == []
-
-
-def test_a_file_in_the_folder_of_built_in_ones_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "strangers").mkdir()
-    (tmp_path / "strangers" / "__init__.py").touch()
-    (tmp_path / "strangers" / "nearness.py").write_text(CODE, encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    (metric,) = metrics_in([str(tmp_path / "strangers")], "strangers")
-    assert metric.name == "near"
-    assert [type(item).__module__.rpartition(".")[2] for item in BUILT_IN[-6:]] == [
-        "basic",
-        "step_time",
-        *["with_own_sums"] * 4,
-    ]
 
 
 TRACKS = """
@@ -181,8 +136,3 @@ def test_one_of_tracks_goes_the_same_way(
         assert done.status == 0, done.err
         found = json.loads((tmp_path / "tuned.json").read_text(encoding="utf-8"))
         assert objective in {item["metric"] for tracker in found["trackers"] for item in tracker["held_out"]}
-
-
-def test_one_of_tracks_needs_hidden_identities(tiny: Path, write_module: Callable[[Path, str], str]) -> None:
-    with pytest.raises(InputError, match="are of tracks"):
-        load_scenario(tiny, [f"score.metrics=['{write_module(tiny.parent, TRACKS)}:Tracks']"])

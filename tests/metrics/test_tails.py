@@ -6,27 +6,20 @@ import numpy as np
 import pytest
 from benchmarks.calibration.tails import INSTANTS, alternating, beyond, matched, nees_of, small
 from scipy.special import gammaincinv
-from tests.support.example_result import make_result
 
 from trackbench.metrics.consistency import DIRECTIONS
 from trackbench.metrics.count_intervals import effective_number, share_interval
 from trackbench.metrics.intervals import reach_of_ratio
 from trackbench.metrics.verdicts import (
-    NAMED,
     heavy_beside,
     judged_parts,
     meaning,
-    named_verdicts,
     overall_verdict,
     tail_limits,
     tail_verdict,
     what_is_off,
 )
-from trackbench.report.conditions import covariance_verdict_table
-from trackbench.report.console import track_values
-from trackbench.report.tables import metric_cells
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
-from trackbench.results.metric_value import MetricsByPath
 
 
 def judged(filtered, runs, over_time=0.5, common=0.0, seed=1):
@@ -60,14 +53,6 @@ def test_what_the_mean_hides_is_shown_by_a_hundred_runs(filtered, mean, verdict,
     assert tail.ci95[0] > tail.expected
 
 
-def test_a_heavy_tail_is_named_with_its_share():
-    nees = judged(alternating, 100)
-    assert {condition.verdict for condition in nees.conditions} == {"consistent"}
-    assert what_is_off(nees, 1).startswith("2.6 % beyond the 99.9 % point (0.1 % expected)")
-    assert "15 % beyond the 95 % point (5 % expected)" in what_is_off(nees)
-    assert set(NAMED) == {"mixed", "heavy-tailed"}
-
-
 def with_outliers(variance):
     """2 % of the NEES beyond the 99.9 % point, the others of normal errors over this variance."""
 
@@ -98,27 +83,6 @@ def test_a_mean_that_is_off_hides_no_tails_beyond_what_it_explains(filtered, wor
     assert nees.words == words
     assert nees.verdict == words.partition(", ")[0]
     assert nees.model_dump(mode="json").get("also") == ("heavy-tailed" if nees.also else None)
-
-
-def test_both_words_are_said_with_what_is_off():
-    nees = judged(with_outliers(2.0), 100)
-    result = make_result()
-    tracker = result.scored[0]
-    tracker = tracker.model_copy(update={"metrics": MetricsByPath({**tracker.metrics, "nees": nees})})
-    (cell,) = metric_cells([tracker], "nees")
-    assert cell.details[0] == "pessimistic, heavy-tailed"
-    assert cell.tone == "warn"
-    others = [each for each in result.summary.trackers if each.name != tracker.name]
-    result = result.updated(trackers=[tracker, *others])
-    (row,) = (row for row in covariance_verdict_table(result).rows if row[0].text == tracker.name)
-    both = "pessimistic, heavy-tailed: the errors are smaller than its covariance states; large errors are more"
-    assert row[1].text.startswith(both)
-    assert "; 2 % beyond the 99.9 % point (0.1 % expected)" in row[2].text
-    (cells,) = (cells for heading, cells in track_values(result) if heading == "NEES")
-    assert [cell.plain for cell in cells if "+" in cell.plain] == [f" {nees.mean:.1f} pessimistic+"]
-    ((word, heading, metrics),) = named_verdicts({"kf": nees})
-    assert (word, heading, list(metrics)) == ("heavy-tailed", NAMED["heavy-tailed"], ["kf"])
-    assert what_is_off(nees, 1, word).startswith("2 % beyond the 99.9 % point (0.1 % expected)")
 
 
 @pytest.mark.parametrize(

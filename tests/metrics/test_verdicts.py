@@ -14,7 +14,6 @@ from trackbench.metrics.verdicts import (
     mean_verdict,
     meaning,
     overall_verdict,
-    what_is_off,
     whiteness_verdict,
 )
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
@@ -149,17 +148,6 @@ def test_an_undecided_verdict_tells_of_missing_estimates(whole, turning, share):
     assert meaning(optimistic, breakdown) == "the errors are larger than its covariance states"
 
 
-def test_a_word_that_one_part_gives_says_so_where_the_mean_is_undecided() -> None:
-    slow = ConditionVerdict(name="velocity alone", mean=2.3, ci95=(2.1, 2.5), verdict="pessimistic")
-    straight = ConditionVerdict(name="straight", mean=4.5, ci95=(3.5, 5.6), verdict="consistent")
-    nees = MetricValue(
-        value=4.5, unit="1", dof=4, ci95=(3.5, 5.6), verdict="pessimistic", conditions=(straight, slow), parts=()
-    )
-    said = "the errors are smaller than its covariance states"
-    assert meaning(nees, None) == f"{said}, as shown for velocity alone; the mean NEES is undecided"
-    assert meaning(nees.model_copy(update={"ci95": (3.0, 3.5)}), None) == said
-
-
 @pytest.mark.parametrize("runs", [20, 100, 1000])
 def test_a_verdict_is_wrong_as_rarely_as_stated(runs):
     """Mean NEES of scenes of 25 independent instants of 4 degrees of freedom: chi-square over 25."""
@@ -191,16 +179,6 @@ def test_a_mean_that_is_right_on_simulated_traffic_is_right_by_cancellation(scen
         assert nees.value == pytest.approx(4.0, rel=0.1)
         assert nees.verdict == "mixed"
         assert {item.name: item.verdict for item in nees.conditions}["turning"] == "optimistic"
-
-
-def test_a_mixed_verdict_that_is_off_nowhere_names_what_is_furthest_apart() -> None:
-    conditions = [
-        ConditionVerdict(name=name, mean=mean, ci95=(mean - 0.1, mean + 0.1), verdict="consistent")
-        for name, mean in (("turning", 5.0), ("straight", 3.1), ("braking", 3.4))
-    ]
-    found = MetricValue(value=3.2, unit="1", dof=4, verdict="mixed", conditions=tuple(conditions))
-    assert what_is_off(found) == "straight 3.1, turning 5.0"
-    assert what_is_off(found.model_copy(update={"verdict": "consistent"})) == ""
 
 
 def test_few_runs_decide_what_is_beyond_doubt_and_nothing_else() -> None:

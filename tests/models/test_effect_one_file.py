@@ -83,15 +83,6 @@ def test_mistakes_are_named_at_their_place(tmp_path: Path, effect: str, message:
     assert message in done.err
 
 
-def test_an_unknown_word_names_the_two_that_are_known(tmp_path: Path, cli: Callable[..., Any]) -> None:
-    file = written(tmp_path, "x")
-    file.write_text(file.read_text().replace("effects:\n      - x", "effects: typicla"), encoding="utf-8")
-    done = cli("check", file)
-    assert done.status == 2
-    assert "10: sensors.radar.effects: " in done.err
-    assert "typical" in done.err
-
-
 def test_typical_effects_of_each_built_in_sensor_are_valid(tmp_path: Path) -> None:
     file = written(tmp_path, "x")
     text = file.read_text().replace("effects:\n      - x", "effects: typical")

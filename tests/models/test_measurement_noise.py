@@ -23,10 +23,10 @@ KEYS = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, "initial"
 
 def tracker(**keys: Any) -> Any:
     config = FilterConfig.model_validate({**KEYS, **keys})
-    return build_multi(config) if config.associate else build(config)
+    return build_multi(config).tracker if config.associate else build(config).tracker
 
 
-@pytest.mark.parametrize("more", [{}, {"filter": "kf"}, {"filter": "ukf"}, {"filter": "iekf"}])
+@pytest.mark.parametrize("more", [{}, {"filter": "kf"}, {"filter": "ukf"}])
 def test_assumed_noise_is_as_if_the_sensor_stated_it(more: dict[str, Any]) -> None:
     noise = np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2
     other = np.diag([0.5, np.deg2rad(0.5), 0.2]) ** 2

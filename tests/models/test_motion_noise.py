@@ -290,16 +290,3 @@ def test_the_air_traffic_of_bar_shalom_has_the_errors_that_independent_code_has(
     assert rmse["imm_cv"] == pytest.approx(108.2, rel=0.015)
     # The turn in the state is what the section is about.
     assert rmse["imm_ct"] < 0.95 * rmse["imm_cv"]
-
-
-@pytest.mark.parametrize("dt", [0.0, 0.05, 0.1, 1 / 3, 2.7])
-def test_piecewise_noise_has_the_bits_that_it_had_before_there_was_another(dt):
-    x = np.linspace(1.0, 2.0, 6)
-    cv, ca = (MOTION_MODELS[name](**NOISE[name]) for name in ("cv", "ca"))
-    third, half = dt**3 / 6, dt**2 / 2
-    np.testing.assert_array_equal(cv.noise_gain(x[:4], dt), [[half, 0], [0, half], [dt, 0], [0, dt]])
-    gain = [[third, 0], [0, third], [half, 0], [0, half], [dt, 0], [0, dt]]
-    np.testing.assert_array_equal(ca.noise_gain(x, dt), gain)
-    np.testing.assert_array_equal(cv.jacobian(x[:4], dt), np.eye(4) + dt * np.eye(4, k=2))
-    np.testing.assert_array_equal(ca.jacobian(x, dt), np.eye(6) + dt * np.eye(6, k=2) + half * np.eye(6, k=4))
-    assert (cv.driving_noise, ca.driving_noise) == (("acceleration_sigma_mps2",) * 2, ("jerk_sigma_mps3",) * 2)

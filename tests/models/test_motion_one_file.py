@@ -78,9 +78,3 @@ def test_its_options_can_be_tuned(scenario: Path, tmp_path: Path, cli: Callable[
     done = cli("tune", scenario, *options)
     assert done.status == 0, done.err
     assert "acceleration_sigma_mps2" in (tmp_path / "tuned.yaml").read_text(encoding="utf-8")
-
-
-def test_the_list_has_the_published_one_with_its_options(scenario: Path, cli: Callable[..., Any]) -> None:
-    published = 'motion: "correlated"' in scenario.read_text(encoding="utf-8")
-    names = [line.split(" ")[0] for line in cli("list", "motion-models").out.splitlines()]
-    assert ("correlated" in names) is published

@@ -1,6 +1,5 @@
 """Targets that move as the trackers assume: consistency and the Cramer-Rao bound have known answers."""
 
-import numpy as np
 import pytest
 from scipy import stats
 from tests.support.places import SCENARIOS
@@ -9,7 +8,6 @@ from trackbench.results import Result, TrackerResult
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.truth import Draw
 
 SCRIPTED = SCENARIOS / "scripted"
 
@@ -87,15 +85,3 @@ def test_a_doubled_process_noise_variance_is_told_from_the_right_one() -> None:
     twice = [f"trackers.{name}.acceleration_sigma_mps2={2 * 2**0.5}" for name in ("kf_lidar", "ekf", "ukf")]
     found = by_name(result("own_model", "monte_carlo.runs=100", *twice))
     assert {tracker.nees.verdict for tracker in found.values()} == {"pessimistic"}
-
-
-def test_the_recorded_run_is_shown_as_it_moved() -> None:
-    """Run 3 of the tables is run 3 of the truth, and its estimates are near it."""
-    settings = ("monte_carlo.runs=5", "recording.run=3")
-    loaded = load_scenario(SCRIPTED / "own_model.yaml", settings)
-    moved = loaded.config.truth.load(Draw(7, "own_model", 5), folder=SCRIPTED)
-    tables = run_scenario(loaded, [moved]).tables
-    rows = [row for row in tables["truth"].to_pylist() if row["object"] == "ahead"]
-    np.testing.assert_array_equal([row["px_m"] for row in rows], moved.truth.px[:, 0, 3])
-    late = [row["position_error_m"] for row in tables["estimates"].to_pylist() if row["time_s"] > 5]
-    assert max(late) < 1

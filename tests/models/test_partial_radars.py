@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from itertools import combinations, permutations
 from typing import Any
 
@@ -79,13 +78,6 @@ def test_all_three_are_the_radar_as_it_was(order: tuple[str, ...]) -> None:
 
 
 @every_subset
-def test_a_copy_of_another_process_is_of_the_same_class(measures: tuple[str, ...]) -> None:
-    made = Radar(**options(measures))
-    assert pickle.loads(pickle.dumps(made)) == made
-    assert type(pickle.loads(pickle.dumps(made.model_copy(update={"rate_hz": 5})))) is PARTIAL_RADARS[measures]
-
-
-@every_subset
 def test_a_position_needs_range_and_azimuth(measures: tuple[str, ...]) -> None:
     model = SENSOR_MODELS[kind(measures)]
     seen = scan(kind(measures), 0.0, np.full((len(measures), 3), 0.5), noise=np.eye(len(measures)) * 1e-4)
@@ -103,12 +95,6 @@ def test_range_and_azimuth_are_converted_as_by_the_full_radar() -> None:
     )
     for ours, theirs in zip(SENSOR_MODELS[part.kind].position(part), Radar.position(full), strict=True):
         np.testing.assert_array_equal(ours, theirs)
-
-
-@every_subset
-def test_sigmas_are_those_of_what_is_measured(measures: tuple[str, ...]) -> None:
-    expected = {"range": 0.3, "azimuth": np.deg2rad(0.5), "range_rate": 0.1}
-    np.testing.assert_allclose(Radar(**options(measures)).sigmas(), [expected[name] for name in measures])
 
 
 @every_subset
@@ -188,13 +174,13 @@ def test_new_objects_have_the_density_of_objects_uniform_in_view(measures: tuple
 @pytest.mark.parametrize(
     ("measures", "message"),
     [
-        (["range", "azimut"], "Input should be 'range', 'azimuth' or 'range_rate'"),
+        (["range", "azimut"], "'azimut' is not known; did you mean 'azimuth'?"),
         (["range", "range"], "range is named twice; remove one"),
-        ([], "List should have at least 1 item"),
-        ("range", "Input should be a valid list"),
-        (["range", 3], "Input should be 'range', 'azimuth' or 'range_rate'"),
-        ([["range"]], "Input should be 'range', 'azimuth' or 'range_rate'"),
-        (None, "Input should be a valid list"),
+        ([], "must not be empty"),
+        ("range", "a list is needed, not 'range'"),
+        (["range", 3], "must be a word, not 3; choose from: range, azimuth, range_rate"),
+        ([["range"]], "must be a word, not a list; choose from: range, azimuth, range_rate"),
+        (None, "a list is needed, not nothing"),
     ],
 )
 def test_what_cannot_be_measured_is_refused(measures: Any, message: str) -> None:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import io
-import re
-from dataclasses import replace
 from html.parser import HTMLParser
 
-import numpy as np
 import pyarrow as pa
 import pytest
 from rich.console import Console
@@ -22,7 +19,6 @@ from tests.support.example_result import (
 from tests.support.results import with_differences
 
 from trackbench.document.html import to_html
-from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS
 from trackbench.report.console import print_summary
 from trackbench.report.pairs import Pairs
 from trackbench.report.result import result_document
@@ -97,32 +93,6 @@ def test_the_page_loads_nothing(text: str, page: Page) -> None:
     assert "@import" not in text
 
 
-def test_figures_have_captions_and_alternatives(page: Page) -> None:
-    inside = [tag for tag, _, parents in page.elements if "figure" in parents]
-    figures, drawings = page.all("figure"), [svg for svg in page.all("svg") if svg["class"] == "plot"]
-    assert len(figures) == len(drawings) == inside.count("figcaption") == 6
-    assert all(drawing["role"] == "img" and len(str(drawing["aria-label"])) > 20 for drawing in drawings)
-    identities = [attributes["id"] for _, attributes, _ in page.elements if "id" in attributes]
-    assert len(identities) == len(set(identities))
-
-
-def test_references_inside_drawings_resolve(page: Page) -> None:
-    identities = {attributes.get("id") for _, attributes, _ in page.elements}
-    used = [str(a["clip-path"])[5:-1] for _, a, _ in page.elements if "clip-path" in a]
-    used += [str(a["href"])[1:] for tag, a, _ in page.elements if tag == "use"]
-    assert used
-    assert set(used) <= identities
-
-
-def test_drawings_take_the_colours_of_the_page(text: str) -> None:
-    assert "currentColor" in text
-    assert not any(stand_in in text for stand_in in ("#010203", "#020304", "#030405"))
-
-
-def test_the_page_is_the_same_every_time(text: str) -> None:
-    assert render(make_result()) == text
-
-
 def test_ranked_values_are_those_of_the_result(page: Page) -> None:
     rows = ranked_rows(page)
     assert list(rows) == list(RMSE)
@@ -156,37 +126,6 @@ def test_verdicts_in_words(page: Page) -> None:
     assert "v3 jumps by 1.4 m at 15.00 s" in page.text
 
 
-def test_what_velocity_jumps_of_the_truth_make_of_the_errors(page: Page) -> None:
-    assert "4 % of the estimates are within a second after a velocity jump." in page.text
-    assert "ekf_cv 36 %" in page.text
-
-
-def test_faults_have_a_column_only_where_there_are_any() -> None:
-    headings = {heading for row in Page(render(make_result())).rows for heading in row}
-    assert {"coverage, %", "diverged", "repaired"} <= headings
-    summary = make_summary()
-    for entry in summary["trackers"][:-1]:
-        entry["metrics"]["coverage"]["value"] = 1.0
-        entry["health"] |= {"diverged_runs": 0, "repaired_covariances": 0}
-    headings = {text for row in Page(render(Result.from_json(summary, make_tables()))).rows for text in row}
-    assert not {"coverage, %", "diverged", "repaired"} & headings
-
-
-def test_errors_by_manoeuvre_and_range_are_in_tables() -> None:
-    result = make_result()
-    tables = {table.name: table for table in result_document(result).tables}
-    breakdown = result["ekf_cv"].breakdown
-    assert breakdown is not None
-    for way, scores in (("manoeuvre", breakdown.manoeuvre), ("range", breakdown.range)):
-        table = tables[f"position-rmse-by-{way}"]
-        assert [column.heading for column in table.columns] == ["tracker", *scores]
-        (row,) = (row for row in table.rows if row[0].text == "ekf_cv")
-        for cell, item in zip(row[1:], scores.values(), strict=True):
-            assert item.position_rmse is not None
-            assert float(cell.text) == pytest.approx(item.position_rmse.value, abs=6e-4)
-            assert len(cell.details) == (item.position_rmse.ci95 is not None)
-
-
 def test_a_metric_of_a_plug_in_has_its_column() -> None:
     summary = make_summary()
     for i, entry in enumerate(summary["trackers"][:-1]):
@@ -196,37 +135,6 @@ def test_a_metric_of_a_plug_in_has_its_column() -> None:
     assert headings.count("jerk.rms, m/s³") == 1
     assert ["ukf_ctrv", "5.500"] in page.rows
     assert "5.400 to 5.600" in page.text
-
-
-def test_a_tracker_has_the_colour_of_its_place_in_the_scenario() -> None:
-    """A result of an earlier version does not say it: then that of its place in the result."""
-    summary = make_summary()
-    first = summary["trackers"][0]
-    for place, expected in ((None, TRACKER_COLOURS[0]), (9, TRACKER_COLOURS[9])):
-        first["place"] = place
-        document = result_document(Result.from_json(summary, make_tables()))
-        page = to_html(replace(document, blocks=document.figures[1:2]))
-        assert f'style="--mark: {expected}"></span>{first["name"]}</label>' in page
-
-
-def test_the_map_is_coloured_by_error(text: str, page: Page) -> None:
-    drawn = text[text.index('<figure id="map">') :].partition("</figure>")[0]
-    assert sum(colour.lower() in drawn for colour in ERROR_COLOURS) >= 3
-    assert "under " in drawn
-    assert "The ring is where it was largest (ukf_ctrv: " in page.text
-
-
-def test_the_page_has_one_legend(text: str) -> None:
-    legend = text[text.index('<fieldset class="toggles">') :].partition("</fieldset>")[0]
-    assert all(f"</span>{name}</label>" in legend for name in RMSE)
-    reference = make_result().summary.reference.label
-    assert legend.count(reference) == 1
-    figures = [part.partition("</figure>")[0] for part in text.split("<figure ")[1:]]
-    own = [
-        entry for figure in figures for entry in re.findall(r'<li[^>]*><span class="mark.*?</span>(.*?)</li>', figure)
-    ]
-    assert "observer" in own
-    assert not {*RMSE, reference} & set(own)
 
 
 def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
@@ -267,31 +175,6 @@ def test_every_tracker_failed() -> None:
     assert "mine failed; no tracker is ranked" in page.text
     assert "is singular" in page.text
     assert [figure["id"] for figure in page.all("figure")] == ["map"]
-
-
-def test_one_run_gives_no_intervals() -> None:
-    summary = make_summary()
-    for entry in summary["trackers"]:
-        for value in entry["metrics"].values():
-            if isinstance(value, dict) and "ci95" in value:
-                value["ci95"] = None
-    unshown = {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
-    pairs = [item.model_copy(update=unshown) for item in make_differences()]
-    page = Page(render(with_differences(Result.from_json(summary, make_tables()), pairs)))
-    assert {row[3] for row in ranked_rows(page).values()} == {"a", "diverged"}
-    assert "95 % interval 0" not in page.text
-
-
-def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
-    tables = make_tables()
-    nis = tables["nis"]
-    alone = pa.array(np.ones(nis.num_rows))
-    tables["nis"] = nis.set_column(nis.column_names.index("count"), "count", alone)
-    page = Page(render(Result.from_json(make_summary(), tables)))
-    assert "95 % are below the dashed line, at 7.815 (3 degrees of freedom)" in page.text
-    assert "at 5.991 (2 degrees of freedom)" in page.text
-    whole = Page(render(Result.from_json(make_summary(), make_tables())))
-    assert "below the dashed line" not in whole.text
 
 
 def test_what_is_charged_for_missing_estimates_is_told() -> None:

@@ -17,9 +17,6 @@ from trackbench.results import Result
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 PHONE, DESKTOP = 390, 1280
-BROKEN = """<!doctype html>
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
-<title>broken</title><body><p style="width: 3000px">wide</p><img src="there-is-none.png">"""
 
 
 @pytest.fixture(scope="module")
@@ -71,10 +68,3 @@ def test_figures_zoom_by_keys_and_are_read_off(seen: Seen, width: int) -> None:
 
 def test_the_browser_has_nothing_to_say(seen: Seen) -> None:
     assert seen.console == []
-
-
-def test_a_page_with_faults_would_be_seen(tmp_path_factory: pytest.TempPathFactory) -> None:
-    found = look(tmp_path_factory.mktemp("browser"), {"broken": BROKEN}, (PHONE,))
-    assert found.frames["broken", PHONE]["scrollWidth"] > 3000
-    assert found.frames["broken", PHONE]["overflowing"]
-    assert found.console

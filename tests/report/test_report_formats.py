@@ -5,9 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from dataclasses import replace
 from functools import cache
-from xml.etree import ElementTree
 
 import pytest
 from matplotlib.figure import Figure as Canvas
@@ -29,11 +27,10 @@ from trackbench.document import (
     Table,
     TrackerStyle,
 )
-from trackbench.document.drawing import INK, MUTED, pdf_file, svg_file
+from trackbench.document.drawing import INK, MUTED
 from trackbench.document.files import FORMATS, Format, document_text, files, to_csv
 from trackbench.document.html import to_html
-from trackbench.document.latex import escape_latex, table_to_latex
-from trackbench.document.markdown import to_markdown
+from trackbench.document.latex import escape_latex
 from trackbench.report.result import result_document
 
 #: What any of the formats could take for its own.
@@ -106,21 +103,6 @@ def test_the_same_document_gives_the_same_bytes(format: Format) -> None:
     assert made.__wrapped__(format) == made(format)
 
 
-@pytest.mark.parametrize("format", FORMATS)
-def test_a_figure_is_drawn_once_where_the_format_shows_it(format: Format) -> None:
-    assert made(format)[1] == (0 if format in ("terminal", "csv") else 1)
-
-
-def test_nothing_is_drawn_before_a_file_is_asked_for() -> None:
-    painter = Painter()
-    assert [name for name, _ in files(document(painter), "latex")] == [
-        "report.tex",
-        "tables/ranking.tex",
-        "figures/error.pdf",
-    ]
-    assert painter.count == 0
-
-
 def test_csv_read_back_is_the_table() -> None:
     assert list(csv.reader(io.StringIO(to_csv(TABLE)))) == [
         ["tracker", "RMSE, m", "RMSE, m: 95 % interval", "note, %"],
@@ -181,12 +163,6 @@ def test_latex_is_balanced_and_escaped() -> None:
     assert not balanced(main.replace(r"\end{enumerate}", "", 1))
 
 
-def test_the_whole_report_of_a_run_is_balanced_latex(of_run: Document) -> None:
-    for name, content in files(of_run, "latex"):
-        if name.endswith(".tex"):
-            assert balanced(content().decode()), name
-
-
 @pytest.mark.parametrize(
     ("plain", "expected"),
     [
@@ -202,40 +178,6 @@ def test_latex_escapes(plain: str, expected: str) -> None:
     assert escape_latex(plain) == expected
 
 
-def test_a_latex_table_has_the_rules_of_booktabs_and_every_row() -> None:
-    lines = table_to_latex(TABLE).splitlines()
-    assert [line for line in lines if line.endswith("rule")] == [r"\toprule", r"\midrule", r"\bottomrule"]
-    body = lines[lines.index(r"\midrule") + 1 : lines.index(r"\bottomrule")]
-    # The first row has a line of small print under it.
-    assert len(body) == len(TABLE.rows) + 1
-    assert all(len(re.findall(r"(?<!\\)&", line)) == 2 and line.endswith(r" \\") for line in body)
-    assert body[0].startswith(r"\textbf{ekf\_cv} & \textbf{$-$0.12} & ")
-    assert body[1] == r" & {\scriptsize 0.11 to 0.13} &  \\"
-    assert lines[-2].endswith("it gives no velocity")
-    assert "|" not in "".join(lines[: lines.index(r"\toprule")])
-
-
-def test_a_latex_table_has_a_caption_and_a_label() -> None:
-    lines = table_to_latex(TABLE).splitlines()
-    assert (lines[0], lines[-1]) == (r"\begin{table}", r"\end{table}")
-    captions = [line for line in lines if line.startswith((r"\caption", r"\label"))]
-    assert captions == [rf"\caption{{{escape_latex(TABLE.caption)}}}", rf"\label{{tab:{TABLE.name}}}"]
-    unnamed = table_to_latex(replace(TABLE, caption="", name="rank-differences"))
-    assert r"\caption{Rank differences}" in unnamed
-    main = made("latex")[0]["report.tex"].decode()
-    assert r"\label{fig:error}" in main
-
-
-def test_svg_files_parse_and_hold_their_colours_and_legend() -> None:
-    (content,) = made("svg")[0].values()
-    svg = ElementTree.fromstring(content)
-    assert svg.tag == "{http://www.w3.org/2000/svg}svg"
-    assert svg.attrib["aria-label"] == "The error grows from 2 to 3."
-    assert "the noise" in "".join(svg.itertext())
-    assert STYLE.colour in content.decode()
-    assert "trackbench:" not in content.decode()
-
-
 def test_pdf_files_are_pdf_without_a_date() -> None:
     ((name, content),) = made("pdf")[0].items()
     assert name == "figures/error.pdf"
@@ -244,25 +186,6 @@ def test_pdf_files_are_pdf_without_a_date() -> None:
     assert b"CreationDate" not in content
     # The fonts are in the file, as TrueType.
     assert b"/FontFile2" in content
-
-
-def test_files_of_a_figure_have_room_for_the_legend() -> None:
-    figure = document(Painter()).figures[0]
-    height = float(ElementTree.fromstring(svg_file(figure)).attrib["height"])
-    assert height > figure.height
-    media = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", pdf_file(figure))
-    assert media is not None
-    assert float(media[2]) == pytest.approx(height)
-
-
-def test_markdown_shows_figures_only_where_their_files_are() -> None:
-    with_files = to_markdown(document(Painter()), figures="figures")
-    assert "![The error grows from 2 to 3.](figures/error.svg)" in with_files
-    assert "![" not in to_markdown(document(Painter()))
-    assert "````yaml" in with_files
-    assert "| **ekf_cv** | **\N{MINUS SIGN}0.12** (0.11 to 0.13) |" in with_files
-    assert "[95\N{NO-BREAK SPACE}%](raw.html)" in with_files
-    assert "<b>" not in with_files
 
 
 @pytest.mark.parametrize("width", [80, 50])

@@ -6,10 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import yaml
 from tests.support import scenes
-from tests.support.udacity import data_folder
 
 from trackbench.api.run import run
 from trackbench.base.types import Array
@@ -22,7 +20,6 @@ from trackbench.scenario import load_scenario
 from trackbench.sensing.scans import sense_known
 
 COMPONENTS = ("px", "py", "vx", "vy")
-SAMPLE = "udacity/sample-laser-radar-measurement-data-{}.txt"
 #: Two UKFs of the course, as their authors describe them.
 SCENARIO = yaml.safe_load("""\
 name: udacity_samples
@@ -48,12 +45,6 @@ trackers:
 score: {each: measurement, settle_s: 0}
 monte_carlo: {runs: 1}
 """)
-#: Recording, tracker, published RMSE.
-PUBLISHED = [
-    (1, "at_rest", "0.083163 0.0894975 0.609715 0.590668"),
-    (2, "at_rest", "0.190264 0.187443 0.286235 0.48177"),
-    (1, "radial", "0.0724284 0.0781081 0.57687 0.568334"),
-]
 NOISE = {"L": np.diag([0.15, 0.15]), "R": np.diag([0.3, np.deg2rad(1.71887339), 0.3])}
 
 
@@ -77,16 +68,6 @@ def lines(folder: Path) -> list[tuple[str, Array, float, Array]]:
     ]
     (folder / "lines.txt").write_text("\n".join(text))
     return rows
-
-
-def recorded_lines(recording: Path) -> list[tuple[str, Array, float, Array]]:
-    """The same of a recording."""
-    rows = []
-    for letter, *values in map(str.split, recording.read_text().splitlines()):
-        size = 2 if letter == "L" else 3
-        seen, (time, *truth) = np.array(values[:size], dtype=float), map(float, values[size : size + 5])
-        rows.append((letter, seen, time, np.array(truth)))
-    return [(letter, seen, (time - rows[0][2]) / 1e6, truth) for letter, seen, time, truth in rows]
 
 
 def textbook_errors(rows: list[tuple[str, Array, float, Array]], straight_below: float = 0.0) -> Array:
@@ -208,19 +189,3 @@ def test_an_object_is_due_from_its_first_detection_on() -> None:
     detected = np.maximum.accumulate(np.stack([scan.valid for scan in measured.scans]))
     np.testing.assert_array_equal(Targets(whole, BlockRuns(0, range(50)), measured).due[:, 0], detected)
     assert (detected[1::2] & ~detected[::2]).any()
-
-
-@pytest.mark.parametrize(("number", "tracker", "published"), PUBLISHED)
-def test_published_rows_of_other_recordings(tmp_path: Path, number: int, tracker: str, published: str) -> None:
-    recording = data_folder() / SAMPLE.format(number)
-    if not recording.is_file():
-        pytest.skip(f"no {recording.name} in TRACKBENCH_DATA")
-    ours, digits = rmse(scored(tmp_path, recording), tracker), [float(value) for value in published.split()]
-    if number == 1:
-        # Measurements are 50 ms apart: going straight on for so long changes no digit.
-        np.testing.assert_allclose(ours, digits, rtol=0, atol=5.1e-7)
-        return
-    rows = recorded_lines(recording)
-    exact, straight = (np.sqrt((textbook_errors(rows, below) ** 2).mean(axis=1)) for below in (0.0, 0.001))
-    np.testing.assert_allclose(ours, exact, rtol=1e-9)
-    np.testing.assert_allclose(straight, digits, rtol=0, atol=5.1e-7)

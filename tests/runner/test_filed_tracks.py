@@ -113,14 +113,6 @@ def test_a_constant_offset_is_shown_and_taken_out_only_when_it_is_asked(tmp_path
     assert not moved.offset_shown
 
 
-def test_another_point_of_the_body_is_no_offset(tmp_path: Path) -> None:
-    behind = offset_shown(tmp_path, braking(np.arange(20, 280) / 10, behind=2.25))
-    assert not behind.offset_shown
-    assert behind.along_path_m == pytest.approx(-2.25, abs=0.02)
-    low, high = behind.time_offset.ci95
-    assert low < 0 < high
-
-
 def test_nothing_is_said_of_an_offset_that_cannot_be_told(tmp_path: Path) -> None:
     steady = scored(tmp_path, exact(INSTANTS + 0.05).assign(time=np.repeat(INSTANTS, 2)))["theirs"]
     assert steady.time_offset.value is None
@@ -178,12 +170,6 @@ def test_a_slow_robot_tells_a_time_offset(tmp_path: Path, speed: float, noise: f
     assert result.time_offset.value == pytest.approx(-0.2, abs=0.025)
     assert high - low < 0.1
     assert result.offset_shown
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.2])
-def test_an_object_that_stands_tells_no_time_offset(tmp_path: Path, noise: float) -> None:
-    offset = score_robot(tmp_path, 0.0, noise, 1).time_offset
-    assert (offset.value, offset.reason) == (None, "no track is on an object that moves")
 
 
 def score_robot(folder: Path, speed: float, noise: float, seed: int) -> Any:

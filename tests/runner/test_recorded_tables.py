@@ -61,11 +61,6 @@ def test_columns_and_units_become_si(file: Path) -> None:
     np.testing.assert_allclose(truth.px[1:, 1, 0], [50, 50 - 4.4 * 0.07 / 0.22, 45.6])
 
 
-def test_objects_are_there_from_their_first_row_to_their_last(file: Path) -> None:
-    write(file)
-    np.testing.assert_array_equal(load(file).truth.alive, [[1, 0], [1, 1], [1, 1], [0, 1]])
-
-
 def test_empty_cells_are_no_measurements(file: Path) -> None:
     write(file)
     found = load(file).measurements["front"]
@@ -106,12 +101,6 @@ def test_nanoseconds_since_1970_keep_their_differences(file: Path) -> None:
     np.testing.assert_allclose(load(file, units={"time": "ns"}).truth.time, [0, 1e-8, 2e-8], rtol=1e-12)
 
 
-def test_one_object_needs_no_name(file: Path) -> None:
-    write(file, [row for row in ROWS if row[1] == "a"])
-    columns = {key: column for key, column in COLUMNS.items() if key != "object"}
-    assert load(file, columns=columns).truth.ids == ("object",)
-
-
 def changed(row: int, column: str, value: object) -> list[list[object]]:
     rows = [list(item) for item in ROWS]
     rows[row][HEAD.index(column)] = value
@@ -146,22 +135,6 @@ def test_damaged_row_is_refused_with_its_number(file: Path, name: str) -> None:
         assert caught.value.message.startswith(f"row {row + 1}: ")
 
 
-def test_missing_column_names_the_nearest(file: Path) -> None:
-    write(file)
-    with pytest.raises(InputError, match="there is no column 'x_m'; did you mean 'x_km'") as caught:
-        load(file, columns={**COLUMNS, "px": "x_m"})
-    assert caught.value.file == file
-
-
-def test_file_without_rows_is_refused(file: Path) -> None:
-    if file.suffix == ".csv":
-        write(file, [])
-    else:
-        pq.write_table(pa.table({name: pa.array([], pa.float64()) for name in HEAD}), file)
-    with pytest.raises(InputError, match="no row of data"):
-        load(file)
-
-
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
@@ -180,20 +153,6 @@ def test_damaged_csv_is_refused_with_its_line(tmp_path: Path, text: str, line: i
     with pytest.raises(InputError, match=message) as caught:
         load(file, columns=names, readings={})
     assert (caught.value.file, caught.value.line) == (file, line)
-
-
-def test_file_that_is_not_parquet_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "log.parquet"
-    file.write_text("t_ms,who\n1,a\n")
-    with pytest.raises(InputError, match="not a Parquet file"):
-        load(file)
-
-
-def test_text_where_parquet_needs_numbers_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "log.parquet"
-    write(file, changed(0, "x_km", "north")[:1])
-    with pytest.raises(InputError, match="row 1: x_km is not a finite number: 'north'"):
-        load(file)
 
 
 @pytest.mark.parametrize(

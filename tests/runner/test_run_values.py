@@ -58,7 +58,3 @@ def test_the_error_of_a_function_in_each_run_is_its_delay() -> None:
     assert values is not None
     np.testing.assert_allclose(values, delay.abs(), atol=1e-9)
     assert len({*values.round(6)}) > 1
-
-
-def test_a_metric_of_no_runs_has_no_values(of_lidar: tuple[Any, tb.Result]) -> None:
-    assert run_values(next(metric for metric in BUILT_IN if metric.per_sensor), of_lidar[0], RUNS) is None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,7 @@ import pytest
 
 from trackbench.results import Difference, Result, json_text
 from trackbench.runner import evaluated, work
-from trackbench.scenario import load_scenario
 from trackbench.scenario.keys import Expectation
-from trackbench.scenario.truth import truths_of
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -92,25 +89,6 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
                 assert other[field].to_pylist() == table[field].to_pylist(), field
             elif not field.startswith("position_p"):  # percentiles are those of the first block
                 np.testing.assert_allclose(column(other, field), column(table, field), rtol=1e-12, atol=1e-12)
-
-
-def test_more_runs_change_no_block_but_the_last(tiny: Path) -> None:
-    loaded = load_scenario(tiny)
-    truths = truths_of(loaded)
-    few, many = (replace(work.work_of(loaded, truths), runs=runs).pieces() for runs in (9000, 50_000))
-    assert [len(piece.runs) for piece in few] == [1000, 2000, 4000, 2000]
-    assert few[:-1] == many[: len(few) - 1]
-    assert max(len(piece.runs) for piece in many) == work.LARGEST_BATCH // 2
-    assert [run for piece in many for run in piece.runs] == list(range(50_000))
-
-
-def test_workers_change_nothing(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(work, "BATCH_SIZE", 4)
-    one, two = (run_tiny("monte_carlo.runs=5", workers=workers) for workers in (1, 2))
-    assert one.summary.fingerprint == two.summary.fingerprint
-    for name in ("raw", "ekf"):
-        assert numbers(tracker(one, name)) == numbers(tracker(two, name))
-    assert all(table.equals(two.tables[name]) for name, table in one.tables.items())
 
 
 def test_a_run_does_not_depend_on_the_others(run_tiny: Run) -> None:
@@ -344,18 +322,6 @@ def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
     assert column(result.tables["steps"], "count", tracker="ekf").max() == 4
 
 
-def test_nothing_is_ever_seen(run_tiny: Run) -> None:
-    result = run_tiny("sensors.radar.max_range_m=0.1", "sensors.lidar.max_range_m=0.1")
-    json.loads(json_text(result.json()), parse_constant=pytest.fail)
-    assert result.json()["ranking"] == ["raw", "ekf"]
-    for entry in result.json()["trackers"]:
-        assert entry["failed"] is None
-        assert entry["metrics"]["position_rmse"]["value"] is None
-        assert entry["metrics"]["position_rmse"]["reason"]
-        assert entry["metrics"]["coverage"]["value"] is None
-    assert result.json()["sensors"]["radar"]["detection_rate"] is None
-
-
 def test_objects_that_stand_still(run_tiny: Run) -> None:
     """Parked cars: their course means nothing, and a standing observer sees no range rate."""
     result = run_tiny(
@@ -372,20 +338,6 @@ def test_objects_that_stand_still(run_tiny: Run) -> None:
             "reason": "there is no estimate of an object that moves to score",
         }
     assert tracker(result, "ekf")["metrics"]["position_rmse"]["value"] < 1
-
-
-def test_a_tracker_that_never_is_wrong_by_its_own_account(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
-    """Innovations of zero have no correlation to speak of; the result stays JSON."""
-    code = (
-        "import numpy as np\nfrom trackbench.base.types import Estimate\nclass T:\n    def step(self, state, scan):\n"
-        "        size = len(scan.measurement)\n"
-        "        return 1, Estimate(np.ones(4), np.eye(4), None, None, np.zeros(size), np.eye(size))\n"
-    )
-    result = run_tiny(f"trackers.mine.use={write_module(tmp_path, code)}:T", folder=tmp_path)
-    json.loads(json_text(result.json()), parse_constant=pytest.fail)
-    metrics = tracker(result, "mine")["metrics"]
-    assert metrics["whiteness"]["radar"]["reason"] == "every innovation is zero"
-    assert metrics["nis"]["radar"]["verdict"] == "pessimistic"
 
 
 def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:

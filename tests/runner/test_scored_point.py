@@ -138,17 +138,6 @@ def test_the_errors_name_line_and_key(tmp_path: Path) -> None:
         tb.load(file, {"truth.observer": {"start": {"speed_mps": 20}}})
 
 
-def test_a_table_without_sizes_is_refused(tmp_path: Path) -> None:
-    rows = "".join(f"{i / 10},a,{20 + i},0,0\n" for i in range(30))
-    (tmp_path / "boxes.csv").write_text(f"t,id,x,y,h\n{rows}", encoding="utf-8")
-    columns = {"time": "t", "object": "id", "px": "x", "py": "y", "heading": "h"}
-    truth = {"source": "recording", "format": "csv", "path": "boxes.csv", "columns": columns}
-    file = scenario(True, "rear", tmp_path, truth=truth)
-    with pytest.raises(InputError, match=r"standing.yaml:\d+: score.point: the size of the objects is not known"):
-        tb.load(file)
-    assert tb.load(file, {"truth.length_m": 4, "truth.width_m": 2}).config.score.point == "rear"
-
-
 def test_the_velocity_of_a_turning_car_is_the_rate_of_its_place() -> None:
     truth = truth_of(tb.load("scripted/figure_eight")).truth
     rear = truth_of_point(truth, "rear")

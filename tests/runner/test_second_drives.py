@@ -116,7 +116,7 @@ class SaysDrawing(Drawing):
     random = True
 
 def built_in(**config) -> FilterTracker:
-    return build(FilterConfig(**config))
+    return build(FilterConfig(**config)).tracker
 """
 #: Each with what the failure says of it.
 BATCH = r"^asked again with half of the batch replaced by other scenes and all of it permuted, "
@@ -135,7 +135,6 @@ DEPENDENT = {
 HONEST = ("BatchedAlphaBeta", "AlphaBeta", "SaysSo", "SaysDrawing")
 FILTERS = {
     "kf": "{filter: kf, motion: cv, acceleration_sigma_mps2: 3}",
-    "iekf": "{filter: iekf, motion: ctrv, acceleration_sigma_mps2: 3, yaw_acceleration_sigma_radps2: 1}",
     "ukf": "{filter: ukf, motion: ctra, yaw_acceleration_sigma_radps2: 1, jerk_sigma_mps3: 1}",
     "ckf": "{filter: ckf, motion: ca, jerk_sigma_mps3: 1}",
 }
@@ -267,7 +266,7 @@ class Several:
         initial = {"from": "first_measurement"}
         motion = {"motion": "cv", "acceleration_sigma_mps2": 1}
         config = FilterConfig(filter="ekf", **motion, initial=initial, associate={"method": "gnn"})
-        self.inner = build_multi(config)
+        self.inner = build_multi(config).tracker
     def step(self, state, scan):
         state, tracks = self.inner.step(state, scan)
         return state, self.change(scan, tracks)

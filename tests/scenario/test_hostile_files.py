@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from pathlib import Path
 
@@ -10,10 +9,8 @@ import pytest
 import yaml
 from tests.support.places import DATA
 
-import trackbench
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
-from trackbench.scenario.load import MOST_ERRORS
 from trackbench.scenario.source import parse_yaml
 
 GOOD = (DATA / "scenario.yaml").read_text(encoding="utf-8")
@@ -73,16 +70,6 @@ def test_is_refused_soon_and_shortly(tmp_path: Path, name: str, patience: float)
     assert len(message) < LONGEST
 
 
-def test_the_errors_that_are_not_shown_are_counted(tmp_path: Path) -> None:
-    file = tmp_path / "scenario.yaml"
-    file.write_text(GOOD + "".join(f"k{n}: 1\n" for n in range(MOST_ERRORS + 3)), encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        load_scenario(file)
-    lines = str(caught.value).splitlines()
-    assert len(lines) == MOST_ERRORS + 1
-    assert lines[-1] == f"{file}: and 3 more errors"
-
-
 @pytest.mark.parametrize("text", [f"{SECRET}\n", "password: hunter2\n"])
 def test_a_file_of_another_kind_is_not_shown(tmp_path: Path, text: str) -> None:
     file = tmp_path / "secret"
@@ -108,18 +95,3 @@ def test_aliases_of_a_short_text_are_read(tmp_path: Path) -> None:
     (tmp_path / "scenario.yaml").write_text(GOOD, encoding="utf-8")
     text = f"[&a '{'x' * 90}', {'*a, ' * 9000}]"
     assert parse_yaml(text, "file").value == ["x" * 90] * 9001
-
-
-#: Text of the package's own files is loaded otherwise, and texts that were parsed before are composed for the places.
-OTHERS = {
-    "presets.py": "safe_load", "drives.py": "safe_load", "docs.py": "safe_load", "explain.py": "safe_load",
-}  # fmt: skip
-
-
-def test_yaml_is_read_in_one_place() -> None:
-    readers = {
-        (file.name, call)
-        for file in Path(trackbench.__file__).parent.rglob("*.py")
-        for call in re.findall(r"\byaml\.(\w*load\w*|compose\w*|parse|scan)\(", file.read_text(encoding="utf-8"))
-    }
-    assert readers == {*OTHERS.items()}

@@ -184,14 +184,6 @@ def test_runs_from_drawn_starts_differ_and_are_allowed(tmp_path: Path) -> None:
     assert len(set(found.tables["runs"].to_pydict()["position_rmse_m"])) == 3
 
 
-def test_the_command_line_refuses_a_damaged_recording(tmp_path: Path) -> None:
-    file = write(tmp_path, UDACITY, [*LINES[:7], LINES[7][:20]])
-    done = CliRunner().invoke(cli, ["run", str(file), "--out", str(tmp_path / "out")], standalone_mode=False)
-    assert isinstance(done.exception, InputError)
-    assert str(done.exception).startswith(f"{tmp_path / 'log.txt'}:8: the R line ends before")
-    assert not (tmp_path / "out" / "recorded").exists()
-
-
 def test_check_reads_the_recording_too(tmp_path: Path) -> None:
     file = write(tmp_path, UDACITY)
     (tmp_path / "log.txt").unlink()

@@ -6,16 +6,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
-from trackbench.document.markdown import to_markdown
-from trackbench.report.result import result_document
-from trackbench.results import MOST_DRAWN
 from trackbench.scenario import load_scenario
-from trackbench.subjects.recording.contents import contents_of
-from trackbench.subjects.recording.data import read
-from trackbench.subjects.recording.writer import write
 
 HEAD = """\
 name: example
@@ -178,35 +171,3 @@ def test_the_name_of_a_sweep_chooses_all_of_its_points(tmp_path):
         result = json.loads((tmp_path / "out" / "example" / "result.json").read_text())
         assert done.exit_code == 0
         assert len(result["trackers"]) == count
-
-
-@pytest.fixture(scope="module")
-def swept(tmp_path_factory):
-    """The result of more trackers than a picture shows."""
-    points = ", ".join(str(0.5 * (number + 1)) for number in range(MOST_DRAWN + 2))
-    trackers = f"  ekf: {{filter: ekf, motion: cv, sweep: {{acceleration_sigma_mps2: [{points}]}}}}\n"
-    return tb.run(load(tmp_path_factory.mktemp("swept"), trackers, "monte_carlo.runs=5"))
-
-
-def test_figures_show_the_best_and_tables_all(swept):
-    best = swept.summary.ranking[:MOST_DRAWN]
-    assert [tracker.name for tracker in swept.drawn] == best
-    document = result_document(swept)
-    assert [style.name for style in document.trackers] == best
-    for figure in document.figures:
-        shown = {entry.label for entry in figure.legend if entry.key}
-        assert shown in (set(), set(best)), figure.name
-    (ranking,) = (table for table in document.tables if table.name == "ranking")
-    assert len(ranking.rows) == MOST_DRAWN + 2
-    assert "Figures show the best 12." in to_markdown(document)
-
-
-def test_a_recording_draws_the_best_and_keeps_all(swept, tmp_path):
-    contents = contents_of(swept)
-    assert set(contents.colours) == set(swept.summary.ranking[:MOST_DRAWN])
-    assert set(contents.tables.estimates["tracker"].unique().to_pylist()) == set(contents.colours)
-    assert contents.tables.truth.equals(swept.tables.truth)
-    write(swept, tmp_path / "swept.rrd")
-    kept = read(tmp_path / "swept.rrd").result
-    assert list(kept) == list(swept)
-    assert set(kept.tables.estimates["tracker"].to_pylist()) == set(swept)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import stats
-from tests.support.scenes import fixed_observer, truth
+from tests.support.scenes import truth
 
 from trackbench.base.types import FALSE_ALARM, Array, Observer, Truth, scan_of_run
 from trackbench.models.sensors import Lidar, Radar, Sensor
@@ -128,22 +128,6 @@ def test_a_guard_rail_is_where_it_stands_and_at_rest(frame: str) -> None:
         assert stats.kstest(np.array(along) / 64, "uniform").pvalue > 1e-3
 
 
-def test_a_guard_rail_is_seen_as_far_as_the_sensor_looks_at_its_angle() -> None:
-    place = {"line": [[-60, 20], [60, 20]], "per_scan": 10}
-    by_angle = {"max_range_m": [[0, 80], [30, 60], [45, 25]]}
-    sharp = {**RADAR, "range_sigma_m": 1e-6, "azimuth_sigma_deg": 1e-6}
-    distance, azimuth, _ = alarms(found(Radar(clutter={"places": [place]}, by_angle=by_angle, **sharp), 2))
-    assert len(distance) > 1000
-    assert (distance <= np.interp(np.rad2deg(azimuth), [0, 30, 45], [80, 60, 25]) + 1e-4).all()
-
-
-def test_places_spread() -> None:
-    place = {"line": [[40, 0]], "per_scan": 4, "spread_m": 2}
-    x, y = alarms(found(Lidar(clutter={"places": [place]}, **{**LIDAR, "position_sigma_m": 1.5})))
-    assert stats.kstest((x - 40) / 2.5, "norm").pvalue > 1e-3
-    assert stats.kstest(y / 2.5, "norm").pvalue > 1e-3
-
-
 def test_a_silent_sensor_says_that_it_detects_nothing() -> None:
     place = {"line": [[40, 0]], "per_scan": 4}
     dropouts = [{"from_s": 1, "to_s": 2}]
@@ -176,15 +160,3 @@ def test_an_empty_scan_is_delivered() -> None:
     assert len(nothing.scans) == STEPS
     assert all(scan.measurement.shape == (3, 0, 3) for scan in nothing.scans)
     assert scan_of_run(nothing.scans[0], 2).measurement.shape == (3, 0)
-
-
-def test_a_run_is_the_same_in_whatever_block() -> None:
-    sensor = Radar(clutter={"per_scan": 5}, resolution={"range_m": 3}, occlusion=True, **RADAR)
-    sensors = ideal_sensors(scene(fixed_observer(STEPS)), {"sensor": sensor})
-    block, single = (sense_hidden(sensors, 5, "clutter", runs) for runs in (range(4), range(3, 4)))
-    assert block.digests[3] == single.digests[0]
-    for k in range(STEPS):
-        count = int(single.scans[k].valid.sum())
-        many, one = block.scans[k].measurement[:, :count, 3], single.scans[k].measurement[..., 0]
-        np.testing.assert_array_equal(many, one)
-        np.testing.assert_array_equal(block.origins[k][:count, 3], single.origins[k][:, 0])

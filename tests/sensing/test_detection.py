@@ -47,21 +47,11 @@ def test_half_at_the_half_value_range_and_as_the_radar_equation_says() -> None:
     np.testing.assert_array_less(np.abs(drawn - expected), 4 * np.sqrt(expected * (1 - expected) / 8000) + 1e-9)
 
 
-def test_by_aspect() -> None:
-    # All look along x: the sensor sees the rear of the first, the front of the second, the sides of the others.
-    of = resting([(30, 0), (-30, 0), (0, 30), (0, -30)], 400)
-    table = {"by_aspect": [[0, 0.9], [90, 0.5], [180, 0.3]]}
-    drawn = shares(of, Radar(detection=table, mount={"yaw_deg": 70}, **RADAR))
-    expected = np.array([0.3, 0.9, 0.5, 0.5])
-    np.testing.assert_array_less(np.abs(drawn - expected), 4 * np.sqrt(expected * (1 - expected) / 8000))
-
-
 @pytest.mark.parametrize(
     "effect",
     [
         {"occlusion": True},
         {"detection": {"half_range_m": 40}},
-        {"detection": {"by_aspect": [[0, 0.5]]}},
         {"detection_probability": 0.5},
         {"resolution": {"range_m": 1, "azimuth_deg": 1}},
         {"dropouts": [{"from_s": 1, "to_s": 3}]},
@@ -158,43 +148,3 @@ def test_without_effects_the_same_detections_as_with_known_identities() -> None:
             labelled = one.measurement.reshape(-1, 6, 3)[:, one.valid.reshape(6, 3)[:, run], run]
             free = other.measurement[:, other.valid[:, run], run]
             assert {tuple(column) for column in labelled.T} == {tuple(column) for column in free.T}
-
-
-BY_ANGLE: dict[str, Any] = {"max_range_m": [[0, 100], [40, 50]], "sigma": {"azimuth": [[0, 1], [30, 1], [60, 5]]}}
-
-
-def at_angles(distance: float, *angles_deg: float, steps: int = 1) -> Truth:
-    angles = np.deg2rad(angles_deg)
-    return resting(list(zip(distance * np.cos(angles), distance * np.sin(angles), strict=True)), steps)
-
-
-def test_by_angle_is_how_far_a_sensor_sees() -> None:
-    sensor = Radar(**RADAR, by_angle={"max_range_m": BY_ANGLE["max_range_m"]})
-    # At 20 degrees it sees to 75 m, beyond 40 degrees to 50 m.
-    for distance, seen in ((74.0, [1, 1, 1, 0]), (76.0, [1, 0, 0, 0]), (49.0, [1, 1, 1, 1])):
-        np.testing.assert_array_equal(shares(at_angles(distance, 0, 20, -20, 60), sensor, 1), seen)
-
-
-@pytest.mark.parametrize("effects", [[], [{"type": "correlated_errors", "share": 0.5, "time_s": 1}]])
-def test_by_angle_is_how_well_a_sensor_measures(effects: list[dict[str, Any]]) -> None:
-    sensor = Radar(**RADAR, by_angle={"sigma": BY_ANGLE["sigma"]}, effects=effects)
-    of = at_angles(40.0, 0, -30, 45, 60, steps=1)
-    scans = sense_known(ideal_sensors(of, {"sensor": sensor}), 3, "detection", range(20_000)).scans
-    spread = scans[0].measurement.reshape(3, 4, -1).std(axis=-1)
-    np.testing.assert_allclose(np.rad2deg(spread[1]), 0.5 * np.array([1, 1, 3, 5]), rtol=0.03)
-    np.testing.assert_allclose(spread[[0, 2]], np.array([[0.3], [0.1]]) * np.ones(4), rtol=0.03)
-    assert np.rad2deg(np.sqrt(scans[0].noise_covariance[1, 1])) == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize(
-    ("stated", "message"),
-    [
-        ({}, "says nothing"),
-        ({"max_range_m": [[10, 5], [10, 4]]}, "must come after 10"),
-        ({"sigma": {"azimuth": [[0, 0]]}}, "must be above 0"),
-        ({"sigma": {"azimut": [[0, 1]]}}, "measures no 'azimut'"),
-    ],
-)
-def test_mistakes_of_by_angle_are_named(stated: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        Radar(**RADAR, by_angle=stated)

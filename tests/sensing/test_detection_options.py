@@ -40,10 +40,6 @@ BAD = [
      " range_rate_mps"),
     ("roof", "resolution: {range_rate_mps: 1}", "6: sensors.roof.resolution.range_rate_mps: a lidar measures no range"
      " rate; remove it"),
-    ("front", "detection: {by_aspect: [[0, 1.5]]}", "5: sensors.front.detection.by_aspect.0: the factor must be from 0"
-     " to 1, not 1.5"),
-    ("front", "detection: {by_aspect: [[90, 1], [0, 0.5]]}", "5: sensors.front.detection.by_aspect.1: must come after"
-     " 90; sort the rows"),
 ]  # fmt: skip
 ONLY_HIDDEN = [
     ("roof", "clutter: {per_scan: 5}", f"sensors.roof.clutter: a false alarm has no identity; {REMEDY}"),
@@ -83,11 +79,6 @@ def test_what_needs_hidden_identities(check: Callable[[str], str], sensor: str, 
     text = with_option(sensor, option)
     assert check(text) == ""
     assert check(text.replace("hidden", "known")) == f"6: {message}\n"
-
-
-def test_what_works_with_known_identities(check: Callable[[str], str]) -> None:
-    text = with_option("front", "occlusion: true, detection: {half_range_m: 90}")
-    assert check(text.replace("hidden", "known")) == ""
 
 
 def test_a_limit_of_the_scene_needs_hidden_identities(check: Callable[[str], str]) -> None:

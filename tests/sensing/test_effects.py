@@ -1,9 +1,7 @@
 """Effects of sensors: geometry by hand, statistics by closed forms, and bits that stay where there is none."""
 
 import itertools
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,16 +9,11 @@ from scipy import stats
 from tests.support.scenes import fixed_observer, truth
 
 from trackbench.base.types import Observer
-from trackbench.document.markdown import to_markdown
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
-from trackbench.models.sensors.effects import EFFECTS, gauss_markov
+from trackbench.models.sensors.effects import gauss_markov
 from trackbench.models.sensors.effects.processes import CORRELATION_TIME, smooth_process
 from trackbench.models.sensors.effects.signal import SignalRange, received_power
-from trackbench.report.result import result_document
-from trackbench.results.scenario_summary import SensorSummary
-from trackbench.scenario import load_scenario
-from trackbench.scenario.check import check
 from trackbench.sensing.detections import draw_false_alarms, sense_hidden
 from trackbench.sensing.scans import affected, ideal_sensors, sense_known
 
@@ -294,15 +287,6 @@ def test_misses_come_in_bursts_alike_at_any_rate(amplitude_rad):
     assert at_50_hz == pytest.approx(at_10_hz, abs=0.02)
 
 
-def test_the_power_is_that_of_the_body_and_not_of_the_point_that_wanders():
-    still = {"type": "reflection", "across_m": 0.5, "time_s": 0.2}
-    # At 100 m the signal is 2e9 times the noise.
-    strong = SIGNAL | {"half_range_m": 10_000.0}
-    sensor = ideal(Radar(effects=[still, strong], **RADAR), position=(100.0, 0.0), steps=50)
-    scale = affected(sensor, 1, "effects", range(20)).scale
-    assert (np.ptp(scale, axis=1) < 1e-3 * scale.max(axis=1)).all()
-
-
 def test_the_noise_grows_as_the_signal_falls_and_a_broad_side_is_stronger():
     def spread(distance, heading=0.0, **keys):
         effects = [{"type": "signal_to_noise", "half_range_m": 200.0, "stated_at_m": 60.0, **keys}]
@@ -325,16 +309,6 @@ def test_correlated_errors_keep_the_variance_and_have_their_time_constant(order)
         apart = lag * 0.1 / 2 * (CORRELATION_TIME if order == 2 else 1)
         expected = 0.5 * np.exp(-apart) * (1 + apart if order == 2 else 1)
         assert np.mean(error[lag:] * error[:-lag]) == pytest.approx(expected, abs=0.04)
-
-
-def test_components_may_have_shares_of_their_own():
-    effects = [{"type": "correlated_errors", "share": 0.9, "share_of": {"range_rate": 0.2}, "time_s": 2.0}]
-    error = runs(ideal(Radar(effects=effects, **RADAR), steps=30), 2000) - np.array([50.0, 0.0, 0.0])[:, None, None]
-    error /= np.array([0.3, np.deg2rad(1.0), 0.2])[:, None, None]
-    apart = CORRELATION_TIME * 0.1 / 2
-    for of, share in zip(error, (0.9, 0.9, 0.2), strict=True):
-        assert np.mean(of**2) == pytest.approx(1, abs=0.04)
-        assert np.mean(of[1:] * of[:-1]) == pytest.approx(share * (1 + apart) * np.exp(-apart), abs=0.04)
 
 
 def test_slow_errors_do_not_follow_the_power_of_a_scan_and_the_white_part_does():
@@ -455,20 +429,6 @@ def test_the_range_rate_of_a_ghost_is_the_derivative_of_its_range(wall, mount):
     np.testing.assert_allclose(rate[inside], central, rtol=0, atol=5e-3)
 
 
-@pytest.mark.parametrize(("wall", "mount"), WALLS)
-def test_the_wall_stays_where_it_is_while_the_observer_swerves(wall, mount):
-    """Halfway between a vehicle and its ghost there is a point of the wall's line, wherever the observer looks."""
-    sensor, vehicle = swerving(ghosts(wall, 0.9), mount)
-    alarms = alarms_of(sensor, 0)
-    distance, azimuth, _ = alarms.measurement
-    x, y, yaw = sensor.pose[:, alarms.instant]
-    ghost = np.stack([x + distance * np.cos(azimuth + yaw), y + distance * np.sin(azimuth + yaw)])
-    start, end = map(np.array, wall)
-    left = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
-    middle = (ghost + vehicle[:, alarms.instant]) / 2
-    np.testing.assert_allclose(left @ (middle - start[:, None]), 0, atol=1e-4)
-
-
 def test_a_ghost_is_only_seen_in_the_wall_and_from_the_side_where_its_cause_is():
     behind = ideal(Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), **EXACT), position=(20.0, 9.0))
     assert len(alarms_of(behind, 0).instant) == 0
@@ -478,8 +438,7 @@ def test_a_ghost_is_only_seen_in_the_wall_and_from_the_side_where_its_cause_is()
         assert (len(alarms_of(sensor, 0).instant) > 0) is seen
     # The image is at 22.4 m and 26.6 degrees.
     for reach, seen in ((23.0, True), (22.0, False)):
-        by_angle = {"max_range_m": [[0, 100], [20, reach]]}
-        near = Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), by_angle=by_angle, **EXACT)
+        near = Radar(effects=ghosts([[-100.0, 6.0], [100.0, 6.0]]), **{**EXACT, "max_range_m": reach})
         assert (len(alarms_of(ideal(near, position=(20.0, 2.0)), 0).instant) > 0) is seen
     corner = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0], [80.0, 6.0]]), **EXACT), position=(20.0, 2.0))
     alone = ideal(Radar(effects=ghosts([[11.0, 6.0], [13.0, 6.0]]), **EXACT), position=(20.0, 2.0))
@@ -508,31 +467,3 @@ def test_a_run_is_the_same_to_the_last_bit_whatever_the_others_are(effects):
     together, alone = (sense_hidden([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
     assert together[9] == alone[0]
     assert len(set(together)) == 12
-
-
-def test_every_effect_is_among_these():
-    assert {effect["type"] for effect in EVERY} == set(EFFECTS.names())
-
-
-def test_the_page_of_effects_has_the_typical_figures(run_tiny):
-    result = run_tiny(*(f"sensors.{name}.effects=typical" for name in ("radar", "lidar")))
-    page = (Path(__file__).parents[2] / "docs" / "sensor-effects.md").read_text(encoding="utf-8")
-    report = to_markdown(result_document(result))
-    rows = re.findall(r"(?m)^\| (radar|lidar) \| (.*) \|$", page)
-    for name, sensor in result.summary.sensors.items():
-        assert sensor.effects_with_options == "; ".join(row for kind, row in rows if kind == name)
-        assert f"Effects of {name}: {sensor.effects_with_options}." in report
-    earlier = result.summary.sensors["radar"].model_dump() | {"effects": ["bias"]}
-    assert SensorSummary.model_validate(earlier).effects_in_words == "bias"
-
-
-@pytest.mark.parametrize(
-    ("identities", "effect", "said"), [("known", 1, True), ("hidden", 1, False), ("known", 0, False)]
-)
-def test_a_check_says_which_effects_do_nothing(tiny, identities, effect, said):
-    ghosts = ["{type: bias, sigmas: {range_m: 1}}", "{type: ghosts, wall: [[0, 6], [90, 6]], probability: 0.4}"][effect]
-    filters = "{ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}}}"
-    hidden = ["sensing={identities: hidden}", f"trackers={filters}", "score={}"] if identities == "hidden" else []
-    notes = check(load_scenario(tiny, [f"sensors.radar.effects=[{ghosts}]", *hidden]))
-    expected = "sensors.radar.effects: ghosts does nothing: known identities have no false alarms"
-    assert (expected in notes) is said

@@ -66,14 +66,6 @@ def test_a_block_pads_each_run_at_its_end() -> None:
         assert (merged == -1).all()
 
 
-def test_a_run_is_the_same_in_whatever_block() -> None:
-    block, single = hidden(range(2, 6)), hidden(range(4, 5))
-    for many, one in zip(block.scans, single.scans, strict=True):
-        np.testing.assert_array_equal(scan_of_run(many, 2).measurement, scan_of_run(one, 0).measurement)
-    assert block.digests[2] == single.digests[0]
-    assert len(set(block.digests)) == 4
-
-
 def test_the_order_means_nothing() -> None:
     # Ranges grow with the object's number, so an order that kept identities would be sorted at every scan.
     scans = [scan_of_run(scan, run) for run in range(20) for scan in hidden(range(20)).scans if scan.sensor == "radar"]

@@ -17,7 +17,7 @@ from trackbench.models.sensors import Dropout, Lidar, Mount, Radar
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.sensing.scans import hashed, ideal_sensors, sense_known
+from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.sensing.view import sensor_motion
 
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.0, "range_rate_sigma_mps": 0.2}
@@ -238,17 +238,6 @@ def test_a_truth_that_differs_from_run_to_run_is_read_run_by_run():
     ideal = ideal_sensors(of, {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)})
     for seen in sense_known(ideal, 1, "test", range(1, 3)).scans:
         np.testing.assert_allclose(seen.measurement[0], [20, 30], atol=1e-6)
-
-
-def test_fingerprints_tell_signs_and_places():
-    values = np.random.default_rng(3).standard_normal((1, 3, 8, 2))
-    changed = [values.copy() for _ in range(4)]
-    changed[0][0, 0, :2] *= -1.0
-    changed[1][0, 1, [2, 3], 0] = values[0, 1, [3, 2], 0]
-    changed[2][0, 2, 7, 1] = np.nextafter(values[0, 2, 7, 1], 9.0)
-    changed[3][0, 0, 0, 0] = np.nan
-    keys = np.random.default_rng(4).integers(2**64, size=2 * values[0].size, dtype=np.uint64)
-    assert len({hashed(each, keys).tobytes() for each in [values, *changed]}) == 5
 
 
 #: What NumPy takes for faster functions where the processor has it.

@@ -91,7 +91,7 @@ def write_scenes(folder: Path, loaded: Scenario, *, labelled: bool = False, **ch
             "path": "*_boxes.csv",
             "columns": columns,
             "readings": readings,
-            "reference": {"point": "centre", "classes": ["car"]},
+            "reference": {"classes": ["car"]},
             **changes,
         },
         "sensing": {"identities": "hidden"},

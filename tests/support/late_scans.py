@@ -10,8 +10,11 @@ from tests.support.scenes import scan
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.filters import KalmanFilter
 from trackbench.models.motion import MotionModel
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.initial import InitialConfig
+from trackbench.trackers.late import LateScans
 
 FIRST = {"from": "first_measurement", "velocity_sigma_mps": 10}
 
@@ -39,9 +42,14 @@ class WhiteAcceleration(MotionModel):
         return np.kron(np.linalg.cholesky([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(2))
 
 
-def linear(late: str, lag: float = 1.0) -> FilterTracker:
+def late_tracker(**keys: Any) -> LateScans:
+    """A built-in tracker with what becomes of its late scans, from the keys of a scenario."""
+    return build(FilterConfig.model_validate(keys))
+
+
+def linear(late: str, lag: float = 1.0) -> LateScans:
     initial = InitialConfig.model_validate(FIRST)
-    return FilterTracker(KalmanFilter(WhiteAcceleration()), initial, late=late, lag_s=lag)
+    return LateScans(FilterTracker(KalmanFilter(WhiteAcceleration()), initial), late, lag)
 
 
 def lidar_scans(count: int = 12, seed: int = 0, batch: int = 3, period: float = 0.1, valid: float = 0.9) -> list[Scan]:

@@ -40,7 +40,6 @@ TRACKERS: dict[str, dict[str, object]] = {
     for name, options in {
         "kf": {},
         "ekf": {},
-        "iekf": {"iterations": 3},
         "ukf": {},
         "ukf_additive": {"augmented": False},
         "ukf_classic": {"sigma_points": "classic", "kappa": 0.5},
@@ -56,7 +55,7 @@ LIDAR_NOISE = np.diag(np.square([0.15, 0.15]))
 
 def tracker(**keys: object) -> FilterTracker:
     """A built-in tracker from the keys of a scenario."""
-    return build(FilterConfig.model_validate(keys))
+    return build(FilterConfig.model_validate(keys)).tracker
 
 
 def scan(

@@ -13,8 +13,8 @@ from pathlib import Path
 from zlib import crc32
 
 LIST = Path(__file__).parents[1] / "slow_tests.txt"
-PARTS = 12
-"""Of the slow tier: about five minutes each on 2 cores."""
+PARTS = 8
+"""Of the slow tier: at most four minutes each on 2 cores."""
 LARGEST_NUMBER = 700
 """A tenth of all tests."""
 

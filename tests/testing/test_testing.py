@@ -91,7 +91,7 @@ def test_what_keeps_the_contract_passes(tracker: Any) -> None:
 
 @pytest.mark.parametrize(
     ("name", "motion"),
-    [*(("ekf", motion) for motion in SIGMAS), ("kf", "ca"), ("iekf", "cv"), ("ukf", "ctra"), ("ckf", "ctrv")],
+    [*(("ekf", motion) for motion in SIGMAS), ("kf", "ca"), ("ukf", "ctra"), ("ckf", "ctrv")],
 )
 def test_the_built_in_trackers_pass(name: str, motion: str) -> None:
     check_tracker(name, motion=motion, **SIGMAS[motion])
@@ -306,7 +306,7 @@ def test_a_program_is_checked_by_its_command(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "program.py").write_text(source.replace('states[message["id"]] =', "states[1] ="))
     with pytest.raises(TrackerCheckError, match="follows a target in plain sight"):
         check_tracker(use)
-    with pytest.raises(InputError, match=r"did you mean ../program.py"):
+    with pytest.raises(InputError, match=r"a path has a /, such as ./program.py"):
         check_tracker({"command": ["program.py"]})
     with pytest.raises(InputError, match="write a published name"):
         check_tracker({"comand": []})

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from scipy import integrate, stats
+from tests.support.late_scans import late_tracker
 from tests.support.scenes import fixed_observer, scan, tracker, truth
 
 from trackbench.base.errors import InputErrors, TrackbenchError
@@ -20,12 +19,10 @@ from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.signal import SignalRange
-from trackbench.results import Result
 from trackbench.scenario import load_scenario
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import SmoothedTracker
 
 SIGNAL = {"half_range_m": 140, "stated_at_m": 60, "constant_share": 0.5}
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1}
@@ -105,11 +102,6 @@ def test_the_nis_is_right_at_all_ranges_where_the_noise_by_range_is_assumed() ->
     assert stated[100].mean() > 9.0
 
 
-def test_the_description_of_a_tracker_names_what_it_assumes(run_tiny: Callable[..., Result]) -> None:
-    result = run_tiny("trackers.ekf.assume.radar.signal_to_noise={half_range_m: 140, stated_at_m: 60}")
-    assert "radar with signal to noise assumed" in result["ekf"].describe
-
-
 def assuming(tiny: Path, filter: str, entry: str) -> None:
     """Write what a tracker of the tiny scenario assumes into it."""
     text = re.sub("initial: {[^}]*}", "initial: first_measurement", tiny.read_text())
@@ -120,8 +112,6 @@ def assuming(tiny: Path, filter: str, entry: str) -> None:
     ("entry", "message"),
     [
         ("{rader: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}", "the scenario has no sensor 'rader'"),
-        ("typical", "name the sensor first, such as {front_radar: {bias: "),
-        ("{bias: {sigmas: {azimuth_deg: 1}}}", "name the sensor first, such as {front_radar: {bias: "),
         ("{radar: {}}", "says nothing; add signal_to_noise or correlated_errors or bias"),
         ("{radar: {bias: {sigmas: {azimut_deg: 1}}}}", "is no component of a radar with its unit; did you mean"),
         ("{radar: {correlated_errors: {components: [rang], share: 0.5, time_s: 1}}}", "did you mean 'range'"),
@@ -166,7 +156,7 @@ def augmented_filter(measurements: Any, times: Any, sigma: float, share: float, 
     return result
 
 
-@pytest.mark.parametrize("filter", ["kf", "ekf", "iekf", "ukf", "ckf"])
+@pytest.mark.parametrize("filter", ["ekf", "ukf", "ckf"])
 @pytest.mark.parametrize("yaw", [0.0, 0.7])
 def test_a_lidar_with_slow_errors_is_the_augmented_filter_of_textbooks(filter: str, yaw: float) -> None:
     random, times = np.random.default_rng(2), np.cumsum(np.r_[0.0, np.random.default_rng(4).uniform(0.05, 0.3, 40)])
@@ -211,14 +201,14 @@ def rmse(estimates: list[Any], x: Any, components: slice) -> float:
 
 def followed(scans: list[Any], **keys: Any) -> list[Any]:
     """The estimates of a tracker that starts from its first measurement."""
-    own, state, result = tracker(**{**CV, **keys}), None, []
+    own, state, result = late_tracker(**{**CV, **keys}), None, []
     for seen in scans:
         state, estimate = own.step(state, seen)
         result.append(estimate)
     return result
 
 
-@pytest.mark.parametrize("filter", ["ekf", "iekf", "ukf", "ckf"])
+@pytest.mark.parametrize("filter", ["ekf", "ukf", "ckf"])
 def test_who_assumes_slow_errors_and_a_bias_is_consistent_and_who_does_not_is_optimistic(filter: str) -> None:
     effects = [
         {"type": "correlated_errors", "share": 0.8, "time_s": 1.0},
@@ -236,19 +226,7 @@ def test_who_assumes_slow_errors_and_a_bias_is_consistent_and_who_does_not_is_op
     assert not any(np.any(estimate.repaired) for estimate in knowing if estimate.repaired is not None)
 
 
-@pytest.mark.parametrize("sensor", [Radar, Lidar])
-def test_who_assumes_slow_errors_that_are_there_is_more_accurate(sensor: Any) -> None:
-    slow = {"type": "correlated_errors", "share": 0.8, "time_s": 1.0}
-    affected = sensor(**(RADAR if sensor is Radar else LIDAR), effects=[slow])
-    x, scans = simulated(affected, (30.0, 5.0, 4.0, 1.0), 80, 400)
-    components = SLOW_RADAR if sensor.kind() == "radar" else SLOW
-    knowing = followed(scans, filter="ekf", assume={sensor.kind(): {"correlated_errors": components}})
-    stated = followed(scans, filter="ekf")
-    for part in (slice(0, 2), slice(2, 4)):
-        assert rmse(knowing, x, part) < rmse(stated, x, part)
-
-
-@pytest.mark.parametrize("filter", ["kf", "ekf", "iekf", "ukf", "ckf"])
+@pytest.mark.parametrize("filter", ["ekf", "ukf", "ckf"])
 @pytest.mark.parametrize(
     "effects",
     [
@@ -263,16 +241,6 @@ def test_errors_of_no_size_or_no_duration_change_nothing(filter: str, effects: d
     for assuming, plain in pairs:
         np.testing.assert_allclose(assuming.mean, plain.mean, rtol=1e-9)
         np.testing.assert_allclose(assuming.covariance, plain.covariance, rtol=1e-8, atol=1e-10)
-
-
-def test_the_smoother_knows_the_errors_too() -> None:
-    effects = [{"type": "correlated_errors", "share": 0.8, "time_s": 1.0}]
-    x, scans = simulated(Radar(**RADAR, effects=effects), (30.0, 5.0, 4.0, 1.0), steps=60, runs=400)
-    keys = {"filter": "ekf", "assume": {"radar": {"correlated_errors": SLOW_RADAR}}}
-    smoothed = SmoothedTracker(tracker(**CV, **keys)).estimates(scans)
-    low, high = stats.chi2.ppf([0.0005, 0.9995], 4 * 400) / 400
-    assert low < nees(smoothed[30], x[30]).mean() < high
-    assert rmse(smoothed, x, slice(0, 2)) < 0.95 * rmse(followed(scans, **keys), x, slice(0, 2))
 
 
 def test_an_imm_of_the_same_model_twice_is_the_filter_alone() -> None:
@@ -300,20 +268,19 @@ def test_the_jacobians_of_a_state_with_errors_are_finite_differences() -> None:
         np.testing.assert_allclose((above - below) / 2e-6, h[:, i], atol=1e-6)
 
 
-def test_a_late_measurement_by_retrodiction_is_as_if_it_had_come_in_time() -> None:
+def test_a_late_measurement_is_as_if_it_had_come_in_time() -> None:
     _x, scans = simulated(Lidar(**LIDAR), (30.0, 5.0, 4.0, 1.0), steps=12, runs=5)
     # With driving noise that is constant over a step, other steps would be another motion.
-    keys = {"filter": "kf", "acceleration_sigma_mps2": 1e-6, "assume": {"lidar": {"correlated_errors": SLOW}}}
+    keys = {"filter": "ekf", "acceleration_sigma_mps2": 1e-6, "assume": {"lidar": {"correlated_errors": SLOW}}}
     in_time = followed(scans, **keys)[-1]
     late = scans[-2]._replace(arrival_time=scans[-1].time)
     order = [*scans[:-2], scans[-1], late]
-    for method in ("retrodiction", "replay"):
-        estimate = followed(order, late=method, **keys)[-1]
-        np.testing.assert_allclose(estimate.mean, in_time.mean, rtol=1e-6)
-        np.testing.assert_allclose(estimate.covariance, in_time.covariance, rtol=1e-5, atol=1e-9)
+    estimate = followed(order, **keys)[-1]
+    np.testing.assert_allclose(estimate.mean, in_time.mean, rtol=1e-6)
+    np.testing.assert_allclose(estimate.covariance, in_time.covariance, rtol=1e-5, atol=1e-9)
 
 
-@pytest.mark.parametrize("filter", ["ekf", "iekf", "ukf", "ckf", "imm"])
+@pytest.mark.parametrize("filter", ["ekf", "ukf", "ckf", "imm"])
 def test_the_fused_engine_computes_the_same(filter: str) -> None:
     _x, scans = simulated(Radar(**RADAR), (20.0, 5.0, 8.0, 0.5), steps=15, runs=30)
     motions: dict[str, Any] = {"filter": filter, **CV}
@@ -331,30 +298,7 @@ def test_the_fused_engine_computes_the_same(filter: str) -> None:
         assert fused.engine_used.engine == "fused", fused.engine_used
 
 
-@pytest.mark.parametrize(
-    ("keys", "at", "message"),
-    [
-        (
-            {"motion": "ctrv", "yaw_acceleration_sigma_radps2": 1},
-            "assume.radar.bias",
-            "a track of ctrv starts by position",
-        ),
-        ({"initial": "two_measurements"}, "initial.from", "a track starts from its first measurement"),
-        ({"initial": {"covariance_diag": [1, 1, 1, 1]}}, "initial.covariance_diag", "not used with errors as states"),
-        (
-            {"associate": {"method": "gnn"}, "assume": {"radar": {"signal_to_noise": SIGNAL, **KNOWN}}},
-            "assume.radar.correlated_errors",
-            "remove it, or signal_to_noise",
-        ),
-    ],
-)
-def test_where_errors_are_no_states_is_said(keys: dict[str, Any], at: str, message: str) -> None:
-    with pytest.raises(ValidationError) as caught:
-        FilterConfig.model_validate({"filter": "ekf", **CV, "assume": {"radar": BIASED}, **keys})
-    assert message in str(caught.value)
-
-
-def test_kf_has_no_errors_of_a_radar(tiny: Path) -> None:
+def test_kf_has_no_errors_as_states(tiny: Path) -> None:
     assuming(tiny, "kf", "{radar: {bias: {sigmas: {range_m: 1}}}}")
-    with pytest.raises(TrackbenchError, match=r"kf converts the measurements of a radar, .*; use ekf"):
+    with pytest.raises(TrackbenchError, match=r"kf converts measurements to positions, .*; use ekf"):
         load_scenario(tiny)

@@ -14,14 +14,12 @@ from trackbench.base.errors import TrackbenchError
 from trackbench.models.motion import Kinematics
 from trackbench.results import Result
 from trackbench.runner.run import run_scenario
-from trackbench.runner.tracker_entry import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.trackers.config import FilterConfig
 
 CV, CTRV = {"model": "cv", **NOISE["cv"]}, {"model": "ctrv", **NOISE["ctrv"]}
 CA = {"model": "ca", **NOISE["ca"]}
-FILTERS = ["ekf", "iekf", "ukf", "ckf"]
+FILTERS = ["ekf", "ukf", "ckf"]
 STARTS = ["first_measurement", "two_measurements", "truth"]
 
 
@@ -96,12 +94,6 @@ def test_a_scenario_runs_it_and_it_is_better_than_either_model(tmp_path):
     assert error["imm"] < 0.95 * min(error["straight"], error["turning"]), error
 
 
-def test_it_is_described_in_words(tmp_path):
-    assert describe_tracker(loaded(tmp_path).config.trackers["imm"], ()).startswith(
-        "ekf, imm of cv, acceleration sigma 0.3 m/s^2 for 5 s and ctrv, acceleration sigma 0.3 m/s^2"
-    )
-
-
 def test_its_first_probabilities_are_those_that_the_chain_comes_to():
     keys = {"filter": "ekf", "motion": {"imm": [CV, CTRV], "stay_s": [6, 2]}}
     assert tracker(**keys).filter.initial_probabilities == (0.75, 0.25)
@@ -148,10 +140,3 @@ def test_what_does_not_go_with_several_models_is_refused(tmp_path, keys, at, mes
     with pytest.raises(TrackbenchError) as raised:
         loaded(tmp_path, lambda one: one.update(keys))
     assert f"{at}: {message}" in str(raised.value)
-
-
-def test_a_key_of_the_first_state_needs_one_model_that_has_it():
-    keys = {"filter": "ekf", "motion": {"imm": [CV, CTRV], "stay_s": [1, 2]}}
-    assert FilterConfig.model_validate({**keys, "initial": {"yaw_rate_sigma_radps": 0.5}})
-    with pytest.raises(ValueError, match="motion cv and ctrv has no such component"):
-        FilterConfig.model_validate({**keys, "initial": {"acceleration_sigma_mps2": 0.5}})

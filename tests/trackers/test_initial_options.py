@@ -34,7 +34,7 @@ def estimates(initial: dict[str, object], scans: list[Scan], **options: object) 
         FilterConfig.model_validate(
             {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 1.0, "initial": initial, **options}
         )
-    )
+    ).tracker
     state, found = None, []
     for item in scans:
         state, estimate = tracker.step(state, item)
@@ -51,11 +51,6 @@ def first_known(found: list[Estimate]) -> int:
 def test_skipped_measurements_do_not_start_a_track(source: str, needed: int, skip: int) -> None:
     found = estimates({"from": source, "skip": skip}, [scan(0.1 * k) for k in range(12)])
     assert first_known(found) == skip + needed - 1
-
-
-def test_missed_measurements_are_not_counted_as_skipped() -> None:
-    scans = [scan(0.1 * k, valid=k not in (0, 2)) for k in range(6)]
-    assert first_known(estimates({"from": "two_measurements", "least_time_s": 0, "skip": 1}, scans)) == 4
 
 
 def test_start_after_skipping_is_that_of_the_two_readings_that_count() -> None:
@@ -83,20 +78,6 @@ def test_sensors_of_the_start_are_not_updated_with_later() -> None:
     np.testing.assert_allclose(found[2].mean[:, 0], [1.4, 2.8, *VELOCITY], atol=1e-12)
     assert found[2].innovation is None
     assert np.isnan(estimates({"from": "two_measurements", "least_time_s": 0}, scans, **options)[2].mean).all()
-
-
-def test_sensors_that_start_tracks_are_sensors_used() -> None:
-    config = FilterConfig.model_validate(
-        {
-            "filter": "ekf",
-            "motion": "cv",
-            "acceleration_sigma_mps2": 1.0,
-            "sensors": ["a"],
-            "initial": {"sensors": ["a", "b"]},
-        }
-    )
-    assert set(config.sensors_used or []) == {"a", "b"}
-    assert config.model_copy(update={"sensors": None}).sensors_used is None
 
 
 @pytest.mark.parametrize("key", ["skip", "waiting", "sensors"])

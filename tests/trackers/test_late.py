@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from tests.support.late_scans import WhiteAcceleration, lidar_scans, linear, swapped, taken
-from tests.support.scenes import NOISE, TRACKERS, scan, tracker
+from tests.support.late_scans import WhiteAcceleration, late_tracker, lidar_scans, linear, swapped, taken
+from tests.support.scenes import NOISE, TRACKERS, scan
 from tests.support.traffic_scans import traffic, vehicles
 
 import trackbench as tb
@@ -46,7 +45,7 @@ IMM = {
 def test_replayed_scans_are_as_good_as_in_order(keys: dict[str, Any], initial: str) -> None:
     scans = mixed_scans()
     late = [scans[k] for k in (0, 2, 1, 3, 6, 5, 4, 8, 10, 9, 7, 11, 12, 14, 13, 15)]
-    made = tracker(**keys, initial=initial)
+    made = late_tracker(**keys, initial=initial)
     one, other = taken(made, scans)[-1], taken(made, late)[-1]
     np.testing.assert_allclose(other.mean, one.mean, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-12, atol=1e-12)
@@ -56,20 +55,10 @@ def test_replayed_scans_are_as_good_as_in_order(keys: dict[str, Any], initial: s
 def test_replay_takes_scans_of_one_time_in_the_order_of_the_sensors() -> None:
     """As when nothing is late, on which what a nonlinear filter says depends."""
     scans = [one._replace(time=0.1 * (k // 2), place=k % 2) for k, one in enumerate(mixed_scans())]
-    made = tracker(filter="ekf", motion="cv", **NOISE["cv"])
+    made = late_tracker(filter="ekf", motion="cv", **NOISE["cv"])
     expected = taken(made, scans)[-1].mean
     for late in (swapped(scans, 4, 10), [*scans[:4], *scans[5:9], scans[4], *scans[9:]]):
         np.testing.assert_allclose(taken(made, late)[-1].mean, expected, rtol=1e-12, atol=1e-12)
-
-
-def test_replayed_traffic_takes_scans_of_one_time_in_the_order_of_the_sensors() -> None:
-    made = traffic(vehicles(4), 12)
-    scans = [one._replace(time=0.05 * (k // 2), place=k % 2) for k, one in enumerate(made.scans)]
-    config = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "associate": {"method": "gnn"}}
-    of = build_multi(FilterConfig.model_validate(config))
-    one, other = taken(of, scans)[-1], taken(of, swapped(scans, 4, 16))[-1]
-    np.testing.assert_array_equal(other.ids, one.ids)
-    np.testing.assert_allclose(other.mean, one.mean, rtol=1e-12)
 
 
 def test_a_late_scan_shows_the_innovation_of_its_own_time() -> None:
@@ -79,7 +68,7 @@ def test_a_late_scan_shows_the_innovation_of_its_own_time() -> None:
     np.testing.assert_allclose(late[5].mean, prompt[5].mean, rtol=1e-12)
 
 
-def test_both_are_the_least_squares_of_all_measurements() -> None:
+def test_a_replay_is_the_least_squares_of_all_measurements() -> None:
     """Brute force: the states at all instants as unknowns of one linear problem."""
     scans = lidar_scans(6, batch=1)
     scans = [one._replace(valid=np.array([True]), measurement=np.nan_to_num(one.measurement, nan=42)) for one in scans]
@@ -104,10 +93,9 @@ def test_both_are_the_least_squares_of_all_measurements() -> None:
     a, b = np.concatenate(rows), np.concatenate(right)
     expected = np.linalg.solve(a.T @ a, a.T @ b)[-4:]
     covariance = np.linalg.inv(a.T @ a)[-4:, -4:]
-    for late in ("replay", "retrodiction"):
-        found = taken(linear(late), swapped(scans, 2, 4))[-1]
-        np.testing.assert_allclose(found.mean[:, 0], expected, rtol=1e-9)
-        np.testing.assert_allclose(found.covariance[..., 0], covariance, rtol=1e-7)
+    found = taken(linear("replay"), swapped(scans, 2, 4))[-1]
+    np.testing.assert_allclose(found.mean[:, 0], expected, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance[..., 0], covariance, rtol=1e-7)
 
 
 def total_log_likelihood(said: list[Estimate], scans: list[Scan]) -> Array:
@@ -139,35 +127,14 @@ def test_log_likelihoods_in_the_order_of_arrival_add_up_to_the_joint_density() -
     """Each of a scan given all that arrived before it, also where the scan that arrives late starts the track."""
     scans = lidar_scans(12, valid=1.0)
     joint = joint_log_density(scans)
-    for late in ("replay", "retrodiction"):
-        arrived = swapped(scans, 3, 6, 9)
-        np.testing.assert_allclose(total_log_likelihood(taken(linear(late), arrived), arrived), joint, atol=1e-9)
-    for order in ([0, 4, 2, 3, 1, 9, 5, 8, 7, 6, 10, 11], [1, 2, 0, *range(3, 12)], [*range(1, 12), 0]):
+    for order in (
+        [0, 1, 2, 4, 3, 5, 7, 6, 8, 10, 9, 11],
+        [0, 4, 2, 3, 1, 9, 5, 8, 7, 6, 10, 11],
+        [1, 2, 0, *range(3, 12)],
+        [*range(1, 12), 0],
+    ):
         arrived = [scans[k] for k in order]
         np.testing.assert_allclose(total_log_likelihood(taken(linear("replay", 2), arrived), arrived), joint, atol=1e-9)
-
-
-def test_a_late_scan_that_finds_no_track_has_no_log_likelihood() -> None:
-    first, second = lidar_scans(2, batch=2)
-    first = first._replace(valid=np.array([True, False]))
-    second = second._replace(valid=np.array([False, True]))
-    said = taken(linear("replay"), [second, first])[-1].log_likelihood
-    # The first object is seen in the late scan alone, the second in the other alone.
-    assert np.isnan(said).all()
-
-
-def test_a_copied_state_shares_what_is_over_and_goes_on_by_itself() -> None:
-    scans = lidar_scans()
-    made, state = linear("replay"), None
-    for one in [*scans[:4], *scans[5:8]]:
-        state, _ = made.step(state, one)
-    assert state is not None
-    copied = deepcopy(state)
-    assert all(one is other for one, other in zip(copied.history, state.history, strict=True))
-    assert copied.belief.mean is not state.belief.mean
-    copied.belief.mean[:] = np.nan
-    expected = taken(made, [*scans[:4], *scans[5:8], scans[4]])[-1].mean
-    np.testing.assert_array_equal(made.step(state, scans[4])[1].mean, expected)
 
 
 def test_what_is_dropped_changes_nothing() -> None:
@@ -187,26 +154,12 @@ def test_as_new_lags_by_the_way_that_the_object_goes_in_the_latency() -> None:
         for k in range(30)
     ]
     for late, bias in (("as_new", -latency * velocity), ("replay", 0 * velocity)):
-        made, state = tracker(filter="kf", motion="cv", late=late, **NOISE["cv"]), None
+        made, state = late_tracker(filter="kf", motion="cv", late=late, **NOISE["cv"]), None
         for one in scans:
             state, _ = made.step(state, one)
             _, estimate = made.step(state, one._replace(time=one.arrival_time, valid=np.array([False]), asked=True))
         np.testing.assert_allclose(estimate.mean[:2] - scans[-1].arrival_time * velocity, bias, atol=1e-6)
         np.testing.assert_allclose(estimate.mean[2:], velocity, atol=1e-6)
-
-
-@pytest.mark.parametrize("advance", ["own_scans", "all_scans"])
-def test_what_is_answered_is_not_kept(advance: str) -> None:
-    scans = lidar_scans()
-    made = tracker(filter="ukf", motion="ctrv", advance_at=advance, **NOISE["ctrv"])
-    state, asked_state = None, None
-    asked_state, _ = made.step(asked_state, scans[0]._replace(time=-0.5, valid=scans[0].valid & False, asked=True))
-    for one in scans:
-        state, plain = made.step(state, one)
-        ask = one._replace(time=one.time + 0.05, valid=one.valid & False, asked=True)
-        asked_state, asked = made.step(asked_state, one)
-        asked_state, _ = made.step(asked_state, ask)
-        np.testing.assert_array_equal(asked.mean, plain.mean)
 
 
 @pytest.mark.parametrize("method", ["gnn", "jpda", "pmb"])
@@ -224,25 +177,9 @@ def test_replay_of_several_objects_is_as_in_order(method: str) -> None:
     np.testing.assert_array_equal(taken(dropping, late)[-1].mean, taken(dropping, without)[-1].mean)
 
 
-def test_tracks_say_what_they_took_of_a_late_scan() -> None:
-    made = traffic(vehicles(3), 12, detection=1.0, clutter=0.0)
-    of = build_multi(
-        FilterConfig.model_validate({"filter": "ekf", "motion": "cv", **NOISE["cv"], "associate": {"method": "gnn"}})
-    )
-    scans = [*made.scans[:16], *made.scans[17:19], made.scans[16]]
-    said = taken(of, scans)[-1]
-    origins = made.origins[16][:, 0]
-    assert sorted(origins[said.used[:, 0]]) == [0, 1, 2]
-
-
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({**IMM, "late": "retrodiction"}, "retrodiction does not go with several motion models"),
-        (
-            {"filter": "ekf", "motion": "cv", **NOISE["cv"], "associate": {"method": "gnn"}, "late": "retrodiction"},
-            "retrodiction does not go with associate",
-        ),
         ({"filter": "ekf", "motion": "cv", **NOISE["cv"], "late": "drop", "lag_s": 2}, "not used with late: drop"),
     ],
 )
@@ -251,7 +188,7 @@ def test_what_does_not_go_together_is_said(keys: dict[str, Any], message: str) -
         FilterConfig.model_validate(keys)
 
 
-def test_replay_and_retrodiction_are_consistent_and_as_new_is_not() -> None:
+def test_replay_is_consistent_and_as_new_is_not() -> None:
     """On truth of the filters' own model, whose noise is constant over the steps that they predict."""
     own = {"motion": "cv", "acceleration_sigma_mps2": 2}
     start = {"from": "truth", "velocity_sigma_mps": 5}
@@ -268,18 +205,12 @@ def test_replay_and_retrodiction_are_consistent_and_as_new_is_not() -> None:
             "prompt": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.3},
             "late": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15, "latency_s": 0.1},
         },
-        "trackers": {
-            late: {"filter": "ekf", "late": late, "initial": start, **own}
-            for late in ("as_new", "replay", "retrodiction")
-        },
+        "trackers": {late: {"filter": "ekf", "late": late, "initial": start, **own} for late in ("as_new", "replay")},
         "monte_carlo": {"runs": 400, "seed": 3},
         "score": {"settle_s": 1},
     }
     found = {one.name: one for one in tb.run(tb.load(scenario)).summary.trackers}
     assert found["replay"].nees.mean == pytest.approx(4.0, abs=0.3)
-    assert found["retrodiction"].nees.mean == pytest.approx(4.0, abs=0.3)
     assert found["as_new"].nees.mean > 20
     rmse = {name: one.metrics["position_rmse"].value for name, one in found.items()}
-    # One step of a linear problem, for which both are exact.
-    assert rmse["retrodiction"] == pytest.approx(rmse["replay"], rel=1e-9)
     assert rmse["as_new"] > 3 * rmse["replay"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,19 +11,12 @@ from tests.conftest import Outcome, Run
 from tests.support.scenes import scan
 
 import trackbench as tb
-from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
-from trackbench.document import Table
 from trackbench.driving.drive import deliveries
-from trackbench.report.tables import innovation_tables
-from trackbench.report.truth_and_sensors import sensor_table
-from trackbench.results import Result
-from trackbench.runner.tracker_entry import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import Measurements, arrivals, ideal_sensors, sense_known
-from trackbench.trackers.config import FilterConfig
 
 #: Fails where scans do not come as they arrive. It stays where it is.
 STRICT = """
@@ -119,84 +111,6 @@ def test_scans_say_their_place_among_those_of_one_time(
     names = list(loaded.config.sensors)
     assert all(one.sensor == names[one.place] for one in scans)
     assert len({one.time for one in scans}) < len(scans)
-
-
-def test_a_lag_that_does_not_reach_late_scans_is_said(tiny: Path) -> None:
-    late = ["sensors.lidar.latency_s=[0.3, 1.5]", "sensors.radar.latency_s=0.25"]
-    message = "trackers.ekf.lag_s: replay goes back 1 s, but scans of lidar may be 1.25 s older than the state"
-    with pytest.raises(InputError, match=message):
-        load_scenario(tiny, late)
-    for fits in ("lag_s=1.25", "late=drop", "sensors=[radar]"):
-        load_scenario(tiny, [*late, f"trackers.ekf.{fits}"])
-
-
-def test_latency_costs(run_tiny: Run) -> None:
-    prompt, late = (run_tiny(f"sensors.radar.latency_s={seconds}")["ekf"] for seconds in (0, 0.5))
-    assert late.metrics["position_rmse"].value > prompt.metrics["position_rmse"].value
-
-
-def test_the_report_says_how_late_a_sensor_is_and_what_was_dropped(run_tiny: Run) -> None:
-    def told(*overrides: str) -> tuple[Result, dict[str, list[str]], dict[str, list[str]]]:
-        result = run_tiny(*overrides)
-        (radar, *_) = innovation_tables(result)
-        return result, columns(sensor_table(result)), columns(radar)
-
-    result, sensors, radar = told()
-    assert "latency, s" not in sensors
-    assert "taken in, %" not in radar
-    assert "late" not in result["ekf"].describe
-    result, sensors, radar = told(
-        "sensors.radar.latency_s=[0.1, 0.15]", "trackers.ekf.late=drop", "score.min_coverage=0"
-    )
-    assert sensors["latency, s"] == ["0.1 to 0.15", "0"]
-    assert ", late: drop," in result["ekf"].describe
-    coverage = result["ekf"].metrics["nis.radar"].coverage
-    assert coverage is not None
-    # Each second instant has a lidar scan, before which the radar's of the instant before arrives.
-    assert 0.2 < coverage < 0.8
-    assert radar["taken in, %"] == [f"{100 * coverage:.0f}"]
-
-
-def columns(table: Table) -> dict[str, list[str]]:
-    return {column.heading: [row[i].text for row in table.rows] for i, column in enumerate(table.columns)}
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({}, "late: replay, all sensors"),
-        ({"late": "retrodiction"}, "late: retrodiction, all sensors"),
-        ({"late": "as_new", "sensors": ["radar"]}, "late: as_new, radar"),
-        ({"lag_s": 0.5}, "late: replay within 0.5 s, all sensors"),
-        ({"sensors": ["lidar"]}, "lidar"),
-        (
-            {"sensors": ["lidar"], "initial": {"sensors": ["radar"]}},
-            "initial: first_measurement with sensors radar, late: replay, lidar",
-        ),
-        ({"smoother": "rts"}, "all sensors"),
-        ({"initial": {"from": "first_measurement"}, "late": "drop"}, "late: drop, all sensors"),
-        ({"initial": "truth", "late": "drop"}, "initial: truth, late: drop, all sensors"),
-        (
-            {"initial": {"from": "two_measurements", "skip": 3, "covariance_diag": [1, 1, 4, 4]}, "sensors": ["lidar"]},
-            "initial: two_measurements with skip 3 and covariance diag(1, 1, 4, 4), lidar",
-        ),
-        ({"associate": {"method": "gnn"}}, "late: replay, all sensors"),
-        (
-            {"associate": {"method": "gnn"}, "initial": {"velocity": "zero"}},
-            "initial: first_measurement with velocity zero, late: replay, all sensors",
-        ),
-        (
-            {"measurement_noise": {"radar": {"range_sigma_m": 0.5, "azimuth_sigma_deg": 1.0}}},
-            "radar with range sigma 0.5 m, radar with azimuth sigma 1 deg, late: replay, all sensors",
-        ),
-    ],
-)
-def test_a_tracker_is_described_with_its_start_and_what_it_does_with_late_scans(
-    keys: dict[str, Any], words: str
-) -> None:
-    tracker = FilterConfig.model_validate({"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, **keys})
-    smoother = "rts smoother, " if "smoother" in keys else ""
-    assert describe_tracker(tracker, ["radar"]) == f"ekf, {smoother}cv, acceleration sigma 3 m/s^2, {words}"
 
 
 @pytest.mark.parametrize(

@@ -4,15 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.trackers.test_imm_tracker import CV, SCENARIO
+from tests.trackers.test_imm_tracker import SCENARIO
 
 import trackbench as tb
 from trackbench.results.columns import split
-from trackbench.subjects.recording.data import read
-from trackbench.subjects.recording.focus import Opening
-from trackbench.subjects.recording.inspection import inspect
-from trackbench.subjects.recording.writer import write
-from trackbench.trackers.config import ImmConfig
 
 MINE = '''
 import numpy as np
@@ -30,7 +25,6 @@ class Mine:
         mean = np.concatenate([position, np.zeros_like(position)])
         return position, tb.Estimate(mean, covariance, mode_probabilities=np.stack({probabilities}))
 '''
-HALVES = "[np.full(batch, 0.25), np.full(batch, 0.75)]"
 
 
 def of(tmp_path: Path, code: str | None = None, runs: int = 3) -> tb.Result:
@@ -82,41 +76,12 @@ def test_the_mean_is_that_of_single_runs(tmp_path, result):
     np.testing.assert_allclose(np.mean(singles, axis=0), mean, rtol=1e-12)
 
 
-def test_a_recording_keeps_and_tells_them(tmp_path, result):
-    write(result, tmp_path / "run.rrd")
-    kept = read(tmp_path / "run.rrd").result.tables.recorded_modes.to_pandas()
-    expected = result.tables.recorded_modes.to_pandas()
-    np.testing.assert_array_equal(kept["probability"], expected["probability"])
-    at = inspect(tmp_path / "run.rrd", Opening(at_s=1.05)).modes["imm"]["car"]
-    row = expected[(expected["time_s"] == 1.0) & (expected["mode"] == "ctrv")]
-    assert at["ctrv"] == row["probability"].item()
-
-
-@pytest.mark.parametrize("batched", [True, False])
-def test_those_of_ones_own_tracker_are_numbered(tmp_path, batched):
-    found = of(tmp_path, MINE.format(batched=batched, probabilities=HALVES))
-    modes = split(found.tables.modes, "tracker", "mode")
-    assert list(modes) == [("mine", "mode 1"), ("mine", "mode 2")]
-    assert set(modes["mine", "mode 2"]["probability"]) == {0.75}
-
-
-def test_a_run_without_modes_has_no_such_tables(tmp_path):
-    code = MINE.format(batched=True, probabilities=HALVES).replace("mode_probabilities=", "state=")
-    found = of(tmp_path, code)
-    assert "modes" not in found.tables
-
-
 @pytest.mark.parametrize("probabilities", ["[np.full(batch, 0.5), np.full(batch, 0.6)]", "[np.ones(7)]"])
 @pytest.mark.parametrize("batched", [True, False])
 def test_what_is_no_probability_is_refused(tmp_path, batched, probabilities):
     failed = of(tmp_path, MINE.format(batched=batched, probabilities=probabilities))["mine"].failed
     assert failed is not None
     assert "mode probabilities" in failed.cause
-
-
-def test_a_model_that_comes_twice_is_numbered():
-    models = {"imm": [CV, CV, {"model": "ca", "jerk_sigma_mps3": 1}], "stay_s": [1, 1, 1]}
-    assert ImmConfig.model_validate(models).names == ["cv 1", "cv 2", "ca"]
 
 
 @pytest.mark.slow

@@ -12,8 +12,6 @@ from tests.trackers.test_imm_tracker import primed
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.report.tables import ranking_table
-from trackbench.runner.work import LARGEST_SMOOTHED, work_of
-from trackbench.scenario.truth import truths_of
 from trackbench.subjects.doctor.subject import subject
 from trackbench.subjects.serve.session import served
 from trackbench.trackers.filtered import SmoothedTracker
@@ -106,15 +104,6 @@ def test_on_truth_of_its_own_model_it_is_consistent_and_no_competitor():
     assert rows == [("", "offline"), ("1", "online")]
     assert offline.step_time.value is None
     assert "nis.lidar" not in offline.metrics or offline.metrics["nis.lidar"].value is None
-
-
-def test_a_block_with_a_smoother_is_small_enough_to_be_kept():
-    scenario = tb.load(OWN_MODEL, {"trackers.ekf.smoother": "rts"}, runs=3000)
-    work = work_of(scenario, truths_of(tb.load(OWN_MODEL, runs=1)))
-    instants = len(work.scenes[0].instants())
-    sizes = [2 * len(piece.runs) for piece in work.pieces()]
-    assert sum(sizes) == 6000
-    assert LARGEST_SMOOTHED / 2 < max(sizes) * instants <= LARGEST_SMOOTHED
 
 
 def test_what_needs_a_tracker_that_works_step_by_step_says_so(tmp_path):

@@ -6,7 +6,6 @@ from tests.support.scenes import LIDAR_NOISE, NOISE, RADAR_NOISE, scan, tracker
 
 from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.published import create
 from trackbench.trackers.raw import RawTracker
 
 EKF = {"filter": "ekf", "motion": "cv", **NOISE["cv"]}
@@ -109,19 +108,6 @@ def test_a_repaired_covariance_is_reported_where_it_happened():
     assert np.linalg.eigvalsh(estimate.covariance[..., 1]).min() > 0
 
 
-def test_a_lane_that_waits_stays_as_it_is_and_reports_no_repair():
-    made = tracker(filter="ukf", motion="ca", initial="first_measurement", **NOISE["ca"])
-    one = np.array([True, False])
-    state = None
-    for k in range(50):
-        state, _ = made.step(state, scan("lidar", 1.0 * k, np.repeat(FAR, 2, axis=1), valid=one))
-    np.testing.assert_array_equal(state.belief.covariance[..., 1], np.eye(6))
-    broken = -np.ones_like(state.belief.covariance)
-    state = state._replace(belief=state.belief._replace(covariance=broken, factor=None))
-    _, estimate = made.step(state, scan("lidar", 50.0, np.repeat(FAR, 2, axis=1), valid=one))
-    np.testing.assert_array_equal(estimate.repaired, [True, False])
-
-
 def test_the_raw_tracker_states_the_measurements():
     raw, state = RawTracker(), None
     state, estimate = raw.step(state, scan("lidar", 0.0, FAR))
@@ -151,9 +137,3 @@ def test_the_raw_tracker_converts_a_radar_measurement():
     np.testing.assert_allclose(estimate.mean[:2], second.mean)
     np.testing.assert_allclose(estimate.mean[2:], (second.mean - first.mean) / 0.1)
     np.testing.assert_allclose(estimate.covariance[:2, :2], second.covariance)
-
-
-@pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf"])
-def test_the_built_in_filters_are_published_like_any_other_tracker(name):
-    made = create(name, {"motion": "cv", **NOISE["cv"]})()
-    assert made == tracker(filter=name, motion="cv", **NOISE["cv"])

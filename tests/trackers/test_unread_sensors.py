@@ -75,16 +75,6 @@ def test_estimates_do_not_depend_on_a_sensor_that_is_not_read(start: str) -> Non
     assert_lidar_alone_decides(every)
 
 
-def test_nor_does_a_tracker_by_name_that_is_told_so_beside_its_options() -> None:
-    keys = {"motion": "cv", **NOISE["cv"]}
-    trackers = {
-        "raw": {"use": "raw", "sensors": ["lidar"]},
-        "reads_all": {"use": "ekf", "options": keys, "sensors": ["lidar"]},
-        "reads_both": {"use": "ekf", "options": {**keys, "sensors": ["radar", "lidar"]}, "sensors": ["lidar"]},
-    }
-    assert_lidar_alone_decides(trackers)
-
-
 def test_between_its_own_scans_it_predicts_from_the_last_of_them() -> None:
     made = tracker(filter="kf", motion="cv", acceleration_sigma_mps2=2, initial="first_measurement", sensors=["lidar"])
     state, first = made.step(None, scan("lidar", 0.0, np.array([[40.0], [30.0]])))

@@ -14,7 +14,6 @@ from trackbench.base.errors import InputError
 from trackbench.compare import Limit, compare_results, load_comparison
 from trackbench.document.files import document_text
 from trackbench.report.comparison.document import comparison_document, comparison_files
-from trackbench.report.comparison.sentences import ranking_answer
 from trackbench.report.junit import suites_of_comparison
 from trackbench.results import Result
 
@@ -49,16 +48,6 @@ def test_a_result_is_the_same_as_itself(cli: Callable[..., Any], traffic_folder:
     done = cli("compare", traffic_folder, traffic_folder, "--fail-on-regression", "gospa:1")
     assert done.status == 0
     assert "4 of 4 limits kept" in done.out
-
-
-def test_more_runs_of_the_same_change_nothing(traffic_result: Result, traffic_text: str, tmp_path: Path) -> None:
-    (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
-    more = tb.run(tb.load(tmp_path / "three_cars.yaml", runs=5))
-    for item in compare_results(
-        [traffic_result, more], metrics=["gospa", "hota", "id_switches", "position_rmse"]
-    ).differences:
-        assert item.paired_runs == 3
-        assert item.identical
 
 
 def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) -> None:
@@ -140,19 +129,6 @@ def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_
     assert load_comparison(tmp_path / "comparison.json").json() == comparison.json()
 
 
-def test_nobody_leads_in_a_tie(traffic_result: Result) -> None:
-    comparison = compare_results([[traffic_result, renamed(traffic_result, "again")]])
-    tied = [
-        item.model_copy(update={"mean_rank": 1.5 if place < 2 else 3.0})
-        for place, item in enumerate(comparison.ranking)
-    ]
-    first, second, *_ = (item.tracker for item in tied)
-    sentence = ranking_answer(comparison.model_copy(update={"ranking": tied}))
-    assert sentence.startswith(
-        f"{first} and {second} share the best mean rank, 1.50. Over 2 scenarios the T-GOSPA of {second} "
-    )
-
-
 def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: Result) -> None:
     both = [traffic_result, tiny_result]
     comparison = compare_results([both, both], limits=[Limit("gospa", 5.0)])
@@ -162,13 +138,6 @@ def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: 
     assert "no gospa in tiny, so its limit says nothing of it" in comparison.notes
     with pytest.raises(InputError, match=r"--metric: 'velocity' is not compared run by run; did you mean"):
         compare_results([both], metrics=["velocity"])
-
-
-def test_recordings_alone_are_not_compared(traffic_result: Result) -> None:
-    with pytest.raises(InputError, match="a recording without a truth"):
-        compare_results([[no_truth(traffic_result, "one"), no_truth(traffic_result, "two")]])
-    with pytest.raises(InputError, match="no truth here and 3 vehicles there"):
-        compare_results([traffic_result, no_truth(traffic_result, "one")])
 
 
 def test_another_cutoff_is_another_score(traffic_text: str, traffic_folder: Path, tmp_path: Path) -> None:

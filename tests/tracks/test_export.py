@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import configparser
 import csv
 from collections.abc import Callable
 from pathlib import Path
@@ -106,12 +105,6 @@ def test_a_track_on_an_optional_object_does_not_count_there(exported: Path, traf
     assert (rows[rows[:, 7] == 8, 6] == 0).all()
 
 
-def test_the_sequence_says_its_rate(exported: Path) -> None:
-    file = configparser.ConfigParser()
-    file.read(exported / "gt/three_cars/seqinfo.ini")
-    assert dict(file["Sequence"]) == {"name": "three_cars", "framerate": "10", "seqlength": "61"}
-
-
 def test_events_as_csv(cli: Callable[..., Any], traffic_folder: Path, tmp_path: Path, traffic_result: Result) -> None:
     done = cli("report", traffic_folder, "--format", "events", "--out", tmp_path)
     assert done.status == 0
@@ -120,11 +113,3 @@ def test_events_as_csv(cli: Callable[..., Any], traffic_folder: Path, tmp_path: 
     assert len(rows) == len(events_of(traffic_result))
     dearest = max(rows, key=lambda row: float(row["cost_m2"]))
     assert float(dearest["cost_m2"]) == events_of(traffic_result)[0].cost_m2
-
-
-def test_labelled_runs_have_none(cli: Callable[..., Any], tiny: Path) -> None:
-    assert cli("run", tiny, "--no-recording").status == 0
-    for format in ("mot", "events"):
-        done = cli("report", "results/tiny", "--format", format)
-        assert done.status == 2
-        assert done.err == f"--format: {format} is written of runs with hidden identities alone\n"

@@ -26,7 +26,7 @@ class Renewed:
     multi_object = True
 
     def __init__(self):
-        self.gnn = build_multi(FilterConfig.model_validate(GNN))
+        self.gnn = build_multi(FilterConfig.model_validate(GNN)).tracker
 
     def step(self, state, scan):
         state, tracks = self.gnn.step(state, scan)

@@ -5,31 +5,22 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pytest
-import rerun as rr
 from tests.support.recordings import ReadRecording
 from tests.support.results import with_tables
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.function_events import TrackEvent, events_of
-from trackbench.results import Result, Tables
-from trackbench.subjects.recording.contents import contents_of
+from trackbench.metrics.function_events import events_of
+from trackbench.results import Result
 from trackbench.subjects.recording.data import read
-from trackbench.subjects.recording.focus import Focus, Opening, focus_of, moment_of
-from trackbench.subjects.recording.layout import track_blueprint
-from trackbench.subjects.recording.series import charts_of_tracks
-from trackbench.subjects.recording.stream import Stream
-from trackbench.subjects.recording.track_scene import send_gates, send_marks
-from trackbench.subjects.recording.views import wide_window
-from trackbench.subjects.recording.writer import costs, write_recording
+from trackbench.subjects.recording.focus import Opening, focus_of, moment_of
+from trackbench.subjects.recording.writer import costs
 
 
 @pytest.fixture(scope="module")
@@ -67,59 +58,11 @@ def test_every_track_is_drawn_at_every_instant(recording: ReadRecording, traffic
         assert sum(outlines) == sum(drawn)
 
 
-def test_existence_is_opacity(recording: ReadRecording, traffic_result: Result) -> None:
-    tracks = traffic_result.to_pandas("tracks")
-    own = tracks[tracks["tracker"] == "pmb"].sort_values("time_s", kind="stable")
-    cells = recording("/world/tracks/pmb", "Points2D:colors").values()
-    alpha = np.array([colour for cell in cells for colour in cell or []]) & 0xFF
-    np.testing.assert_allclose(alpha, 255 * (0.2 + 0.8 * own["existence"].to_numpy()), atol=0.51)
-    assert alpha.min() < 250
-
-
 def test_a_due_object_without_a_track_is_ringed(recording: ReadRecording, traffic_result: Result) -> None:
     objects = traffic_result.to_pandas("objects")
     own = objects[(objects["tracker"] == "gnn") & objects["state"].isin(["waiting", "lost"])]
     instants = round(float((own["until_s"] - own["time_s"]).sum() / 0.1))
     assert sum(lengths(recording, "/world/misses/gnn", "Ellipses2D:half_sizes")) == instants > 0
-
-
-def test_events_are_a_log(recording: ReadRecording, traffic_result: Result) -> None:
-    for tracker in ("gnn", "naive"):
-        events = events_of(traffic_result, tracker, 0)
-        parts = recording.parts[f"/events/{tracker}", "TextLog:text"]
-        texts = [cell[0] for _, column in parts for cell in column.to_pylist()]
-        assert len(texts) == len(events)
-        assert sum(text.startswith(f"{tracker}: born") for text in texts) == sum(
-            event.kind == "born" for event in events
-        )
-
-
-def test_a_line_leads_to_each_detection_taken(recording: ReadRecording, traffic_result: Result) -> None:
-    taken = traffic_result.to_pandas("taken")
-    lines = lengths(recording, "/world/associations/oracle", "LineStrips2D:strips")
-    assert 0 < sum(lines) <= (taken["tracker"] == "oracle").sum()
-
-
-@pytest.mark.parametrize("count", [1, 3, 4])
-def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp_path: Path) -> None:
-    event = TrackEvent("gnn", 0, "false", 1.0, "", 4, "", None, 10.0, 0.0, 1.0, "it began on no object")
-    gates = pa.table(
-        {
-            "time_s": np.repeat(1.0, 3 * count), "scan": np.zeros(3 * count), "track": np.repeat(np.arange(count), 3),
-            "x_m": np.tile([0.0, 1.0, 0.0], count), "y_m": np.tile([0.0, 0.0, 1.0], count),
-        }
-    )  # fmt: skip
-
-    def send(recording: rr.RecordingStream) -> None:
-        send_marks(Stream(recording), "gnn", [event] * count, 0.1)
-        send_gates(Stream(recording), "gnn", gates, np.array([1.0]))
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        write_recording(tmp_path / "marks.rrd", "marks", send)
-    sent = ReadRecording(tmp_path / "marks.rrd")
-    assert lengths(sent, "/world/marks/gnn", "Points2D:colors") == [count]
-    assert lengths(sent, "/world/associations/gnn/gates", "LineStrips2D:colors") == [count]
 
 
 def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Result) -> None:
@@ -136,42 +79,6 @@ def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Re
     assert moment_of(changed).time_s == 2.0
 
 
-def test_charts_show_their_largest_value(traffic_result: Result) -> None:
-    for chart in charts_of_tracks(contents_of(traffic_result)):
-        assert chart.span(chart.largest)[1] > max(np.nanmax(line.value) for line in chart.lines)
-
-
-def test_the_gates_are_those_of_the_tracker_in_front(traffic_result: Result) -> None:
-    contents = contents_of(traffic_result)
-    layout = track_blueprint(
-        contents, charts_of_tracks(contents), wide_window(traffic_result.tables.truth), Focus(tracker="oracle")
-    )
-    (tabs,) = (each for each in containers(layout.root_container) if each.name is None and is_of_trackers(each))
-    assert tabs.active_tab == 2
-    for tracker, tab in zip(("gnn", "pmb", "oracle", "naive"), tabs.contents, strict=True):
-        assert tab.name == tracker
-        assert [view.name for view in tab.contents] == [f"Tracks of {tracker}", f"Gates and associations of {tracker}"]
-
-
-def containers(root: Any) -> Iterator[Any]:
-    yield root
-    for each in root.contents:
-        if hasattr(each, "active_tab"):
-            yield from containers(each)
-
-
-def is_of_trackers(each: Any) -> bool:
-    return [child.name for child in each.contents] == ["gnn", "pmb", "oracle", "naive"]
-
-
-def test_the_event_is_in_the_middle_of_the_view_of_gates(traffic_result: Result) -> None:
-    event = events_of(traffic_result, "pmb", 0)[0]
-    focus = focus_of(traffic_result, Opening(worst=1, tracker="pmb"))
-    truth = traffic_result.to_pandas("truth")
-    row = truth[(truth["object"] == focus.vehicle) & np.isclose(truth["time_s"], event.time_s)].iloc[0]
-    assert (row["px_m"] + focus.beside[0], row["py_m"] + focus.beside[1]) == pytest.approx((event.x_m, event.y_m))
-
-
 def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
     events = [event for event in events_of(traffic_result, "naive", 0) if event.cost_m2 > 0]
     for number in (1, 2):
@@ -182,14 +89,6 @@ def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
         focus_of(traffic_result, Opening(worst=len(events) + 1, tracker="naive"))
     with pytest.raises(InputError, match="did you mean 'naive'"):
         focus_of(traffic_result, Opening(worst=1, tracker="naiv"))
-
-
-def test_a_late_start_comes_after_what_else_costs(traffic_result: Result) -> None:
-    rows = [row for row in traffic_result.tables.events.to_pylist() if row["run"] == 0][:4]
-    for row, kind, cost in zip(rows, ("confirmed", "switched", "born", "lost"), (50.0, 1.0, 0.0, 2.0), strict=True):
-        row |= {"kind": kind, "cost_m2": cost}
-    result = replace(traffic_result, tables=Tables({"events": pa.Table.from_pylist(rows)}))
-    assert [event.kind for event in events_of(result)] == ["lost", "switched", "confirmed", "born"]
 
 
 def test_inspect_names_the_worst_events(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
@@ -229,15 +128,6 @@ def test_a_tracker_that_failed_says_so(cli: Callable[..., Any], failing_folder: 
         done = cli(*command, "--worst", "1", "--tracker", "failing")
         assert (done.status, done.out) == (2, "")
         assert done.err.startswith("--tracker: failing failed, so it has no tracks: ValueError: out of order")
-
-
-def test_a_tracker_is_chosen_at_a_time(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
-    focus = focus_of(traffic_result, Opening(at_s=3.1, tracker="naive"))
-    assert (focus.time_s, focus.tracker) == (3.1, "naive")
-    moment = json.loads(cli("inspect", traffic_folder, "--at", "5", "--tracker", "naive", "--json").out)["at"]
-    assert {track["tracker"] for track in moment["tracks"]} == {"naive"}
-    with pytest.raises(InputError, match="did you mean 'naive'"):
-        focus_of(traffic_result, Opening(at_s=3.1, tracker="naiv"))
 
 
 def test_inspect_reads_a_folder_without_a_recording(

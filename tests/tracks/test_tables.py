@@ -102,9 +102,5 @@ def test_a_detection_that_was_taken_is_in_its_gate(traffic_result: Result, track
     assert np.mean(found) > 0.99
 
 
-def test_one_that_knows_the_origins_has_no_gate(traffic_result: Result) -> None:
-    assert set(traffic_result.to_pandas("gates")["tracker"]) == {"gnn", "pmb", "naive"}
-
-
 def _own(table: Any, tracker: str) -> Any:
     return table[table["tracker"] == tracker]

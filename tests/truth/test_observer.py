@@ -11,7 +11,6 @@ import pytest
 from trackbench.base.execution import executor
 from trackbench.base.types import Estimate
 from trackbench.metrics.scorer import Scorer
-from trackbench.results import Result
 from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
@@ -91,18 +90,6 @@ def test_a_tracker_that_fails_is_seen_up_to_then_and_the_others_to_the_end(tiny:
         assert [item.number for item in instants if name in item.estimates] == list(range(21))
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_looking_changes_nothing(tiny: Path, workers: int) -> None:
-    loaded = load_scenario(tiny, ["monte_carlo.runs=1500"])
-    truth = truth_of(loaded)
-    with executor() as here:
-        alone = run_scenario(loaded, [truth], executor=here)
-    with executor(workers) as chosen:
-        seen = run_scenario(loaded, [truth], executor=chosen, on_recorded_run=lambda _: None)
-    assert alone.summary.fingerprint == seen.summary.fingerprint
-    assert without_times(alone) == without_times(seen)
-
-
 @pytest.mark.slow
 def test_looking_changes_no_bit_of_the_tables(tiny: Path) -> None:
     loaded = load_scenario(tiny, ["monte_carlo.runs=1500"])
@@ -111,11 +98,3 @@ def test_looking_changes_no_bit_of_the_tables(tiny: Path) -> None:
         alone = run_scenario(loaded, [truth], executor=here)
         seen = run_scenario(loaded, [truth], executor=here, on_recorded_run=lambda _: None)
     assert all(alone.tables[name].equals(seen.tables[name]) for name in alone.tables)
-
-
-def without_times(result: Result) -> dict[str, Any]:
-    """The metrics of each tracker but for the time of a step."""
-    return {
-        tracker.name: {path: metric for path, metric in tracker.metrics.items() if path != "step_time"}
-        for tracker in result.summary.trackers
-    }

@@ -25,6 +25,7 @@ OTHERS: dict[str, Values] = {
     "struct<": lambda values: pa.array([{"value": value} for value in values]),
     "map<": lambda values: pa.array([[("a", 1)] for _ in values], pa.map_(pa.string(), pa.int8())),
     "binary": lambda values: pa.array([str(value).encode() for value in values]),
+    "duration": lambda values: pa.array([datetime.timedelta(1)] * len(values)),
     "fixed_size_binary": lambda values: pa.array([b"1"] * len(values), pa.binary(1)),
 }
 #: Times are no coordinates.
@@ -32,7 +33,6 @@ STAMPS: dict[str, Values] = {
     "date": lambda values: pa.array([datetime.date(2020, 1, 1)] * len(values)),
     "timestamp": lambda values: pa.array([datetime.datetime(2020, 1, 1)] * len(values)),
     "time": lambda values: pa.array([datetime.time(1)] * len(values)),
-    "duration": lambda values: pa.array([datetime.timedelta(1)] * len(values)),
 }
 #: The same numbers.
 NUMBERS: dict[str, Values] = {

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
 from tests.support.udacity import data_folder
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import FieldOfView, RecordedDetections, Scan, Tracks
-from trackbench.cli.commands import cli
-from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.traffic.without_truth import judged_scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.results import Result
@@ -166,11 +163,6 @@ def test_a_damaged_row_is_named(tmp_path: Path, rows: list[str], message: str) -
     assert message in refused(write(tmp_path, scenario(), rows))
 
 
-def test_a_missing_column_is_named(tmp_path: Path) -> None:
-    file = write(tmp_path, scenario({"slot": "slt"}))
-    assert "radar.csv:1: there is no column 'slt'" in refused(file)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -207,12 +199,6 @@ def test_a_missing_column_is_named(tmp_path: Path) -> None:
 )
 def test_what_does_not_fit_is_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
     assert message in refused(write(tmp_path, {**scenario(), **change}))
-
-
-def test_an_audit_needs_a_truth(tmp_path: Path) -> None:
-    file = write(tmp_path, scenario())
-    done = CliRunner().invoke(cli, ["audit", str(file)], standalone_mode=False)
-    assert "truth.path: missing: an audit holds the measurements against a truth" in str(done.exception)
 
 
 def test_the_result_says_what_can_be_told_and_what_cannot(tmp_path: Path) -> None:
@@ -285,23 +271,6 @@ def test_the_prediction_score_is_the_poisson_score_of_the_predicted_intensity() 
 
 def load_sensor(options: dict[str, Any]) -> Sensor:
     return SENSOR_MODELS["radar"].model_validate(options)
-
-
-def test_a_result_without_truth_is_saved_and_shown(tmp_path: Path) -> None:
-    file = write(tmp_path, scenario())
-    done = CliRunner().invoke(cli, ["run", str(file), "--out", str(tmp_path / "out")], standalone_mode=False)
-    assert done.exception is None or done.exit_code == 0, done.output
-    assert "no truth" in done.output
-    assert "no ranking" in " ".join(done.output.split())
-    report = (tmp_path / "out" / "scans" / "report.md").read_text(encoding="utf-8")
-    assert "The recording has no truth." in report
-    assert re.search("Not without a truth: .*T-GOSPA", report)
-    assert "Truth and sensors" not in report
-    assert "audited" not in report
-    loaded = Result.load(tmp_path / "out" / "scans")
-    assert loaded["gnn"].metrics["gospa"].reason == "there is no truth"
-    assert set(DETECTION_METRICS) <= set(loaded["gnn"].metrics)
-    assert len(loaded.tables["measurements"]) == 400
 
 
 @pytest.mark.slow

@@ -157,13 +157,6 @@ def test_variables_in_the_path(file: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert caught.value.key == "truth.path"
 
 
-def test_missing_file_names_the_nearest(file: Path) -> None:
-    file.write_text("\n".join(LINES))
-    with pytest.raises(InputError, match=r"there is no file logg.txt; did you mean 'log.txt'\?") as caught:
-        load(file.with_name("logg.txt"))
-    assert caught.value.key == "truth.path"
-
-
 def test_the_recording_itself_is_read_whole() -> None:
     lines = recorded_lines()
     if lines is None:

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
 from tests.support.recorded_log import write_table
 
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
-from trackbench.cli.commands import cli
-from trackbench.metrics.traffic import TRACK_METRICS, TRACKS
-from trackbench.runner.loop import run_block
-from trackbench.runner.recorded import Outcome
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
-from trackbench.sensing.due import unscored, within_polygon
-from trackbench.subjects.tuning.held_out import number_of_parts
-from trackbench.truth.sources import RecordingTruth
 
 HEAD = ["t", "who", "type", "conf", "x", "y", "vx", "vy", "yaw", "l", "w"]
 COLUMNS = {
@@ -66,7 +58,6 @@ def write(
     write_table(folder / "boxes.csv", HEAD, boxes(TIMES) if rows is None else rows)
     write_table(folder / "radar.csv", ["t", "who", "r", "az", "rr"], detections() if radar is None else radar)
     readings = {"path": "radar.csv", "range": "r", "azimuth": "az", "range_rate": "rr", **sections.pop("readings", {})}
-    given = {"point": "centre", **(reference or {})}
     content = {
         "name": "log",
         "truth": {
@@ -75,7 +66,7 @@ def write(
             "path": "boxes.csv",
             "columns": _given({**COLUMNS, **(columns or {})}),
             "readings": {"radar": readings},
-            "reference": _given(given),
+            "reference": reference or {},
             **sections.pop("truth", {}),
         },
         "sensing": {"identities": "hidden"},
@@ -117,8 +108,6 @@ def statuses(file: Path) -> dict[str, int]:
     [
         ({}, set()),
         ({"range_m": 50}, {"far"}),
-        ({"region": {"x_m": [0, 100], "y_m": [-10, 10]}}, {"left"}),
-        ({"region": [[10, -10], [30, -10], [30, 40], [10, 40]]}, {"far", "bike"}),
         ({"classes": ["car"]}, {"bike"}),
         ({"classes": ["tram"]}, {*OBJECTS}),
         ({"classes": ["car"], "range_m": 25}, {"bike", "far", "left"}),
@@ -129,30 +118,6 @@ def test_what_does_not_count_is_optional(tmp_path: Path, reference: dict[str, An
     assert statuses(write(tmp_path, reference=reference)) == expected
 
 
-def test_a_dont_care_box_is_of_no_object_and_lasts_half_way_to_the_next_rows(tmp_path: Path) -> None:
-    rows = [*boxes(TIMES), *(box(float(t), "-1", 79, 1, "DontCare") for t in TIMES[20:40])]
-    read = scene(write(tmp_path, rows, reference={"ignore": {"type": ["DontCare"]}}))
-    assert set(read.truth.ids) == {*OBJECTS}
-    far = read.due.status[:, read.truth.ids.index("far"), 0]
-    # The centre of "far" is in the box, 4 m by 2 m, from 2 s to 3.9 s.
-    np.testing.assert_array_equal(far == OPTIONAL, (TIMES > 1.95) & (TIMES < 3.95))
-    steps, x = np.array([30, 50]), np.array([[81.5, 83.5, 0.0]] * 2)
-    at = unscored(read.truth, steps, x, np.zeros((2, 3)), margin=2.5)
-    np.testing.assert_array_equal(at, [[True, True, False], [False, False, False]])
-
-
-@pytest.mark.parametrize("conf", [0, "0.0", " 0 "])
-def test_values_to_ignore_are_compared_as_numbers_where_they_are(tmp_path: Path, conf: Any) -> None:
-    rows = [*boxes(TIMES), *(box(float(t), "", 79, 0, conf=conf) for t in TIMES)]
-    assert statuses(write(tmp_path, rows, reference={"ignore": {"conf": [0]}}))["far"] == OPTIONAL
-
-
-def test_dont_care_rows_without_a_place_or_a_size_cover_nothing(tmp_path: Path) -> None:
-    extra = [[float(t), -1, "DontCare", 1, "", -1000, "", "", -10, -1, -1] for t in TIMES]
-    file = write(tmp_path, boxes(TIMES) + extra, reference={"ignore": {"type": ["DontCare"]}})
-    assert statuses(file) == dict.fromkeys(OBJECTS, DUE)
-
-
 def test_an_object_is_absent_in_a_gap(tmp_path: Path) -> None:
     rows = [row for row in boxes(TIMES) if row[1] != "far" or not (2 < row[0] < 2.3 or 4 < row[0] < 6)]
     read = scene(write(tmp_path, rows))
@@ -160,25 +125,9 @@ def test_an_object_is_absent_in_a_gap(tmp_path: Path) -> None:
     np.testing.assert_array_equal(status == ABSENT, (TIMES > 4) & (TIMES < 6))
 
 
-def test_positions_and_velocities_are_moved_to_the_centre(tmp_path: Path) -> None:
-    # A circle of radius 20 m at 0.5 rad/s.
-    angle = 0.5 * TIMES
-    centre = np.stack([20 * np.cos(angle), 20 * np.sin(angle)])
-    velocity, heading = 10 * np.stack([-np.sin(angle), np.cos(angle)]), angle + np.pi / 2
-    ahead = 2 * np.stack([np.cos(heading), np.sin(heading)])
-    turning = 0.5 * np.stack([-ahead[1], ahead[0]])
-    columns = [*(centre - ahead), *(velocity - turning), heading]
-    rows = [[t, "a", "car", 1, *values, 4, 2] for t, *values in zip(TIMES.tolist(), *columns, strict=True)]
-    truth = truth_in(write(tmp_path, rows, detections("a"), {"point": "rear_bumper"}))
-    np.testing.assert_allclose([truth.px[:, 0, 0], truth.py[:, 0, 0]], centre, atol=1e-9)
-    np.testing.assert_allclose([truth.vx[:, 0, 0], truth.vy[:, 0, 0]], velocity, atol=1e-9)
-    np.testing.assert_array_equal([truth.length, truth.width], [[4], [2]])
-
-
-@pytest.mark.parametrize("point", ["centre", "rear_bumper"])
-def test_without_columns_of_the_velocity_it_is_that_of_the_displacement(tmp_path: Path, point: str) -> None:
+def test_without_columns_of_the_velocity_it_is_that_of_the_displacement(tmp_path: Path) -> None:
     rows = [[t, "a", "car", 1, 20 + 3 * t, 2 * t, "", "", 0.3, 4, 2] for t in TIMES.tolist()]
-    file = write(tmp_path, rows, detections("a"), {"point": point}, {"vx": None, "vy": None})
+    file = write(tmp_path, rows, detections("a"), columns={"vx": None, "vy": None})
     truth = truth_in(file)
     np.testing.assert_allclose(truth.vx, 3)
     np.testing.assert_allclose(truth.vy, 2)
@@ -256,56 +205,11 @@ def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
     assert runs.gospa_total.sum() / runs.gospa_count.sum() == pytest.approx(values["gospa"] ** 2)
 
 
-def test_every_second_stretch_has_the_scores_that_it_has_among_all(tmp_path: Path) -> None:
-    loaded = load_scenario(write(tmp_path, radar=GAP, truth={"stretches": 2}))
-
-    def sums(source: Any) -> Array:
-        own = replace(loaded, config=loaded.config.model_copy(update={"truth": source}))
-        work = work_of(own, truths_of(own))
-        outcome = run_block(work, work.pieces()[0]).outcomes["gnn"]
-        assert isinstance(outcome, Outcome)
-        return np.asarray(outcome.sums[TRACKS.name])
-
-    truth = loaded.config.truth
-    assert isinstance(truth, RecordingTruth)
-    held_out = truth.every_second(1)
-    assert number_of_parts(loaded.config.model_copy(update={"truth": held_out})) == 1
-    np.testing.assert_array_equal(sums(held_out), sums(truth)[1:])
-
-
-def test_a_pattern_names_logs_in_the_order_of_their_names(tmp_path: Path) -> None:
-    file = write(tmp_path)
-    for name in ("b", "a"):
-        for kind in ("boxes", "radar"):
-            (tmp_path / f"{name}_{kind}.csv").write_text((tmp_path / f"{kind}.csv").read_text())
-    text = file.read_text().replace("path: boxes.csv", "path: '*_boxes.csv'").replace("radar.csv", "'[ab]_radar.csv'")
-    file.write_text(text)
-    scenes = load_scenario(file).config.truth.scenes()
-    assert [scene.scene_name for scene in scenes] == ["a_boxes", "b_boxes"]
-    file.write_text(text.replace("*_boxes", "*_boxen"))
-    with pytest.raises(InputError, match=r"truth.path: .*where there must be|no file has a name like \*_boxen.csv"):
-        truths_of(load_scenario(file))
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"reference": {"point": None}},
-            "truth.reference.point: missing: which point of the box x and y are: centre | rear_bumper",
-        ),
-        ({"reference": {"point": "front"}}, "truth.reference.point: "),
-        (
-            {"reference": {"point": "rear_bumper"}, "columns": {"heading": None}},
-            "truth.columns.heading: missing: along it the rear_bumper is moved to the centre",
-        ),
-        ({"reference": {"region": [[0, 0], [1, 1]]}}, "truth.reference.region: "),
-        ({"reference": {"region": 5}}, "truth.reference.region: write the corners [[x, y], ...]"),
-        ({"reference": {"region": {"x_m": [5, 1], "y_m": [0, 1]}}}, "truth.reference.region.x_m: must be [low, high]"),
         ({"reference": {"range_m": -1}}, "truth.reference.range_m: "),
         ({"reference": {"classes": ["car"]}, "columns": {"class": None}}, "truth.columns.class: missing"),
-        ({"reference": {"ignore": {"nope": [1]}}}, "there is no column 'nope'"),
-        ({"reference": {"ignore": {"type": ["car", "bike"]}}}, "every row is a don't-care box"),
         ({"readings": {"slot": "who", "object": "who"}}, "truth.readings.radar.slot: only used with unlabelled"),
         ({"readings": {"object": "whom"}}, "there is no column 'whom'"),
         (
@@ -367,14 +271,3 @@ def test_a_log_most_of_which_is_outside_the_truth_is_refused(tmp_path: Path) -> 
         InputError, match=r"only \d+ of \d+ measurements of radar \(from 0 to 30 s\) lie within the time"
     ):
         truth_in(write(tmp_path, radar=slow))
-
-
-def test_what_worlds_cannot_do_is_one_line(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["run", str(write(tmp_path)), "--worlds", "typical"], standalone_mode=False)
-    assert "none, for its measurements are recorded" in str(done.exception) + done.output
-
-
-def test_within_a_polygon_that_is_not_convex() -> None:
-    corners = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]], dtype=float)
-    x, y = np.array([[1.0, 2.0, 2.0, 3.5, 5.0, np.nan]]), np.array([[1.0, 0.5, 3.0, 2.0, 1.0, 1.0]])
-    np.testing.assert_array_equal(within_polygon(corners, x, y), [[True, True, False, True, False, False]])

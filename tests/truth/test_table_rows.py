@@ -18,7 +18,6 @@ from trackbench.truth.recorded.table_files import read_table
 #: A table whose third cell of x is at fault: text before it, and the line of the cell.
 PLACES = {
     "plain": ("t,x\n0,1\n1,2\n", 4),
-    "lines about the program": ("made by a logger\n\n# rate 10\nt,x\n0,1\n1,2\n", 7),
     "blank lines": ("t,x\n\n0,1\n   \n\n1,2\n,\n", 8),
     "line breaks in cells": ('t,x,"a\nb"\n0,1,"two\nlines"\n1,2,""\n', 6),
     "returns": ("t,x\r\n0,1\r\n1,2\r\n", 4),

@@ -182,11 +182,6 @@ def test_who_is_parked_has_no_heading_from_noise(tmp_path: Path) -> None:
     assert not truth.observer.yaw.any()
 
 
-def test_another_separator_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("time;id;x;y\n0;a;0;0\n0.1;a;1;0\n")
-    assert "separated by ';'" in refusal(tmp_path, format="csv", path="a.csv", observer={"vehicle": "a"})
-
-
 @pytest.mark.parametrize("smoothing", [None, SMOOTHING])
 def test_speeds_in_another_unit_are_refused(tmp_path: Path, smoothing: dict[str, Any] | None) -> None:
     table = pd.read_csv(write_csv(tmp_path))
@@ -325,11 +320,6 @@ def test_the_intervals_of_a_run_do(
         assert carried["ekf"].metrics[path] == exact["ekf"].metrics[path]
 
 
-def test_other_truths_are_exact() -> None:
-    """Their intervals are as they were."""
-    assert tb.truth("scripted/figure_eight").recorded_noise == EXACT
-
-
 def run_recorded(name: str, *overrides: str) -> Result:
     loaded = load_scenario(name, ["monte_carlo.runs=2", *overrides])
     return run_scenario(loaded, truths_of(loaded))
@@ -357,13 +347,6 @@ def test_the_shipped_scenarios_run(name: str, recorded_traffic: Path, monkeypatc
     assert errors[0] == pytest.approx(errors[1], rel=0.02)
 
 
-def test_the_scenarios_of_i80_need_no_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("TRACKBENCH_DATA", raising=False)
-    monkeypatch.chdir(tmp_path)
-    for name in ("recorded/i80", "recorded/i80_hidden"):
-        check(load_scenario(name))
-
-
 @pytest.mark.parametrize("action", [truths_of, check])
 def test_a_sensor_is_no_faster_than_the_recording(action: Callable[[tb.Scenario], object]) -> None:
     with pytest.raises(InputError, match=r"20 Hz is more than the truth has, which is recorded at 10 Hz; use 10"):
@@ -375,16 +358,3 @@ def test_old_scenarios_have_the_measurements_that_they_had() -> None:
     first = next(iter(tb.sense("scripted/own_model", runs=range(1))))
     expected = [59.94169401046622, -20.130341244344542]
     np.testing.assert_allclose(first.measurement.ravel()[:2], expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("vehicles", "interval"), [(("13", "36", "51"), False), (("13", "36", "51", "60", "66"), True)]
-)
-def test_fewer_than_five_scenes_give_no_interval(vehicles: tuple[str, ...], interval: bool) -> None:
-    named = "[" + ", ".join(f'"{name}"' for name in vehicles) + "]"
-    loaded = load_scenario(
-        "recorded/i80", ["monte_carlo.runs=2", f"truth.observer.vehicle={named}", "truth.targets={nearest: 2}"]
-    )
-    error = run_scenario(loaded, truths_of(loaded))["ekf_cv"].position_rmse
-    assert (error.ci95 is not None) == interval
-    assert interval or "fewer than 5 scenes" in (error.reason or "")

@@ -5,18 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.drivers import fit as fitting
-from benchmarks.drivers import page, recorded, statistics
-from benchmarks.drivers.recorded import Window
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
-from tests.support.places import ROOT
 
 import trackbench as tb
 from trackbench.base.errors import InputError
@@ -25,8 +21,6 @@ from trackbench.scenario import load_scenario
 from trackbench.truth import highway, simulated
 from trackbench.truth.drivers import (
     HUMAN,
-    STEERING_RATE_DEGPS,
-    Driver,
     Drivers,
     GaussMarkov,
     Traffic,
@@ -86,17 +80,6 @@ def test_a_process_has_its_deviation_and_correlation_at_any_step(dt: float) -> N
     for lag in (1, 2, 3):
         correlation = float(np.mean(values[0] * values[lag])) / sigma**2
         assert correlation == pytest.approx(math.exp(-lag * dt / time_s), abs=error * math.sqrt(2))
-
-
-def test_a_driver_is_the_same_whoever_else_drives() -> None:
-    first, again, other, elsewhere = (Driver(HUMAN, DT, *who) for who in ((1, 3), (1, 3), (1, 4), (2, 3)))
-    drawn = [
-        (d.speed_factor, d.headway, *(d.acceleration.advance() for _ in range(9)), d.wander.advance())
-        for d in (first, again, other, elsewhere)
-    ]
-    assert drawn[0] == drawn[1]
-    assert not set(drawn[0]) & set(drawn[2])
-    assert not set(drawn[0]) & set(drawn[3])
 
 
 def test_the_draws_of_the_environment_are_left_alone() -> None:
@@ -281,11 +264,6 @@ def test_steady_drivers_have_the_key_and_the_motion_that_they_had() -> None:
     assert truth.observer.py[-1] == pytest.approx(STEADY_OBSERVER_Y, abs=1e-9)
 
 
-def test_the_drivers_are_in_the_key() -> None:
-    files = {simulated.cache_file(changed("highway", drivers=each)) for each in ("steady", "human")}
-    assert len(files) == 2
-
-
 @pytest.mark.parametrize(
     ("truth", "message"),
     [
@@ -304,68 +282,3 @@ def test_mistakes_are_named(truth: dict[str, Any], message: str) -> None:
     }
     with pytest.raises(InputError, match=message):
         tb.truth(content)
-
-
-def test_human_is_what_was_compared_and_meets_i80_within_the_interval() -> None:
-    fit = json.loads((ROOT / "results" / "drivers" / "fit.json").read_text(encoding="utf-8"))
-    values = asdict(HUMAN) | {"steering_rate_degps": STEERING_RATE_DEGPS}
-    assert json.loads(json.dumps(values)) == fit["drivers"]
-    value, least, most = fit["sizes"]["I-80, all"][0]
-    assert least < HUMAN.acceleration_rms_mps2 < most
-    assert least < value < most
-
-
-def shaken(acceleration_mps2: float, mean_mps: float = 5.0) -> Window:
-    """A window of constant acceleration about a mean speed."""
-    time = (np.arange(recorded.SAMPLES) - recorded.SAMPLES // 2) * recorded.DT
-    return Window(mean_mps + acceleration_mps2 * time, 0.1 * time)
-
-
-def test_accelerations_are_taken_away_from_the_ends_of_a_window() -> None:
-    random = np.random.default_rng(1)
-    weight = 0.01 / (recorded.DT**2 * sum(k**2 for k in range(-10, 11)))
-    noisy = [Window(0.1 * random.standard_normal(recorded.SAMPLES), None) for _ in range(400)]
-    slopes = np.array([statistics.acceleration(window) for window in noisy])
-    assert slopes.shape == (400, recorded.SAMPLES - 20)
-    # The variance of the slope of a line through 21 points; at an end of the window it would be 15 times as large.
-    assert slopes.var(axis=0) == pytest.approx(np.full(81, weight), rel=5 * math.sqrt(2 / 400))
-    assert statistics.of([shaken(0.4)])["rms"] == pytest.approx(0.4)
-
-
-def test_the_size_that_meets_the_recorded_rms_has_its_closed_form() -> None:
-    ratio = fitting.SIMULATED[1]
-    # RMS in proportion to the size: 0.2 m/s^2 at that of human.
-    low, high = ([[shaken(times * 0.2)] for _ in range(4)] for times in (1.0, ratio))
-    size, *ranges = fitting.sizes([shaken(0.26), shaken(-0.26)], (low, high), leaders=2)
-    assert size == pytest.approx([1.3 * HUMAN.acceleration_rms_mps2] * 3)
-    assert ranges[1] == pytest.approx(size)
-    assert math.isnan(ranges[0].value)
-
-
-def test_the_size_that_is_nearest_in_all_ranges_has_its_closed_form() -> None:
-    # Simulated 0.2 m/s^2 times the size in each range; recorded 1.3 times that in half of the windows.
-    ranges = (5.0, 7.0, 9.0, 12.0)
-    low, high = ([[shaken(0.2 * times, speed) for speed in ranges]] for times in fitting.SIMULATED)
-    alike = [shaken(0.26)] * 3 + [shaken(0.2, speed) for speed in ranges[1:]]
-    found = fitting.full_size_trial(HUMAN, [*alike, shaken(2.0, 3.0)], (low, high))
-    assert found.size == pytest.approx(HUMAN.acceleration_rms_mps2 * math.sqrt(1.3))
-    assert found.off == pytest.approx(math.log(1.3) / 2)
-    assert found.value == HUMAN.acceleration_full_mps
-
-
-def test_the_interval_of_the_size_holds_that_of_single_seeds() -> None:
-    seeds = (0.1, 0.2, 0.3)
-    low, high = ([[shaken(times * rms)] for rms in seeds] for times in fitting.SIMULATED)
-    size = fitting.sizes([shaken(0.2)], (low, high), leaders=1)[0]
-    met = [0.2 / rms * HUMAN.acceleration_rms_mps2 for rms in (0.3, math.sqrt(np.mean(np.square(seeds))), 0.1)]
-    assert [size.least, size.value, size.most] == pytest.approx(met)
-
-
-def test_what_the_page_says_of_the_recorded_traffic_comes_from_the_files() -> None:
-    if not recorded.FOLDER.is_dir():
-        pytest.skip("needs TRACKBENCH_DATA")
-    fit = json.loads((ROOT / "results" / "drivers" / "fit.json").read_text(encoding="utf-8"))
-    for column, windows in (("I-80, fitted", recorded.i80(0)), ("I-80, held back", recorded.i80(1))):
-        assert page.rounded(statistics.of(windows)) == fit["statistics"][column]
-    assert page.rounded(statistics.of(recorded.us101())) == fit["statistics"]["US-101"]
-    assert recorded.overlaps() == fit["overlaps"]

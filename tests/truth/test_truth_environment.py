@@ -246,25 +246,6 @@ def test_partial_action_keeps_the_defaults_of_its_type() -> None:
     }
 
 
-def test_action_of_another_type_takes_nothing_over() -> None:
-    given = {"action": {"type": "Both", "clip": True}}
-    assert complete(given, DEFAULTS, VARIANTS) == given
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"vehicles_density": 1.5, "duration": 12.5},
-        {"initial_lane_id": 2},
-        {"destination": None},
-        {"action": {"target_speeds": [1, 2, 3, 4]}},
-        {"lanes_count": 0},
-    ],
-)
-def test_valid_values_pass(given: dict[str, Any]) -> None:
-    assert set(complete(given, DEFAULTS, VARIANTS)) == set(given)
-
-
 @pytest.mark.parametrize(
     ("given", "key", "message"),
     [

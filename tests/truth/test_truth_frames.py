@@ -47,16 +47,6 @@ def test_heading_is_where_the_body_points_even_in_reverse() -> None:
     np.testing.assert_allclose(truth.course, 0.3 - np.pi)
 
 
-def test_absent_frames_hold_finite_values() -> None:
-    frames = bicycle(8.0, steering=0.1, absent=slice(12, None))
-    truth = frames.truth([0], roadside())
-    np.testing.assert_array_equal(truth.alive[:, 0], np.arange(STEPS) < 12)
-    for name in ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate"):
-        values = getattr(truth, name)
-        assert np.isfinite(values).all(), name
-        np.testing.assert_array_equal(values[12:], np.broadcast_to(values[11], values[12:].shape))
-
-
 def test_carrier_moves_as_its_body() -> None:
     frames = bicycle(8.0, steering=0.4)
     carrier, truth = frames.carrier(0), frames.truth([0], roadside())
@@ -78,19 +68,7 @@ class Straight:
         return 4.0
 
 
-class Ring(Straight):
-    def position(self, longitudinal: float, lateral: float) -> Array:
-        angle = longitudinal / 50.0
-        return (50.0 - lateral) * np.array([np.cos(angle), np.sin(angle)])
-
-
 def test_lane_edges_are_clipped_simplified_and_drawn_once() -> None:
     lanes = [Straight(0.0, 10_000.0, [2, 1]), Straight(4.0, 10_000.0, [1, 0])]
     edges = lane_edges(lanes, np.array([200.0, 300.0]), np.zeros(2))
     np.testing.assert_allclose(edges, [[[100, 2], [400, 2]], [[100, -2], [400, -2]]])
-
-
-def test_curved_lane_keeps_its_shape() -> None:
-    inner, outer = lane_edges([Ring(0.0, 100.0, None)], np.zeros(1), np.zeros(1))
-    assert {round(float(np.hypot(*edge.T).mean())) for edge in (inner, outer)} == {48, 52}
-    assert len(inner) == len(outer) == 51

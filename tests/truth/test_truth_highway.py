@@ -202,12 +202,6 @@ def test_mistakes_are_found_without_simulating(env: str, keys: dict[str, Any], k
     assert caught.value.key == key
 
 
-def test_observation_of_the_users_own_is_used() -> None:
-    order = {"observation": {"type": "Kinematics", "order": "shuffled"}, "vehicles_count": 5}
-    truth = simulate(configured("highway-v0", config=order))
-    assert truth.source["config"]["observation"] == order["observation"]
-
-
 def test_nothing_leaks_to_the_terminal() -> None:
     """Old ids warn, and pygame and highway-env like to greet."""
     code = (
@@ -218,10 +212,3 @@ def test_nothing_leaks_to_the_terminal() -> None:
     )
     done = subprocess.run([sys.executable, "-W", "default", "-c", code], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")
-
-
-def test_the_simulator_and_the_readers_are_not_imported_before_they_are_needed() -> None:
-    late = {"gymnasium", "highway_env", "pandas", "pyarrow"}
-    code = f"import sys, trackbench.truth.sources; print(sorted({late} & sys.modules.keys()))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

@@ -9,9 +9,6 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Truth
-from trackbench.report.truth_and_sensors import audit_sentences
-from trackbench.results import TruthSummary
-from trackbench.truth.audit import exact
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2, after_jump, velocity_jumps
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth
@@ -23,16 +20,6 @@ BEND = {"start": {"speed_mps": 5}, "pieces": [{"turn_rate_degps": 30}]}
 def scripted(objects: dict[str, Any], rate_hz: int = 10) -> Truth:
     given = {"duration_s": 5, "rate_hz": rate_hz, "objects": objects}
     return script(ScriptedTruth.model_validate({"source": "scripted", **given}), 0, "test", 1)
-
-
-def summary(*truths: Truth, names: tuple[str, ...] = ()) -> TruthSummary:
-    common = {"objects": list(truths[0].ids), "duration_s": 5}
-    scenes = [
-        {"name": name, "audit": truth.audit, "error": {}, **common}
-        for name, truth in zip(names, truths, strict=bool(names))
-    ]
-    stated = {"source": "scripted", "steps": 51, "dt": 0.1, "cached": False, "scenes": scenes}
-    return TruthSummary.model_validate({**stated, **common, "audit": truths[0].audit})
 
 
 def test_a_right_angle_is_one_jump_of_known_size() -> None:
@@ -79,35 +66,3 @@ def test_a_jump_is_near_for_a_second_and_to_its_own_object() -> None:
     assert near.shape == truth.px.shape
     assert not near[:, 0].any()
     assert np.flatnonzero(near[:, 1, 0]).tolist() == list(range(20, 31))
-
-
-def test_the_report_counts_the_jumps() -> None:
-    conclusion, jumps = audit_sentences(summary(scripted({"round": BEND, "corner": CORNER})))
-    assert conclusion == "The truth is exact: its velocities come from the same formulas as its positions."
-    assert jumps == (
-        "1 velocity jump: in one step the velocity changes by more than a car can do, which is put at 20 m/s², twice "
-        "the grip of a tyre. The largest is 14 m/s (corner at 2.00 s), the peak acceleration 141 m/s²."
-    )
-    assert audit_sentences(summary(scripted({"round": BEND})))[1:] == [
-        "No velocity jumps: the largest acceleration is 2.6 m/s²."
-    ]
-
-
-def test_the_report_counts_the_jumps_of_all_scenes() -> None:
-    slower = {**CORNER, "start": {"speed_mps": 8}}
-    truths = [scripted({"a": body}) for body in (slower, CORNER, BEND)]
-    (_, jumps) = audit_sentences(summary(*truths, names=("seed 1", "seed 2", "seed 3")))
-    assert jumps.startswith("2 velocity jumps: ")
-    assert "The largest is 14 m/s (a at 2.00 s of seed 2)" in jumps
-
-
-def test_what_was_not_audited_is_said_so() -> None:
-    truth = replace(scripted({"round": BEND}), audit={})
-    assert audit_sentences(summary(truth)) == ["The truth was not audited."]
-
-
-def test_a_truth_of_one_step_has_no_jumps() -> None:
-    truth = scripted({"round": BEND})
-    names = ("time", "px", "py", "heading", "course", "speed", "acceleration", "yaw_rate", "alive")
-    found = exact(replace(truth, **{name: getattr(truth, name)[:1] for name in names})).audit["velocity_jumps"]
-    assert (found["count"], found["peak_acceleration_mps2"]) == (0, None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -12,7 +11,7 @@ from tests.support.udacity import synthetic_lines
 
 from trackbench.base.errors import InputError
 from trackbench.truth import Draw
-from trackbench.truth.config import ScriptedObserver, logs
+from trackbench.truth.config import ScriptedObserver
 from trackbench.truth.recorded.udacity import parse_line
 from trackbench.truth.sources import ScriptedTruth
 
@@ -92,22 +91,3 @@ def test_a_script_that_leaves_the_earth() -> None:
 def test_a_start_that_cannot_be_meant(start: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=r"(less|greater) than or equal"):
         script(start=start)
-
-
-def test_a_file_that_is_no_table_is_not_shown(tmp_path: Path) -> None:
-    (tmp_path / "log.csv").write_text("root:x:0:0:root:/root:/bin/bash\n", encoding="utf-8")
-    with pytest.raises(InputError, match="this is no row of column names; expected t_ms, ") as caught:
-        load(tmp_path / "log.csv")
-    assert "root" not in str(caught.value).rpartition(str(tmp_path))[2]
-
-
-def test_a_pipe_is_no_file(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "log.csv")
-    with pytest.raises(InputError, match="this is a device or a pipe; name a file"):
-        load(tmp_path / "log.csv")
-
-
-def test_a_name_that_no_file_can_have(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"there is no file .*a\.\.\.a.*") as caught:
-        logs.find_log("a" * 5000, tmp_path, "truth.path")
-    assert len(str(caught.value)) < 300

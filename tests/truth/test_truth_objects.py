@@ -13,7 +13,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Truth
 from trackbench.scenario.load import load_scenario
 from trackbench.scenario.truth import truth_of, truth_source
-from trackbench.truth import Draw, highway
+from trackbench.truth import highway
 from trackbench.truth.config import FixedObserver, VehicleSizes
 from trackbench.truth.frames import TRUCK, VAN, Frames, with_sizes
 from trackbench.truth.sources import HighwayTruth, ScriptedTruth
@@ -70,13 +70,6 @@ def test_every_vehicle_near_enough_is_there_and_the_targets_are_as_before(target
     assert "ego" not in everything.ids
 
 
-def test_the_farther_one_looks_the_more_there_are(everything: Truth) -> None:
-    near, all_of_them = (highway.simulate(CONFIG.with_all_objects(limit)) for limit in (30.0, 1e8))
-    assert set(near.ids) < set(everything.ids) < set(all_of_them.ids)
-    assert len(all_of_them.ids) == 30
-    assert near.target.sum() == 3
-
-
 def test_of_all_vehicles_those_in_reach_are_targets() -> None:
     of = highway.simulate(CONFIG.model_copy(update={"targets": "all", "others_within_m": 120.0}))
     assert of.target.all()
@@ -84,24 +77,6 @@ def test_of_all_vehicles_those_in_reach_are_targets() -> None:
     far = {"observer": FixedObserver(x=-500.0), "targets": "all", "others_within_m": 20.0}
     with pytest.raises(InputError, match="no vehicle comes within 20 m of the observer"):
         highway.simulate(CONFIG.model_copy(update=far))
-
-
-def test_what_the_scenario_states_wins(targets: Truth) -> None:
-    own = CONFIG.model_copy(update={"others_within_m": 30.0})
-    assert own.with_all_objects(120.0) == own
-    assert "others_within_m" not in targets.source
-
-
-def test_the_cache_keeps_which_are_targets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path))
-    source = CONFIG.with_all_objects(60.0)
-    first, again, known = (
-        one.load(Draw(seed=0, scenario="test", runs=1), folder=Path()) for one in (source, source, CONFIG)
-    )
-    assert (first.cached, again.cached, known.cached) == (False, True, False)
-    np.testing.assert_array_equal(again.truth.target, first.truth.target)
-    assert again.truth.target.dtype == bool
-    assert 3 == again.truth.target.sum() < len(again.truth.ids)
 
 
 def test_sizes_are_drawn_and_the_drive_is_the_same(everything: Truth) -> None:

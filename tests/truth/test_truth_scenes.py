@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
-import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
 from trackbench.base.errors import InputError
-from trackbench.base.execution import Executor, executor
+from trackbench.base.execution import executor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of, truths_of
-from trackbench.truth import LoadedTruth, simulated
+from trackbench.truth import LoadedTruth
 from trackbench.truth.sources import HighwayTruth
 
 PLAIN = HighwayTruth(env="u-turn-v1", duration_s=1, rate_hz=10, seed=13)
@@ -49,12 +43,6 @@ def test_the_scenes_are_counted_from_the_seed_or_listed() -> None:
     assert [scene.seed for scene in options(seed=7, seeds=3).scenes()] == [7, 8, 9]
     assert [scene.seed for scene in options(seeds=2).scenes()] == [0, 1]
     assert [scene.seed for scene in options(seeds=[9, 4]).scenes()] == [9, 4]
-
-
-def test_a_scene_is_kept_under_the_key_of_its_seed() -> None:
-    (only,) = options(seeds=[13]).scenes()
-    assert simulated.cache_file(only) == simulated.cache_file(PLAIN)
-    assert len({simulated.cache_file(scene) for scene in options(seeds=5).scenes()}) == 5
 
 
 @pytest.mark.parametrize(
@@ -111,31 +99,6 @@ def test_scenes_are_the_same_to_the_last_bit_for_any_number_of_processes(
     assert len(set(positions(apart))) == 3
 
 
-class Counting(Executor):
-    """Counts what it is given to do."""
-
-    calls = 0
-
-    def map(self, function: Any, calls: Any, *others: Any) -> Any:
-        self.calls += len(calls)
-        return super().map(function, calls, *others)
-
-
-def test_what_is_stored_is_not_made_again(tiny: Path, folder: Path) -> None:
-    loaded = scenario(tiny, "truth.seeds=3")
-    made = truths_of(loaded)
-    counting = Counting()
-    again = truths_of(loaded, executor=counting)
-    assert counting.calls == 0
-    assert all(scene.cached for scene in again)
-    assert positions(again) == positions(made)
-    assert [scene.truth.source["seed"] for scene in again] == [1, 2, 3]
-    # Only what is missing is simulated.
-    simulated.cache_file(loaded.config.truth.scenes()[1]).unlink()
-    assert [scene.cached for scene in truths_of(loaded, executor=counting)] == [True, False, True]
-    assert counting.calls == 1
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_scene_that_cannot_be_had_is_named(tiny: Path, folder: Path, workers: int) -> None:
     loaded = scenario(tiny, "truth.seeds=2", "truth.targets={ids: [v99]}")
@@ -154,64 +117,3 @@ def test_scenes_on_the_command_line_are_seeds_of_the_truth(tiny: Path, trackbenc
     assert "truth.seeds=2" in found["scenario"]["overrides"]
     assert [scene["name"] for scene in found["truth"]["scenes"]] == ["seed 1", "seed 2"]
     assert all(scene["audit"]["velocity_jumps"]["limit_mps2"] == 20 for scene in found["truth"]["scenes"])
-
-
-def test_scenes_of_a_source_without_seeds_are_refused_in_one_line(tmp_path: Path, trackbench: str) -> None:
-    command = [trackbench, "run", "scripted/figure_eight", "--scenes", "3", "--out", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.startswith("--scenes: a recording has one scene for each of truth.observer.vehicle")
-    assert done.stderr.count("\n") == 1
-
-
-INTERRUPTED = """\
-from trackbench.base.execution import executor
-from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truths_of
-if __name__ == "__main__":
-    loaded = load_scenario("highway", ["truth.seeds=4", "truth.duration_s=600"])
-    print("begins", flush=True)
-    try:
-        with executor(2) as chosen:
-            truths_of(loaded, executor=chosen)
-    except KeyboardInterrupt:
-        print("interrupted")
-"""
-
-
-def group_is_there(number: int) -> bool:
-    try:
-        os.killpg(number, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.3, 4])
-def test_ctrl_c_ends_all_processes_without_a_word(tmp_path: Path, delay: float) -> None:
-    script = tmp_path / "many.py"
-    script.write_text(INTERRUPTED, encoding="utf-8")
-    environment = {**os.environ, "TRACKBENCH_CACHE": str(tmp_path / "cache")}
-    with subprocess.Popen(
-        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
-        start_new_session=True,
-    ) as process:  # fmt: skip
-        assert process.stdout is not None
-        assert process.stdout.readline() == "begins\n"
-        time.sleep(delay)
-        begin = time.monotonic()
-        os.killpg(process.pid, signal.SIGINT)
-        out, err = process.communicate(timeout=30)
-        assert (out, err, process.returncode) == ("interrupted\n", "", 0)
-    while group_is_there(process.pid):
-        assert time.monotonic() - begin < 10
-        time.sleep(0.1)
-
-
-def test_a_scene_without_seeds_is_its_own(tiny: Path) -> None:
-    loaded = load_scenario("scripted/figure_eight")
-    counting = Counting()
-    (only,) = truths_of(loaded, executor=counting)
-    assert counting.calls == 0, "it is made in no time"
-    np.testing.assert_array_equal(only.truth.px, truth_of(loaded).truth.px)

@@ -161,12 +161,6 @@ def test_the_ego_drives_like_an_object() -> None:
     assert np.ptp(ego.yaw[-20:]) == np.hypot(ego.vx, ego.vy)[-20:].max() == 0, "it stands and keeps its heading"
 
 
-def test_size_of_the_ego() -> None:
-    cars = (driving({}, start={}), driving({}, start={}, length_m=4, width_m=1.7))
-    observers = [drawn(of).observer for of in (config({"a": {}}), *cars)]
-    assert [(of.length, of.width) for of in observers] == [(0, 0), (5, 2), (4, 1.7)]
-
-
 def test_a_radar_on_an_ego_that_brakes_in_a_turn() -> None:
     piece = {"acceleration_mps2": -2, "turn_rate_degps": 10}
     truth = drawn(driving(piece, start={"speed_mps": 20}, length_m=5))
@@ -249,16 +243,6 @@ def test_a_run_depends_on_nothing_but_its_number_and_what_it_is_drawn_by() -> No
     assert len(set(ends)) == 5
 
 
-def test_motion_that_is_the_same_in_every_run_is_kept_once() -> None:
-    steady: dict[str, Any] = {"start": {"speed_mps": 5}}
-    assert drawn(config({"a": steady}), runs=7).px.shape == (201, 1, 1)
-    mixed = drawn(config({"a": steady, "b": {"pieces": [{"for_s": 5}, WHITE]}}), runs=7)
-    assert mixed.px.shape == (201, 2, 7)
-    assert np.ptp(mixed.px[:, 0], axis=-1).max() == 0
-    assert np.ptp(mixed.px[:101, 1], axis=-1).max() == 0
-    assert np.ptp(mixed.px[-1, 1]) > 1
-
-
 def test_more_runs_than_fit_are_refused() -> None:
     with pytest.raises(InputError, match="at most 99502 fit") as caught:
         drawn(config({"a": {"pieces": [WHITE]}}), runs=100_000)
@@ -274,14 +258,6 @@ def test_blocks_of_runs_see_their_own_truth() -> None:
     assert part.digests == whole.digests[3:5]
     some, every = (block.outcomes["kf"].scores.per_run for block in (part, whole))
     np.testing.assert_allclose(some, every[:, 3:5], rtol=1e-9)
-
-
-def test_there_is_nothing_to_audit() -> None:
-    truth = one({"turn_rate_degps": 30}, start={"speed_mps": 5})
-    assert truth.audit["verdict"] == "exact"
-    assert truth.audit["velocity_error_after"]["max_mps"] == 0
-    assert not any(truth.audit["repaired"].values())
-    assert truth.audit["velocity_jumps"]["count"] == 0
 
 
 @pytest.mark.parametrize(

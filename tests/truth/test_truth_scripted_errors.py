@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-import yaml
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
@@ -133,16 +132,6 @@ def test_mistakes_of_an_observer_that_drives(tmp_path: Path, old: str, new: str,
     with pytest.raises(InputError) as caught:
         load_scenario(path)
     assert f"{path}:6: {message}" in str(caught.value)
-
-
-def test_objects_may_share_pieces_by_anchors(tmp_path: Path) -> None:
-    scenario = yaml.safe_load(TEXT)
-    scenario["truth"]["objects"]["b"] = scenario["truth"]["objects"]["a"]
-    path = tmp_path / "scenario.yaml"
-    path.write_text(yaml.safe_dump(scenario))
-    assert "&id001" in path.read_text()
-    objects = load_scenario(path).config.truth.objects
-    assert objects["a"] == objects["b"]
 
 
 def test_the_example_of_the_page_is_valid(tmp_path: Path) -> None:

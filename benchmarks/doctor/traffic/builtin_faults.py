@@ -21,7 +21,7 @@ class Changed:
     """A sound tracker whose answers are changed."""
 
     def __init__(self, method: str) -> None:
-        self.tracker = build_multi(config(method))
+        self.tracker = build_multi(config(method)).tracker
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
         state, tracks = self.tracker.step(state, scan)
@@ -61,7 +61,7 @@ class NearestInPlane:
     """Each track of a sound tracker that takes no detection jumps to the nearest one, however far it is."""
 
     def __init__(self) -> None:
-        self.tracker = build_multi(config("gnn"))
+        self.tracker = build_multi(config("gnn")).tracker
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
         state, tracks = self.tracker.step(state, scan)

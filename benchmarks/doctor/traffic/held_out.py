@@ -146,7 +146,7 @@ SOUND: dict[str, Make] = {
     "jpda, reads radar alone": _reading("jpda", sensors=["radar"]),
     "pmb, ckf": built_in("pmb", "ckf", "cv", 4.0),
     "jipda, ukf cv, gate 0.995": built_in("jipda", "ukf", "cv", 2.0, gate=0.995),
-    "gnn, iekf, 3 of 4": built_in("gnn", "iekf", "cv", 5.0, confirm=[3, 4], delete_misses=8),
+    "gnn, ukf, 3 of 4": built_in("gnn", "ukf", "cv", 5.0, confirm=[3, 4]),
     "ipda, short": looped(Ipda, patience=0.3, lifetime=5.0, gate=0.998),
 }
 

@@ -283,10 +283,8 @@ EXACT = RecordedNoise(0.0, 0.0)
 
 
 class Unscored(NamedTuple):
-    """Where neither an object nor a track counts: outside a region, out of range, and on don't-care boxes."""
+    """Where neither an object nor a track counts: out of range, and on don't-care boxes."""
 
-    region: Array | None
-    """``(corners, 2)`` of the polygon in which they count, m; None: everywhere."""
     range_m: float
     """From the observer, up to which they count; infinite where there is no limit."""
     boxes: Array

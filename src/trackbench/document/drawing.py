@@ -11,10 +11,11 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 from xml.etree import ElementTree
 
-import matplotlib
+import matplotlib.style
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -47,45 +48,9 @@ MARKERS = {"dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "triangle": ("^
 HATCHES = {"hatched": "////", "lined": "---"}
 #: Of a line of a legend, points.
 _LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
+_STYLE = Path(__file__).parent / "templates" / "figure.mplstyle"
 #: Around the panels of a figure, inches.
 _PAD = 1.0 / 72
-
-_STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "trackbench",
-    # TrueType, which publishers accept.
-    "pdf.fonttype": 42,
-    "font.size": 11,
-    "axes.labelsize": 11,
-    "axes.titlesize": 11,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.facecolor": "none",
-    "axes.edgecolor": MUTED,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.unicode_minus": True,
-    "figure.facecolor": "none",
-    "figure.labelsize": 11,
-    "savefig.facecolor": "none",
-    "grid.color": GRID,
-    "grid.linewidth": 1.0,
-    "hatch.linewidth": 0.8,
-    "legend.fontsize": 10,
-    "legend.frameon": False,
-    "lines.linewidth": 1.6,
-    "lines.solid_capstyle": "round",
-    "patch.linewidth": 0,
-    "path.simplify_threshold": 0.3,
-    "text.color": INK,
-    "text.parse_math": False,
-    "xtick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.color": MUTED,
-    "ytick.labelcolor": INK,
-}
 
 _NUMBER = re.compile(r"-?\d+\.\d+")
 _REFERENCE = re.compile(r"#([\w.]+)")
@@ -199,9 +164,7 @@ def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Itera
     width = figure.width or WIDTH
     columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
-    with _colours(colours), matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
+    with _colours(colours), matplotlib.style.context(_STYLE, after_reset=True):
         canvas = Canvas(
             figsize=(width / 72, height / 72), dpi=72, layout=ConstrainedLayoutEngine(h_pad=_PAD, w_pad=_PAD)
         )

@@ -8,33 +8,21 @@ from collections import Counter
 from hashlib import sha256
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from trackbench import document as model
-from trackbench.document import Cell, Document, Figure, LegendEntry, Table, typeset
+from trackbench.document import Cell, Document, LegendEntry, Table, typeset
 from trackbench.document.drawing import IN_PAGE, WIDTH, svg_in_page
+from trackbench.document.template import environment
 
 
 def to_html(document: Document) -> str:
     """The text of the file, the same for the same document. Each figure is drawn once."""
-    loader = PackageLoader("trackbench.document")
-    environment = Environment(
-        loader=loader,
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        # Of what is put in, markup stays as it is.
-        finalize=lambda value: typeset(value) if type(value) is str else value,
-    )
-    tests: Any = environment.tests
-    for kind in (model.Section, model.Row, model.Paragraph, model.Status, model.Items, model.Code, Table, Figure):
-        tests[kind.__name__.lower()] = lambda block, kind=kind: isinstance(block, kind)
+    made = environment(typeset)
     shared = _shared(document)
-    script = loader.get_source(environment, "document.js")[0]
-    made: Any = environment.get_template("document.html.j2").render(
+    assert made.loader is not None
+    script = made.loader.get_source(made, "document.js")[0]
+    return made.get_template("document.html.j2").render(
         document=document,
         sections=[block for block in document.blocks if isinstance(block, model.Section)],
         shared=[entry for entry in shared if not entry.key],
@@ -49,7 +37,6 @@ def to_html(document: Document) -> str:
         script=Markup(script),
         script_hash=b64encode(sha256(script.encode()).digest()).decode(),
     )
-    return str(made)
 
 
 def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:

@@ -3,40 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from functools import cache
 
-from trackbench.document import (
-    Block,
-    Cell,
-    Code,
-    Column,
-    Document,
-    Figure,
-    Items,
-    Paragraph,
-    Row,
-    Section,
-    Status,
-    Table,
-    typeset,
-)
+from jinja2 import Environment
+from markupsafe import Markup
 
-_PREAMBLE = r"""\documentclass[a4paper]{article}
-\usepackage[T1]{fontenc}
-\usepackage[utf8]{inputenc}
-\usepackage{textcomp,amsmath,amssymb}
-\usepackage[margin=20mm]{geometry}
-\usepackage{booktabs,float,graphicx}
-\floatplacement{table}{H}
-\usepackage[export]{adjustbox}
-\setlength{\parindent}{0pt}
-\setlength{\parskip}{0.5em}
-"""
-_HEADINGS = ("section", "subsection", "subsubsection", "paragraph")
+from trackbench.document import Code, Document, Table, typeset
+from trackbench.document.template import LATEX_SYNTAX, environment
+
 #: Letters of a cell above which its column breaks lines.
 _LONG = 40
-_BROKEN = r"p{0.35\linewidth}"
-
 _ESCAPES = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
@@ -75,12 +51,11 @@ def to_latex(document: Document, *, tables: str, figures: str) -> str:
         tables: the folder of the tables' files (:func:`table_to_latex`), relative to the main file.
         figures: the folder of the figures' PDF files, likewise.
     """
-    lines = [_PREAMBLE + r"\begin{document}", rf"\section*{{{escape_latex(document.title)}}}"]
-    lines += [escape_latex(document.lead), ""] if document.lead else []
-    lines += [escape_latex(", ".join(document.facts)), ""] if document.facts else []
-    for block in document.blocks:
-        lines += _lines(block, 0, tables, figures)
-    return "\n".join([*lines, r"\end{document}"]) + "\n"
+    return (
+        _environment()
+        .get_template("document.tex.j2")
+        .render(document=document, facts=", ".join(document.facts), tables=Markup(tables), figures=Markup(figures))
+    )
 
 
 def table_to_latex(table: Table) -> str:
@@ -89,20 +64,8 @@ def table_to_latex(table: Table) -> str:
     Details stand in a smaller line under the row. It needs the packages booktabs and adjustbox. The label is ``tab:``
     and the table's name.
     """
-    layout = "".join(_layout(table, i, column) for i, column in enumerate(table.columns))
     caption = table.caption or re.sub("[-_]", " ", table.name).capitalize()
-    lines = [r"\begin{table}", r"\centering", rf"\caption{{{escape_latex(caption)}}}", rf"\label{{tab:{table.name}}}"]
-    lines += [r"\begin{adjustbox}{max width=\linewidth}", rf"\begin{{tabular}}{{@{{}}{layout}@{{}}}}", r"\toprule"]
-    lines += [_row(escape_latex(column.heading) for column in table.columns), r"\midrule"]
-    for row in table.rows:
-        lines.append(_row(_cell(table, cell) for cell in row))
-        for i in range(max((len(cell.details) for cell in row), default=0)):
-            lines.append(_row(_small(cell.details[i]) if i < len(cell.details) else "" for cell in row))
-    lines += [r"\bottomrule", r"\end{tabular}", r"\end{adjustbox}"]
-    lines += [
-        rf"\par\footnotesize\textsuperscript{{{i}}} {escape_latex(reason)}" for i, reason in enumerate(table.reasons, 1)
-    ]
-    return "\n".join([*lines, r"\end{table}"]) + "\n"
+    return _environment().get_template("table.tex.j2").render(table=table, caption=caption, long=_LONG)
 
 
 def escape_latex(text: str) -> str:
@@ -110,71 +73,18 @@ def escape_latex(text: str) -> str:
     return _verbatim(typeset(text))
 
 
-def _verbatim(text: str) -> str:
-    return _SPECIAL.sub(lambda match: _ESCAPES[match[0]], text)
+def _verbatim(text: str) -> Markup:
+    return Markup(_SPECIAL.sub(lambda match: _ESCAPES[match[0]], text))
 
 
-def _lines(block: Block, level: int, tables: str, figures: str) -> Iterator[str]:
-    match block:
-        case Section():
-            yield rf"\{_HEADINGS[min(level, len(_HEADINGS) - 1)]}{{{escape_latex(block.title)}}}"
-            for inner in block.blocks:
-                yield from _lines(inner, level + 1, tables, figures)
-        case Row():
-            for inner in block.blocks:
-                yield from _lines(inner, level, tables, figures)
-        case Paragraph():
-            yield from (rf"\textbf{{{escape_latex(block.text)}}}" if block.strong else escape_latex(block.text), "")
-        case Status():
-            yield from (f"{escape_latex(block.text)}.", "")
-        case Items():
-            yield from _items(block)
-        case Code():
-            yield from _code(block)
-        case Table():
-            yield rf"\input{{{tables}/{block.name}.tex}}"
-        case Figure():
-            yield from (r"\begin{figure}[H]", r"\centering")
-            yield rf"\includegraphics[max width=\linewidth]{{{figures}/{block.name}.pdf}}"
-            yield rf"\caption{{{escape_latex(f'{block.title}. {block.caption}')}}}"
-            yield from (rf"\label{{fig:{block.name}}}", r"\end{figure}")
+@cache
+def _environment() -> Environment:
+    made = environment(escape_latex, LATEX_SYNTAX)
+    made.globals["code_lines"] = _code_lines
+    return made
 
 
-def _items(block: Items) -> Iterator[str]:
-    if not block.items:
-        return
-    environment = "enumerate" if block.numbered else "itemize"
-    yield rf"\begin{{{environment}}}"
-    for item in block.items:
-        label = rf"\textbf{{{escape_latex(item.label)}}}: " if item.label else ""
-        detail = rf"\\{{\small {escape_latex(item.detail)}}}" if item.detail else ""
-        # A bracket after \item would be its option.
-        yield rf"\item {{}}{label}{escape_latex(item.text)}{detail}"
-    yield rf"\end{{{environment}}}"
-
-
-def _code(block: Code) -> Iterator[str]:
-    """Line by line: a text could end any environment for verbatim text."""
-    yield r"\begin{flushleft}\ttfamily\footnotesize"
-    for line in block.text.rstrip("\n").splitlines():
-        indent = len(line) - len(line.lstrip())
-        yield rf"\mbox{{}}\hspace*{{{indent / 2:g}em}}{_verbatim(line.strip())}\\"
-    yield r"\end{flushleft}"
-
-
-def _layout(table: Table, index: int, column: Column) -> str:
-    longest = max((len(row[index].text) for row in table.rows), default=0)
-    return _BROKEN if longest > _LONG else "l" if column.left else "r"
-
-
-def _row(cells: Iterable[str]) -> str:
-    return " & ".join(cells) + r" \\"
-
-
-def _small(text: str) -> str:
-    return rf"{{\scriptsize {escape_latex(text)}}}"
-
-
-def _cell(table: Table, cell: Cell) -> str:
-    text = rf"\textbf{{{escape_latex(cell.text)}}}" if cell.strong or cell.tracker else escape_latex(cell.text)
-    return text + (rf"\textsuperscript{{{table.mark(cell)}}}" if cell.reason else "")
+def _code_lines(block: Code) -> list[tuple[float, Markup]]:
+    """The indent and the text of each line: a whole text could end any environment for verbatim text."""
+    lines = block.text.rstrip("\n").splitlines()
+    return [((len(line) - len(line.lstrip())) / 2, _verbatim(line.strip())) for line in lines]

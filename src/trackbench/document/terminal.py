@@ -53,18 +53,18 @@ def print_document(document: Document, console: Console) -> None:
         _print(block, console)
 
 
-def print_table(table: Table, console: Console) -> None:
-    """A table with its caption and footnotes."""
+def print_table(table: Table, console: Console, gap: int = 2) -> None:
+    """Print a table with its caption and footnotes, ``gap`` spaces between two columns."""
     if table.caption:
         _say(console, Text(f"{table.caption}:"))
     widths, keys = [_width(table, i) for i in range(len(table.columns))], _keys(table)
-    parts = list(fitting(widths, keys, console.width, gap=2))
-    if len(parts) > 1 and sum(width + 2 for width in widths[:keys]) > console.width / 2:
+    parts = list(fitting(widths, keys, console.width, gap))
+    if len(parts) > 1 and sum(width + gap for width in widths[:keys]) > console.width / 2:
         for row in table.rows:
             _print_record(table, row, console)
         parts = []
     for columns in parts:
-        grid = Grid(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+        grid = Grid(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="dim")
         for i in columns:
             column = table.columns[i]
             grid.add_column(column.heading, justify="left" if column.left else "right", overflow="fold")

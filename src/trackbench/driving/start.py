@@ -16,8 +16,8 @@ from trackbench.models.sensors import Sensor
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.foreign import Command
+from trackbench.trackers.late import LateScans
 from trackbench.trackers.multi import build_multi
 from trackbench.trackers.published import check_tracker_options, create
 
@@ -90,7 +90,7 @@ def start_stepper(
     """
     if isinstance(config, PluginConfig):
         make = fresh(config, folder, isolation, several, batch, sensors)
-        if isolation.of(config) or several or not isinstance(tracker := make(), FilterTracker):
+        if isolation.of(config) or several or not isinstance(tracker := make(), LateScans):
             return ForeignTracker(make, batch, several)
         refuse_truth(tracker)
         return prepare(tracker.reading_only(config.sensors))

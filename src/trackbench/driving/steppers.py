@@ -26,7 +26,8 @@ from trackbench.trackers.answers import (
     require_kept,
     unpack,
 )
-from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
+from trackbench.trackers.filtered import SmoothedTracker
+from trackbench.trackers.late import LateScans
 
 
 def refuse_truth(tracker: Any) -> None:
@@ -35,7 +36,7 @@ def refuse_truth(tracker: Any) -> None:
     Raises:
         InputError: the filter starts from the truth.
     """
-    if isinstance(tracker, FilterTracker) and tracker.starts_from_truth:
+    if isinstance(tracker, LateScans) and tracker.starts_from_truth:
         message = "starts from the truth, which only a built-in filter is given; use another initial"
         raise InputError(message, key="initial")
 

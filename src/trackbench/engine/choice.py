@@ -59,23 +59,21 @@ def chosen(name: EngineName, steps: int) -> Engine:
     return "fused"
 
 
-def seconds_on_kernels(engine: Engine) -> float:
-    """How long this process has spent on making kernels so far."""
-    if engine == "numpy":
-        return 0.0
-    from trackbench.engine.filters import kernels
-
-    return kernels().seconds
-
-
-def compute_by(engine: Engine) -> Compute:
-    """How an engine computes equations."""
-    if engine == "numpy":
-        return by_numpy
+def _kernels() -> Kernels:
     # Its import takes a moment.
     from trackbench.engine.filters import kernels
 
     return kernels()
+
+
+def seconds_on_kernels(engine: Engine) -> float:
+    """How long this process has spent on making kernels so far."""
+    return 0.0 if engine == "numpy" else _kernels().seconds
+
+
+def compute_by(engine: Engine) -> Compute:
+    """How an engine computes equations."""
+    return by_numpy if engine == "numpy" else _kernels()
 
 
 def kernels_of(compute: Compute, members: int) -> Kernels | None:
@@ -103,13 +101,11 @@ def users_kernels_compared(engine: Engine, compares: bool) -> Iterator[None]:
     if engine == "numpy":
         yield
         return
-    from trackbench.engine.filters import kernels
-
-    before, kernels().compares = kernels().compares, compares
+    before, _kernels().compares = _kernels().compares, compares
     try:
         yield
     finally:
-        kernels().compares = before
+        _kernels().compares = before
 
 
 def used(filter: Filter[Any]) -> EngineUsed:

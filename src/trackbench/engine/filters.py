@@ -10,16 +10,12 @@ from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.engine import options
 from trackbench.engine.beliefs import (
     REUSED,
-    any_scan,
     belief_of,
     belief_values,
     component_axes,
-    prediction_of,
-    prediction_values,
     scan_of,
     scan_placeholder,
     scan_values,
-    sensor_values,
 )
 from trackbench.engine.equations import ComputedBy, EngineUsed, Equations, Values
 from trackbench.engine.kernels import Kernel, Kernels
@@ -41,8 +37,6 @@ from trackbench.models.sensors import SENSOR_MODELS
 
 #: Outputs of an update that mean nothing where there is no measurement.
 OF_MEASUREMENT = ("innovation", "whitened", "log_likelihood")
-#: Behind the names of what is believed at a later time.
-LATER = " later"
 #: Stands for the time of a prediction, s: a kernel is the same for all times.
 ANY_TIME = 0.1
 
@@ -102,13 +96,12 @@ class FusedFilter:
         return belief_of(self.computed("prediction", _predicted, values), self.modes)
 
     def predict_measurement(self, belief: AnyBelief, scan: Scan) -> PredictedMeasurement:
-        """What the belief expects of a scan."""
-        values = belief_values(belief) | sensor_values(scan)
-        return prediction_of(self.computed("expectation", _expected, values, scan), self.modes)
+        """What the belief expects of a scan, by NumPy."""
+        return self.filter.predict_measurement(belief, scan)
 
     def update(self, belief: AnyBelief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Any]:
-        """The belief after a scan."""
-        values = belief_values(belief) | scan_values(scan) | ({} if predicted is None else prediction_values(predicted))
+        """The belief after a scan, whose prediction is computed again."""
+        values = belief_values(belief) | scan_values(scan)
         return self._update_of(self.computed("update", _updated, values, scan))
 
     def step(self, belief: AnyBelief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Any]:
@@ -120,13 +113,10 @@ class FusedFilter:
         return Step(self._update_of(result), cartesian, refused)
 
     def smooth(self, belief: AnyBelief, later: AnyBelief, dt: float) -> AnyBelief:
-        """The belief once it is known what is believed ``dt`` seconds later; with several motion models, by NumPy."""
-        if self.modes:
-            self._untraced.setdefault("smoothing", "several motion models are smoothed by NumPy")
-            result: AnyBelief = self.filter.smooth(belief, later, dt)
-            return result
-        values = belief_values(belief, without=REUSED) | belief_values(later, LATER, REUSED) | self.time(dt)
-        return belief_of(self.computed("smoothing", _smoothed, values), 0)
+        """The belief once it is known what is believed ``dt`` seconds later, by NumPy."""
+        self._untraced.setdefault("smoothing", "smoothers are computed by NumPy")
+        result: AnyBelief = self.filter.smooth(belief, later, dt)
+        return result
 
     def cartesian(self, belief: AnyBelief) -> Gaussian:
         """px, py, vx, vy under the belief."""
@@ -283,15 +273,9 @@ def _predicted(call: FilterCall, values: Values) -> Values:
     return belief_values(predicted_belief(call, values))
 
 
-def _expected(call: FilterCall, values: Values) -> Values:
-    belief = belief_of(values, call.modes)
-    return prediction_values(call.filter.predict_measurement(belief, any_scan(values, call.scan)))
-
-
 def _updated(call: FilterCall, values: Values) -> Values:
     belief = belief_of(values, call.modes)
-    expected = prediction_of(values, call.modes) if "expected" in values else None
-    return _update_values(call.filter.update(belief, scan_of(values, call.scan), expected))
+    return _update_values(call.filter.update(belief, scan_of(values, call.scan)))
 
 
 def _step(call: FilterCall, values: Values, guard: StepGuard | None) -> Values:
@@ -301,11 +285,6 @@ def _step(call: FilterCall, values: Values, guard: StepGuard | None) -> Values:
     # The next step makes what can be reused again, which is quicker than to write and read it.
     result = {name: value for name, value in result.items() if not name.startswith(("factor", "points"))}
     return result if guard is None else {**result, "refused": guard(predicted)}
-
-
-def _smoothed(call: FilterCall, values: Values) -> Values:
-    belief, later = belief_of(values, 0), belief_of(values, 0, LATER)
-    return belief_values(call.filter.smooth(belief, later, values["dt"]))
 
 
 def _cartesian(call: FilterCall, values: Values) -> Values:

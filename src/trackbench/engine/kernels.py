@@ -87,7 +87,7 @@ class Kernels:
             self._compute_by_numpy(np.flatnonzero(~held), equations, plan, values, outputs)
         if equations.user_types and self.compares:
             expected = by_numpy(equations, values)
-            if not agree(equations, values, outputs, expected):
+            if not agree(outputs, expected):
                 self._leave_to_numpy(equations)
                 return expected
         return outputs

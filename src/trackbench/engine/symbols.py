@@ -45,10 +45,6 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     def dtype(self) -> np.dtype[Any]:
         return np.dtype(bool if is_boolean(self.nodes) else float)
 
-    @property
-    def T(self) -> Symbol:
-        return Symbol(self.graph, self.nodes.T)
-
     def __len__(self) -> int:
         return self.shape[0]
 
@@ -87,10 +83,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     def reshape(self, *shape: Any) -> Symbol:
         return Symbol(self.graph, self.nodes.reshape(*shape))
 
-    def transpose(self, *axes: Any) -> Symbol:
-        return Symbol(self.graph, self.nodes.transpose(*axes))
-
-    copy, swapaxes, diagonal, dot = map(_method, (np.copy, np.swapaxes, np.diagonal, np.dot))
+    copy, swapaxes = map(_method, (np.copy, np.swapaxes))
     sum, prod, max, min, all, any = map(_method, (np.sum, np.prod, np.max, np.min, np.all, np.any))
 
     def __array_ufunc__(self, function: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:

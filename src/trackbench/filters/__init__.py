@@ -23,12 +23,9 @@ from trackbench.filters.imm import InteractingMultipleModel
 from trackbench.filters.kalman import (
     CUBATURE,
     ExtendedKalmanFilter,
-    IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
     SymmetricSet,
-    classic_points,
-    scaled_points,
 )
 
 __all__ = [
@@ -39,7 +36,6 @@ __all__ = [
     "ExtendedKalmanFilter",
     "Filter",
     "InteractingMultipleModel",
-    "IteratedExtendedKalmanFilter",
     "KalmanFilter",
     "Measured",
     "MotionWithErrors",
@@ -53,9 +49,7 @@ __all__ = [
     "Update",
     "bare",
     "choose",
-    "classic_points",
     "concatenated",
-    "scaled_points",
     "select",
     "selected_prediction",
     "with_members",

@@ -1,4 +1,4 @@
-"""Kalman filters: linear, extended, iterated, and of sigma points."""
+"""Kalman filters: linear, extended, and of sigma points."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from trackbench.filters.base import (
     Remainder,
     SingleModelFilter,
     Update,
-    correct,
     guarded,
     linear_update,
     square_root,
@@ -82,24 +81,14 @@ class KalmanFilter(LinearisedFilter):
     """
 
     def measured(self, scan: Scan) -> Measured:
-        errors = self.motion.sensor_errors(scan)
-        scan = scan if errors is None else scan._replace(noise_covariance=errors.noise)
         position = SENSOR_MODELS[scan.kind].position(scan)
         like = position.mean[None]
         noise = np.where(scan.valid, linalg.expand(position.covariance, like), linalg.expand(np.eye(2), like))
         return Measured(position.mean, noise, ())
 
     def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
-        p, factor, errors = belief.covariance, factor_of(belief), self.motion.sensor_errors(scan)
-        if errors is None:
-            return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2]), factor[:2]
-        # Of a sensor that measures a position in its own frame, which is turned.
-        turn = SENSOR_MODELS[scan.kind].jacobian(belief.mean, scan.sensor_pose, scan.sensor_velocity)[:, :2]
-        gain = linalg.transposed_matmul(linalg.expand(turn, errors.gain), errors.gain)
-        h = gain + linalg.expand(np.eye(2, len(p)), gain)
-        seen = linalg.matmul(h, factor)
-        spread, cross = linalg.matmul_transposed(seen, seen), linalg.matmul_transposed(seen, factor)
-        return PredictedMeasurement(linalg.matvec(h, belief.mean), spread, cross), seen
+        p = belief.covariance
+        return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2]), factor_of(belief)[:2]
 
 
 @dataclass(frozen=True)
@@ -108,38 +97,6 @@ class ExtendedKalmanFilter(LinearisedFilter):
 
     Source: Särkkä (2013), "Bayesian Filtering and Smoothing", algorithm 5.4.
     """
-
-
-@dataclass(frozen=True)
-class IteratedExtendedKalmanFilter(LinearisedFilter):
-    """The extended Kalman filter, its measurement linearised again at each corrected state (Gauss-Newton).
-
-    Source: Bell and Cathey (1993), "The iterated Kalman filter update as a Gauss-Newton method", equation 22.
-    """
-
-    iterations: int = 5
-
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        sensor, angular, belief = SENSOR_MODELS[scan.kind], self.motion.angular, guarded(belief)
-        noise = self.measured(scan).noise
-        at, factor = belief.mean, factor_of(belief)
-        first: Update[Belief] | None = None
-        for number in range(self.iterations):
-            expected, h = observe(self.motion, sensor, at, scan)
-            back = difference(belief.mean, at, angular)
-            innovation = difference(scan.measurement, expected, sensor.angular) - linalg.matvec(h, back)
-            seen = linalg.matmul(h, factor)
-            cross, spread = linalg.matmul_transposed(seen, factor), linalg.matmul_transposed(seen, seen)
-            s = spread + linalg.expand(noise, cross)
-            # The covariance is that of the last linearisation.
-            last = number == self.iterations - 1
-            remainder = square_root(factor, seen, noise) if last else lambda _: belief.covariance
-            update = correct(belief, innovation, s, cross, scan.valid, angular, remainder)
-            # What the measurement said is judged against the prediction, which is the first linearisation.
-            first = first or update
-            at = update.belief.mean
-        assert first is not None
-        return first._replace(belief=update.belief)
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:
@@ -164,7 +121,11 @@ def factor_of(belief: Belief) -> Array:
 
 @dataclass(frozen=True)
 class SymmetricSet:
-    """A rule that places the central point and a pair of points along each column of the covariance's factor."""
+    """A rule that places the central point and a pair of points along each column of the covariance's factor.
+
+    Source: Julier (2002), "The scaled unscented transformation"; with alpha 1, beta 0 and no kappa the original points,
+    Julier and Uhlmann (1997), equations 11 and 12.
+    """
 
     alpha: float
     beta: float
@@ -177,16 +138,6 @@ class SymmetricSet:
         scaled = self.alpha**2 * (dimension + kappa)
         centre = (scaled - dimension) / scaled
         return np.sqrt(scaled), centre, centre + 1.0 - self.alpha**2 + self.beta, 0.5 / scaled
-
-
-def scaled_points(alpha: float, beta: float, kappa: float) -> SymmetricSet:
-    """Scaled sigma points. Source: Julier (2002), "The scaled unscented transformation"."""
-    return SymmetricSet(alpha, beta, kappa)
-
-
-def classic_points(kappa: float | None) -> SymmetricSet:
-    """The original sigma points. Source: Julier and Uhlmann (1997), equations 11 and 12."""
-    return SymmetricSet(1.0, 0.0, kappa)
 
 
 #: Third-degree spherical-radial cubature: the centre has no weight. Source: Arasaratnam and Haykin (2009).

@@ -12,7 +12,6 @@ from trackbench.runner.filed_run import NearestObject
 from trackbench.runner.filed_tracks import rows_of_run
 from trackbench.runner.work import Work
 from trackbench.truth.config.traffic import TracksConfig, files_in
-from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.tracks import TrackRows
 
 #: Share of the rows on objects below which other frames are tried, and from which one of them is named.
@@ -30,7 +29,7 @@ FRAMES = {
 
 
 def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, ...]:
-    """Say where the files of a tracker contradict themselves or the truth, and what to do about it.
+    """Say where the files of a tracker contradict the truth, and what to do about it.
 
     Args:
         work: of the run; of each scene the first run is looked at.
@@ -45,9 +44,8 @@ def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, 
         shift = float(every.start - truth.start) + config.time_offset_s
         doubtful = len(files) > 1 or matched_share < FEW
         why = why_nothing_matches(rows, truth, shift, work.cutoff or 0.0) if doubtful else None
-        answers = contradicted_velocity(every), why
         where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""
-        remarks += [where + remark for remark in answers if remark is not None]
+        remarks += [] if why is None else [where + why]
     return tuple(remarks)
 
 

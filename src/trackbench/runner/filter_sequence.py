@@ -43,13 +43,13 @@ def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[S
     """The steps of a tracker through the scans of the first of some instants that are mere steps of its filter.
 
     They end before an instant at which a track may start. There are none where a track is followed by position and
-    velocity, or may have to be where no measurement is read; or where past states are kept for late scans.
+    velocity, or may have to be where no measurement is read.
     """
     started = state.started
     waits = not started.all()
     waits_otherwise = waits and (tracker.prior is not None or tracker.initial.waiting == "at_rest")
     steps: list[SequenceStep] = []
-    if state.fallback is not None or tracker.lag_s > 0.0 or not started.any() or waits_otherwise:
+    if state.fallback is not None or not started.any() or waits_otherwise:
         return steps
     starting, time = tracker.initial.sensors or tracker.sensors, state.time
     for instant, scans in enumerate(instants):
@@ -62,7 +62,7 @@ def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[S
             if (
                 scan.arrival_time != scan.time
                 or scan.time < time
-                or (not reads and tracker.steps.guard is not None)
+                or (not reads and tracker.guard is not None)
                 or (may_start and (scan.valid & ~started).any())
             ):
                 return steps
@@ -105,8 +105,8 @@ class FilterSequence:
         shape: tuple[int, int],
         some: range | None = None,
     ) -> None:
-        assert isinstance(tracker.steps.computed_filter, FusedFilter)
-        self._tracker, self._filter, self._state, self._steps = tracker, tracker.steps.computed_filter, state, steps
+        assert isinstance(tracker.computed_filter, FusedFilter)
+        self._tracker, self._filter, self._state, self._steps = tracker, tracker.computed_filter, state, steps
         self._keeps, self._all_runs = some is not None, shape[1]
         runs = some or range(shape[1])
         self._first_run, self.shape = runs.start, (shape[0], len(runs))
@@ -169,7 +169,7 @@ class FilterSequence:
     def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses | None) -> bool:
         """Predictions to scans and updates with them, whose measurements are of one form."""
         scans = [self._steps[number].scan for number in numbers]
-        kernel = self._filter.step_kernel(self._state.belief, scans[0], self._tracker.steps.guard)
+        kernel = self._filter.step_kernel(self._state.belief, scans[0], self._tracker.guard)
         if kernel is None:
             return False
         noise = [scan.noise_covariance for scan in scans]
@@ -342,9 +342,7 @@ def through(
         None where they have to be taken step by step.
     """
     by, objects, runs = scorer.kernels, *scorer.shape
-    steps = (
-        filter_steps(tracker, state, instants) if by and isinstance(tracker.steps.computed_filter, FusedFilter) else []
-    )
+    steps = filter_steps(tracker, state, instants) if by and isinstance(tracker.computed_filter, FusedFilter) else []
     here = slice(first, first + (steps[-1].instant + 1 if steps else 0))
     if by is None or here.stop - first < LEAST or not scorer.has_all(state.started, here):
         return None

@@ -43,15 +43,17 @@ def stepper_of(
         scans: what it will be given, which a smoother looks at before.
         copies: how often the block is in the batch.
     """
-    prepare = partial(with_initial_states, work, piece, copies=copies)
+    with_states = partial(with_initial_states, work, piece, copies=copies)
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
-        return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
+        tracker = replace(build(entry).tracker, engine=work.engine_here)
+        return Offline(SmoothedTracker(with_states(tracker)), list(scans))
     batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
+    prepare = partial(work.prepared, change=with_states)
     return start_stepper(entry, work.folder, batch, prepare, work.isolation, sensors=work.sensors)
 
 
 def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
-    """The tracker with the engine of the work, given its first states drawn from the truth if that is how it starts.
+    """Return the tracker, given its first states drawn from the truth if that is how it starts.
 
     Args:
         work: what all blocks share.
@@ -61,7 +63,6 @@ def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, co
     """
     scene, runs = work.scenes[piece.scene], piece.runs
     truth = scene.truth
-    tracker = replace(tracker, **work.tracker_options)
     # When it starts must not depend on sensors that it does not read.
     own = [sensor.steps for sensor in scene.sensors if tracker.advances(sensor.name)]
     if not tracker.starts_from_truth or not own:
@@ -129,8 +130,7 @@ class SecondDrives:
 
     def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Any:
         work, several = self._work, self._work.hidden
-        with_engine = partial(replace, engine=work.engine_here)
-        return start_stepper(config, work.folder, batch, with_engine, work.isolation, several, work.sensors)
+        return start_stepper(config, work.folder, batch, work.prepared, work.isolation, several, work.sensors)
 
     def _other_scans(self, count: int) -> list[Scan]:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""

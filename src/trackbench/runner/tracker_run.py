@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import cached_property, partial
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -31,7 +30,6 @@ from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.multi import MultiObjectTracker
 
 #: Instants that are taken by one sequence of calls, at most.
 INSTANTS = 64
@@ -148,7 +146,7 @@ class TrackerRun:
         instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self.tracker, Offline) else seconds
         step = DriveStep(instant, *delivery, answer, seconds, last)
-        tells = isinstance(self.tracker, MultiObjectTracker) and delivery.scan.arrival_time == delivery.scan.time
+        tells = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
         try:
             self._scoring.score(step, partial(self.tracker.predicted, self.state) if tells else None)
         except Fault as fault:
@@ -187,8 +185,7 @@ class TrackerRun:
             scans = scans_read(self.batch.measurements.scans, config.sensors_used)
             return stepper_of(work, self._piece, config, scans)
         runs = sum(len(piece.runs) for piece in self.batch.pieces)
-        prepare = partial(replace, **work.tracker_options)
-        return start_stepper(config, work.folder, runs, prepare, work.isolation, True, work.sensors)
+        return start_stepper(config, work.folder, runs, work.prepared, work.isolation, True, work.sensors)
 
     def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
         """The scan, with the objects that each detection and the second part of a merged one stem from where identities

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby, pairwise
@@ -34,6 +34,7 @@ from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.sensing.scored_point import ScoredPoint, truth_of_point
 from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.late import LateScans
 from trackbench.truth import LoadedTruth
 from trackbench.truth.config.recording import ReferenceTruth
 from trackbench.truth.config.traffic import TracksConfig, files_in, read_tracks
@@ -292,10 +293,15 @@ class Work:
         """Those whose scans arrive later than they were taken."""
         return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
 
-    @property
-    def tracker_options(self) -> dict[str, Any]:
-        """What computes built-in trackers here; where nothing comes late, that no past state is kept."""
-        return {"engine": self.engine_here, **({} if self.late_sensors else {"lag_s": 0.0})}
+    def prepared(self, late: LateScans, change: Callable[[Any], Any] = lambda tracker: tracker) -> Any:
+        """Return a built-in tracker with the engine that computes here; bare where nothing comes late.
+
+        Args:
+            late: the tracker as it is built.
+            change: what else becomes of the bare tracker.
+        """
+        tracker = change(replace(late.tracker, engine=self.engine_here))
+        return replace(late, tracker=tracker) if self.late_sensors else tracker
 
     @property
     def scene_of_run(self) -> Indices:

@@ -55,7 +55,6 @@ def _notes(loaded: Scenario, isolation: Isolation) -> list[str]:
     return [
         *_replaced_truth(loaded),
         *slowed_notes(loaded),
-        *_columns(loaded),
         *_idle_effects(loaded),
         *_not_apart(loaded, isolation),
     ]
@@ -87,16 +86,6 @@ def _not_apart(loaded: Scenario, isolation: Isolation) -> list[str]:
     trackers = loaded.config.trackers.items()
     lines = (isolation.missing(name, config) for name, config in trackers if isinstance(config, PluginConfig))
     return [line for line in lines if line]
-
-
-def _columns(loaded: Scenario) -> list[str]:
-    """Of each file of tracks, what was read from where."""
-    lines = []
-    for name, tracker in loaded.config.trackers.items():
-        if isinstance(tracker, TracksConfig):
-            every = dict.fromkeys(rows.notes for rows in read_tracks(tracker, name, loaded.folder))
-            lines += [f"{name}: {', '.join(notes)}" for notes in every if notes]
-    return lines
 
 
 def _all(loaded: Scenario, steps: list[Step]) -> None:

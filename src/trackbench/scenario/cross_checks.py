@@ -125,7 +125,7 @@ def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
     if isinstance(truth, RecordingTruth) and truth.without_truth:
         yield Problem(("score", "point"), "there is no truth, of which a point could be scored")
     columns, assumed = getattr(truth, "columns", None), {"length_m", "width_m"} - truth.model_fields_set
-    if isinstance(truth, RecordingOptions) and truth.format != "mcap" and not truth.without_truth:
+    if isinstance(truth, RecordingOptions) and not truth.without_truth:
         missing = [name for name in sorted(assumed) if getattr(columns, name.removesuffix("_m"), None) is None]
         if missing:
             keys = " and ".join(f"truth.{name}" for name in missing)
@@ -210,7 +210,7 @@ def _start(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator
 
 
 def _lag(scenario: ScenarioKeys, name: str, tracker: FilterConfig) -> Iterator[Problem]:
-    if tracker.smoother is not None or tracker.late not in ("replay", "retrodiction"):
+    if tracker.smoother is not None or tracker.late != "replay":
         return
     read = scenario.sensors if tracker.sensors_used is None else tracker.sensors_used
     latency = {sensor: scenario.sensors[sensor].latency for sensor in read if sensor in scenario.sensors}

@@ -1,8 +1,9 @@
-"""The reference of the scenario file, made from its JSON Schema."""
+"""The pages on the scenario file, one for each key of its top level, made from its JSON Schema."""
 
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,51 +11,33 @@ from typing import Any
 import yaml
 
 from trackbench.base.config.key_units import show, split_key
+from trackbench.base.config.plugin import REFERENCE
 from trackbench.base.subjects import offered, resolve
 from trackbench.metrics import Field
 from trackbench.metrics.registry import METRICS, metric_paths
-from trackbench.models.motion import MOTION_MODELS
-from trackbench.models.sensors.effects import EFFECTS
 from trackbench.models.sensors.presets import list_presets
-from trackbench.scenario.schema import REFERENCE, Schema, json_schema
+from trackbench.scenario.schema import Schema, json_schema
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.published import TRACKERS, options_of
 
 _EXAMPLES = yaml.safe_load(Path(__file__).with_name("examples.yaml").read_text(encoding="utf-8"))
-#: An example of each section; together they are a whole scenario.
-EXAMPLES: dict[str, str] = _EXAMPLES["sections"]
+#: An example of each key of the top level; together they are a whole scenario.
+EXAMPLES: dict[str, str] = {
+    **_EXAMPLES["sections"],
+    **{key: resolve(target).EXAMPLE for key, target in offered("blocks")},
+}
 #: An example of each other form that a section can have, by the class that describes it.
 OTHER_EXAMPLES: dict[str, str] = _EXAMPLES["classes"]
+#: The headings of classes where neither the key that leads to them nor their name in a file would do.
+HEADINGS: dict[str, str] = _EXAMPLES["headings"]
 
-#: The headings of the classes that describe a section, where its name, or the key that leads to it, would not do.
-HEADINGS = {
-    "HighwayTruth": "Simulated traffic",
-    "FixedObserver": "`observer` of simulated traffic as a fixed point",
-    "NearestTargets": "`targets` by distance",
-    "IdTargets": "`targets` by name",
-    "ScriptedTruth": "Scripted motion",
-    "MovingObserver": "`observer` of scripted motion as a point",
-    "ScriptedObserver": "`observer` of scripted motion as a vehicle",
-    "RecordingTruth": "Recorded motion",
-    "BoxesTruth": "Recorded boxes",
-    "TrafficTruth": "Recorded traffic",
-    "VehicleObserver": "`observer` of recorded traffic as a vehicle",
-    "ObserverColumns": "`columns.observer`",
-    "ReferenceOptions": "`reference` of recorded boxes and motion",
-    "BoxRegion": "`region` as a rectangle",
-    "Radar": "Radar",
-    "Lidar": "Lidar",
-    "FilterConfig": "A built-in filter",
-    "ImmConfig": "`motion` with several models",
-    "PluginConfig": "Your own tracker",
-    "Command": "`use` of a program in any language",
-    "TracksConfig": "Tracks made elsewhere",
-}
-
-INTRODUCTION = """\
+#: Keys whose classes stand on the page of another key, by that key.
+HOMES = {"motion": "trackers"}
+NOTE = "<!-- Made from the schema by `python -m trackbench.scenario.docs docs`. Change the field descriptions. -->"
+INTRODUCTION = f"""\
 # The scenario file
 
-<!-- Made from the schema by `python -m trackbench.scenario.docs`. Change the field descriptions, not this page. -->
+{NOTE}
 
 A scenario is one YAML file: the true motion, the sensors that see it, the trackers that follow it, and what is
 expected of them. `trackbench check FILE` validates it, `trackbench schema` prints its JSON Schema for editors, and
@@ -67,28 +50,33 @@ of version 1.2: `on`, `yes` and `1:30` are text. `<<: *name` merges a mapping wi
 """
 
 
-def scenario_markdown() -> str:
-    """The whole page."""
+def scenario_pages() -> dict[str, str]:
+    """Return the text of each page by its path in the folder of the documentation."""
     schema = json_schema()
-    parts = schema["$defs"]
-    blocks = [INTRODUCTION, "## The top level", _example("scenario"), _table(schema)]
+    sections = [key for key in schema["properties"] if key in EXAMPLES]
+    rows = _rows({**schema, "$defs": {}}, {key: f"[`{key}`](scenario-file/{key}.md)" for key in sections})
+    tree = "\n".join(f"scenario-file/{key}" for key in sections)
+    pages = {"scenario-file.md": [INTRODUCTION, rows, f"```{{toctree}}\n:hidden:\n\n{tree}\n```"]}
     described: set[str] = set()
-    for section in list(EXAMPLES)[1:]:
-        blocks += [f"## {section}", _example(section), *_described(schema["properties"][section], "", parts, described)]
-        if section == "sensors":
-            blocks += [*_effects(), _presets()]
-        if section == "trackers":
-            blocks += [_motion_models(), _trackers()]
-        if section == "expect":
-            blocks.append(_metrics())
-    for section, target in offered("blocks"):
-        blocks += [f"## {section}", f"```yaml\n{resolve(target).EXAMPLE}```"]
-        blocks += _described(schema["properties"][section], "", parts, described)
-    return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"
+    for key in sections:
+        field = schema["properties"][key]
+        head = [f"# `{key}`", NOTE, field["description"], _yaml(EXAMPLES[key])]
+        pages[f"scenario-file/{key}.md"] = [*head, *_described(field, "", schema["$defs"], described, key), *_more(key)]
+    return {path: "\n\n".join(block.strip("\n") for block in blocks) + "\n" for path, blocks in pages.items()}
 
 
-def _described(field: Schema, key: str, parts: Schema, described: set[str]) -> Iterator[str]:
-    """The classes that a key's value may have, and those within them, each once."""
+def _more(key: str) -> Iterator[str]:
+    """Yield what a page has that the schema has not."""
+    if key == "sensors":
+        yield _presets()
+    if key == "trackers":
+        yield _trackers()
+    if key == "expect":
+        yield from _metrics()
+
+
+def _described(field: Schema, key: str, parts: Schema, described: set[str], page: str) -> Iterator[str]:
+    """Yield the classes that a key's value may have, and those within them, each once."""
     for name, several in _references(field):
         if name in described:
             continue
@@ -97,17 +85,19 @@ def _described(field: Schema, key: str, parts: Schema, described: set[str]) -> I
         kind = next((f"{key} {field['const']}" for key, field in part["properties"].items() if "const" in field), None)
         usual = f"`{kind}`" if kind else f"Each of `{key}`" if several else f"`{key}`"
         if name in HEADINGS or key or kind:
-            yield f"### {HEADINGS.get(name, usual)}"
-        yield part["description"]
+            yield f"## {HEADINGS.get(name, usual)}"
+        yield inspect.cleandoc(part["description"])
         if name in OTHER_EXAMPLES:
-            yield f"```yaml\n{OTHER_EXAMPLES[name]}```"
-        yield _table(part)
+            yield _yaml(OTHER_EXAMPLES[name])
+        if part["properties"]:
+            yield _rows(part)
         for inner, value in part["properties"].items():
-            yield from _described(value, inner, parts, described)
+            if "$comment" not in value and HOMES.get(inner, page) == page:
+                yield from _described(value, inner, parts, described, page)
 
 
 def _references(field: Schema, several: bool = False) -> Iterator[tuple[str, bool]]:
-    """The classes that a schema refers to, and whether there may be several of each."""
+    """Yield the classes that a schema refers to, and whether there may be several of each."""
     if "$ref" in field:
         yield field["$ref"].rpartition("/")[2], several
     for form in (*field.get("anyOf", ()), *field.get("oneOf", ())):
@@ -117,25 +107,28 @@ def _references(field: Schema, several: bool = False) -> Iterator[tuple[str, boo
             yield from _references(inner, True)
 
 
-def _example(section: str) -> str:
-    return f"```yaml\n{EXAMPLES[section]}```"
+def _yaml(text: str) -> str:
+    return f"```yaml\n{text}```"
 
 
 def _markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in lines)
 
 
-def _table(part: Schema) -> str:
+def _rows(part: Schema, shown: dict[str, str] = {}) -> str:  # noqa: B006
+    """Return the table of a class; ``shown``: keys that are written otherwise. Options of a plug-in have their own."""
     rows = []
-    required = {*part.get("required", ()), *part.get("then", {}).get("required", ())}
+    choices = [set(form.get("required", ())) for form in part.get("anyOf", ())]
     for key, field in part["properties"].items():
+        if "$comment" in field:
+            continue
         unit = split_key(key)[1]
-        default = "required" if key in required else _value(field.get("default"))
-        if key in part.get("then", {}).get("required", ()) and "preset" in part["properties"]:
+        default = "required" if key in part.get("required", ()) else _value(field.get("default"))
+        if {"preset"} in choices and key in choices[0]:
             default = "required, or from the preset"
-        cells = (f"`{key}`", _type(field), unit.words if unit else "", default, field.get("description", ""))
-        rows.append([cell.replace("|", "\\|") for cell in cells])
+        name = shown.get(key, f"`{key}`")
+        rows.append((name, _type(field), unit.words if unit else "", default, field.get("description", "")))
     return _markdown(("key", "type", "unit", "default", "meaning"), rows)
 
 
@@ -158,7 +151,7 @@ def _type(field: Schema) -> str:
 
 
 def _alternatives(field: Schema) -> Iterator[Schema]:
-    """The forms that a value may have, however deep they are nested."""
+    """Yield the forms that a value may have, however deep they are nested."""
     options = field.get("anyOf") or field.get("oneOf")
     if options is None:
         yield field
@@ -181,38 +174,14 @@ def _value(value: Any) -> str:
     return f"`{show(value)}`" if isinstance(value, int | float) else f"`{value}`"
 
 
-def _motion_models() -> str:
-    rows = [
-        (f"`{name}`", ", ".join(model.components), ", ".join(f"`{key}`" for key in model.model_fields))
-        for name, model in MOTION_MODELS.loaded().items()
-    ]
-    usage = "The options of the model stand beside `motion:`, or with it in a mapping: `motion: {model: cv, ...}`."
-    return f"### Motion models\n\n{usage}\n\n{_markdown(('motion', 'state', 'options'), rows)}"
-
-
 def _trackers() -> str:
     rows = []
     for name, factory in TRACKERS.loaded().items():
         declared = options_of(factory)
-        if declared is None:
-            options = ""
-        elif issubclass(declared, FilterConfig):
-            options = f"as beside `filter: {name}`"
-        else:
-            options = ", ".join(f"`{key}`" for key in declared.model_fields)
-        rows.append((f"`{name}`", options))
-    return f"### Published trackers\n\n{_markdown(('use', 'options'), rows)}"
-
-
-def _effects() -> Iterator[str]:
-    yield "### `effects` of a sensor"
-    yield "What they do, and which are typical: [sensor effects](sensor-effects.md)."
-    for name, effect in EFFECTS.loaded().items():
-        schema = effect.model_json_schema()
-        del schema["properties"]["type"]
-        yield f"#### `{name}`"
-        yield inspect.cleandoc(schema["description"])
-        yield _table(schema)
+        options = "" if declared is None else ", ".join(f"`{key}`" for key in declared.model_fields)
+        is_filter = declared is not None and issubclass(declared, FilterConfig)
+        rows.append((f"`{name}`", f"as beside `filter: {name}`" if is_filter else options))
+    return f"## Published trackers\n\n{_markdown(('use', 'options'), rows)}"
 
 
 def _presets() -> str:
@@ -227,10 +196,10 @@ def _presets() -> str:
         "as a standard deviation. A lidar's figure is that of a single point; the position of a whole vehicle is less "
         "certain: set `position_sigma_m` where that matters."
     )
-    return f"### Presets\n\n{table}\n\n{notes}"
+    return f"## Presets\n\n{table}\n\n{notes}"
 
 
-def _metrics() -> str:
+def _metrics() -> Iterator[str]:
     tables: dict[str, Iterable[Field]] = {
         "Metrics": metric_paths([*METRICS.loaded().values()], {"labels", "truth"}),
         **{
@@ -240,23 +209,22 @@ def _metrics() -> str:
         "Metrics with hidden identities": metric_paths((), {"tracks", "truth"}),
         "Metrics with hidden identities, of a recording without a truth": metric_paths((), {"tracks", "no truth"}),
     }
-    note = "The metrics with a yes under `better_than` can be compared by it, run by run."
-    return "\n\n".join([note, *(_table_of(title, [*metrics]) for title, metrics in tables.items())])
-
-
-def _table_of(title: str, metrics: Sequence[Field]) -> str:
-    rows = [
-        (
-            f"`{metric.name}`",
-            " or ".join(f"`{word}`" for word in metric.words) or metric.unit,
-            "yes" if metric.compared else "",
-            metric.meaning,
-        )
-        for metric in metrics
-    ]
-    table = _markdown(("metric", "unit", "`better_than`", "meaning"), rows)
-    return f"### {title}\n\n{table}"
+    yield "Runs can be compared by the metrics that have a yes under `better_than`."
+    for heading, metrics in tables.items():
+        rows = [
+            (
+                f"`{metric.name}`",
+                " or ".join(f"`{word}`" for word in metric.words) or metric.unit,
+                "yes" if metric.compared else "",
+                metric.meaning,
+            )
+            for metric in metrics
+        ]
+        yield f"## {heading}\n\n{_markdown(('metric', 'unit', '`better_than`', 'meaning'), rows)}"
 
 
 if __name__ == "__main__":
-    print(scenario_markdown(), end="")
+    for path, text in scenario_pages().items():
+        file = Path(sys.argv[1], path)
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text, encoding="utf-8")

@@ -6,14 +6,11 @@ from collections.abc import Iterator
 from itertools import chain
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, GetJsonSchemaHandler, PlainValidator, Tag, ValidationError, ValidationInfo
-from pydantic_core import CoreSchema, InitErrorDetails
+from pydantic import Field, Tag
 
-from trackbench.base.config import Config, KeyPath, Name, NonNegative, Positive, Problem, chosen_by, problem_error
-from trackbench.base.config.explain import explain
-from trackbench.base.config.plugin import Plugin, PluginName
-from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.plugins import one_line
+from trackbench.base.config import Config, Name, NonNegative, Positive, Problem, chosen_by
+from trackbench.base.config.plugin import Plugin
+from trackbench.base.errors import InputError
 from trackbench.base.subjects import offered, resolve
 from trackbench.metrics import Metric
 from trackbench.metrics.registry import METRICS
@@ -25,59 +22,8 @@ from trackbench.truth import TRUTH_SOURCES, TruthSource
 from trackbench.truth.config.traffic import TracksConfig
 from trackbench.truth.sources import RecordingTruth
 
-KEYS = ("use", "options")
-
-
-def _made(value: Any, info: ValidationInfo) -> Metric:
-    if isinstance(value, Metric):
-        return value
-    entry = {"use": value} if isinstance(value, str) else value
-    if not isinstance(entry, dict) or not isinstance(entry.get("use"), str):
-        raise problem_error('a name, a "module:Class" or a mapping with use is needed')
-    unknown = next((str(key) for key in entry if key not in KEYS), None)
-    if unknown is not None:
-        raise _at([((unknown,), f"is not known here; {nearest_choices(unknown, KEYS)}")])
-    options = entry.get("options") or {}
-    if not isinstance(options, dict):
-        raise _at([(("options",), "a mapping of keys to values is needed")])
-    try:
-        metric = METRICS.get(entry["use"], (info.context or {}).get("folder"))
-        return metric.model_validate(options)
-    except InputError as error:
-        raise problem_error(error.message) from None
-    except ValidationError as invalid:
-        problems = explain(invalid.errors(include_url=False), metric)
-        raise _at([(("options", *path), message) for path, message in problems]) from None
-    except Exception as error:
-        raise problem_error(f"{entry['use']!r} does not take these options: {one_line(error)}") from None
-
-
-def _at(problems: list[tuple[KeyPath, str]]) -> ValidationError:
-    lines = [InitErrorDetails(type=problem_error(message), loc=path, input=None) for path, message in problems]
-    return ValidationError.from_exception_data("metrics", lines)
-
-
-class _Forms:
-    """The JSON Schema: a name, or a mapping with the options of the metric that it names."""
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        mappings = [_mapping({"const": name}, _options(result, handler)) for name, result in METRICS.loaded().items()]
-        *names, reference = PluginName(METRICS).named()
-        return {"anyOf": [*names, reference, *mappings, _mapping(reference, {"type": "object"})]}
-
-
-def _options(metric: type[Metric], handler: GetJsonSchemaHandler) -> dict[str, Any]:
-    return handler.resolve_ref_schema(handler(metric.__pydantic_core_schema__))
-
-
-def _mapping(use: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
-    needed = ["use", "options"] if options.get("required") else ["use"]
-    properties = {"use": use, "options": options}
-    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": False}
-
-
 #: A metric by its published name or ``"module:Class"``, or as a mapping with its options.
-AnyMetric = Annotated[Metric, PlainValidator(_made), _Forms()]
+AnyMetric = Annotated[Metric, Plugin(METRICS, "use", word=True, options="options")]
 
 
 class MonteCarlo(Config):

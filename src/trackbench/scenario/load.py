@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from trackbench.base import files
 from trackbench.base.config import KeyPath
-from trackbench.base.config.explain import explain
+from trackbench.base.config.messages import MOST_ERRORS, explain
 from trackbench.base.errors import InputError, InputErrors, counted, nearest_choices
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps, from_working_folder
@@ -23,8 +23,6 @@ from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes, slowed_sens
 
 #: Columns of a line of a scenario that is written.
 WIDTH = 120
-#: That are shown of one file.
-MOST_ERRORS = 50
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,9 +117,8 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
-        errors = invalid.errors(include_url=False)
-        problems = explain(errors[:MOST_ERRORS], ScenarioConfig)
-        raise _in_file_order(document, problems, len(errors) - MOST_ERRORS) from None
+        problems = explain(invalid, {})
+        raise _in_file_order(document, problems[:MOST_ERRORS], len(problems) - MOST_ERRORS) from None
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
     expected = [item for item in config.expect if item.holds_in(config.world)]

@@ -49,7 +49,7 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
 
 
 def unscored(truth: Truth, steps: Indices, x: Array, y: Array, margin: float = 0.0) -> Mask:
-    """``(instants, points)`` which points do not count: outside the region, out of range or on a don't-care box.
+    """``(instants, points)`` which points do not count: out of range or on a don't-care box.
 
     Args:
         truth: says where nothing counts.
@@ -61,10 +61,8 @@ def unscored(truth: Truth, steps: Indices, x: Array, y: Array, margin: float = 0
     result = np.zeros(x.shape, dtype=bool)
     if truth.unscored is None:
         return result
-    region, limit, boxes, _ = truth.unscored
+    limit, boxes, _ = truth.unscored
     result |= np.hypot(x - truth.observer.px[steps, None], y - truth.observer.py[steps, None]) > limit
-    if region is not None:
-        result |= ~within_polygon(region, x, y)
     for k, time in enumerate(truth.time[steps].tolist()):
         _, _, cx, cy, heading, half_length, half_width = boxes[:, (boxes[0] <= time) & (time <= boxes[1])]
         dx, dy, c, s = x[k] - cx[:, None], y[k] - cy[:, None], np.cos(heading)[:, None], np.sin(heading)[:, None]
@@ -72,16 +70,3 @@ def unscored(truth: Truth, steps: Indices, x: Array, y: Array, margin: float = 0
         across = np.maximum(np.abs(c * dy - s * dx) - half_width[:, None], 0.0)
         result[k] |= (np.hypot(along, across) <= margin).any(axis=0)
     return result
-
-
-def within_polygon(corners: Array, x: Array, y: Array) -> Mask:
-    """Which points are inside a polygon ``(corners, 2)``: a ray to the right crosses its edges an odd number of times.
-
-    Source: Shimrat (1962), "Algorithm 112: Position of point relative to polygon".
-    """
-    inside = np.zeros(x.shape, dtype=bool)
-    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        if ay != by:
-            crosses_height = (ay > y) != (by > y)
-            inside ^= crosses_height & (x < ax + (y - ay) * ((bx - ax) / (by - ay)))
-    return inside

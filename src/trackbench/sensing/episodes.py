@@ -19,7 +19,7 @@ from trackbench.sensing.view import firing_steps
 #: By array of ``IdealSensor`` and of ``Bodies``, the axis of its instants.
 INSTANTS = {
     **dict.fromkeys(("visible", "in_view", "probability", "yaw_rate", "heading"), 0),
-    **dict.fromkeys(("measurement", "pose", "velocity", "polar", "scale", "target", "centre", "axis"), 1),
+    **dict.fromkeys(("measurement", "pose", "velocity", "polar", "target", "centre", "axis"), 1),
 }
 
 

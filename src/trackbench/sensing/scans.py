@@ -64,8 +64,6 @@ class IdealSensor:
     """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
     bodies: Bodies | None = None
     """What it sees, of a sensor that has effects."""
-    scale: Array | None = None
-    """``(m, instants, objects, runs or 1)`` standard deviation over that of the options, where it changes by angle."""
     recorded: bool = False
     """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
     detections: RecordedDetections | None = None
@@ -176,7 +174,7 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
     seen = polar(truth, steps, motion)
     within = objects_in_view(truth, steps, config, motion, seen)
     visible = within & ~silent(config, truth.time[steps])[:, None, None]
-    probability = detection_probability(truth, steps, config, pose, seen)
+    probability = detection_probability(config, seen)
     noise, time = config.noise_covariance(), truth.time[steps]
     bodies = None
     if config.effects:
@@ -184,10 +182,9 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
         axis = np.stack([np.cos(heading), np.sin(heading)])
         size = truth.length[:, None], truth.width[:, None]
         bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], *size, centre=target[:2])
-    scale = None if config.by_angle is None else config.by_angle.scale(np.asarray(seen[1]), config.components)
     resolved = None if config.resolution is None else seen
     seen_by = name, config, steps, time, measurement, visible, within, probability
-    return IdealSensor(*seen_by, *motion, noise, resolved, bodies=bodies, scale=scale)
+    return IdealSensor(*seen_by, *motion, noise, resolved, bodies=bodies)
 
 
 def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded) -> IdealSensor:
@@ -260,8 +257,6 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
     random = RunStreams(partial(stream, seed, scenario, purpose=sensor.name), runs)
     draws, chance = random.standard_normal(ideal.shape[:-1]), random.random(visible.shape[:-1])
     sensed = None
-    if sensor.bodies is None and sensor.scale is not None:
-        draws *= of_runs(sensor.scale, runs)
     if sensor.bodies is None:
         detected = visible & (chance < of_runs(sensor.probability, runs))
     else:
@@ -283,7 +278,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
     """Some runs of a sensor that has effects, before its white noise."""
     assert sensor.bodies is not None
     size, instants, objects = sensor.measurement.shape[:3]
-    scale = np.ones((1, instants, objects, 1)) if sensor.scale is None else of_runs(sensor.scale, runs)
+    scale = np.ones((1, instants, objects, 1))
     sensed = Sensed(
         sensor.config,
         len(runs),

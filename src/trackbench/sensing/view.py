@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, FieldOfView, Indices, Mask, Observer, Truth
-from trackbench.base.units import wrap_angle
 from trackbench.engine.arithmetic import by_arithmetic
 from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.models.sensors.detection import detected_share
@@ -166,16 +165,12 @@ def objects_in_view(truth: Truth, steps: Indices, config: Sensor, motion: Sensor
     return np.asarray(result)
 
 
-def detection_probability(truth: Truth, steps: Indices, config: Sensor, pose: Array, seen: Array) -> Array:
+def detection_probability(config: Sensor, seen: Array) -> Array:
     """``(instants, objects, runs or 1)`` probability that an object in view is detected; ``seen`` from ``polar``."""
-    factors, distance = config.detection, seen[0]
+    distance = seen[0]
     probability: Array = np.broadcast_to(config.detection_probability, distance.shape)
-    if factors.half_range_m is not None:
-        probability = probability * detected_share(distance, factors.half_range_m)
-    if factors.by_aspect is not None:
-        to_sensor = seen[1] + pose[2][:, None, None] + np.pi
-        aspect = np.abs(np.rad2deg(wrap_angle(to_sensor - truth.heading[steps])))
-        probability = probability * np.interp(aspect, *np.transpose(factors.by_aspect))
+    if config.detection.half_range_m is not None:
+        probability = probability * detected_share(distance, config.detection.half_range_m)
     return probability
 
 

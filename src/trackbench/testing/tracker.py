@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from trackbench.base import linalg
-from trackbench.base.config.explain import explain
+from trackbench.base.config.messages import explain
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.faults import TrackFault
@@ -94,7 +94,7 @@ def _maker(
     try:
         config = PluginConfig.model_validate({"use": use, "options": options})
     except ValidationError as invalid:
-        raise InputError(explain(invalid.errors(include_url=False), PluginConfig)[0][1], key="use") from None
+        raise InputError(explain(invalid, {})[0].message, key="use") from None
     if not is_program(config):
         return create(config.reference, config.options)
     try:

@@ -1,4 +1,4 @@
-"""What a tracker is, and the checks of what its ``step`` returns: an estimate of one object, or tracks of several."""
+"""What a tracker is, and the check of what its ``step`` returns: an estimate of one object, or tracks of several."""
 
 from __future__ import annotations
 
@@ -25,8 +25,6 @@ TRACKS = "Tracks"
 
 #: Largest difference of mirrored entries of a covariance, relative to its largest entry.
 ASYMMETRY = 1e-6
-#: How far the sum of mode probabilities may be from one.
-PROBABILITY_ROUNDING = 1e-6
 
 
 class Tracker(Protocol):
@@ -72,7 +70,7 @@ def is_random(tracker: Any) -> bool:
 def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:
     """State and estimate, or tracks, from what ``step`` returned."""
     if not isinstance(answer, tuple) or len(answer) != 2:
-        raise TrackerFault(f"step must return (state, {what}), not {described(answer)}")
+        raise TrackerFault(f"step must return (state, {what}), not {_described(answer)}")
     return answer
 
 
@@ -83,19 +81,9 @@ def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
         TrackerFault: it is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
     """
     estimate = shaped_estimate(answer, scan)
-    if estimate is None:
-        return None
-    _require_symmetric(estimate.covariance)
+    if estimate is not None:
+        _require_symmetric(estimate.covariance)
     return estimate
-
-
-def _require_symmetric(covariance: Array) -> None:
-    if (covariance == np.swapaxes(covariance, 0, 1)).all():
-        return
-    with np.errstate(invalid="ignore"):
-        gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
-    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
-        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
 
 
 def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
@@ -110,39 +98,29 @@ def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
         if isinstance(answer, tuple) and 3 <= len(answer) <= 5:
             raise TrackerFault(OF_SEVERAL)
         if not isinstance(answer, tuple) or len(answer) != 2:
-            raise TrackerFault(f"step must return (state, (mean, covariance)), not (state, {described(answer)})")
+            raise TrackerFault(f"step must return (state, (mean, covariance)), not (state, {_described(answer)})")
         answer = Estimate(*answer)
     batch = np.shape(scan.valid)
-    mean = _shaped_array("mean", answer.mean, (4, *batch))
-    covariance = _shaped_array("covariance", answer.covariance, (4, 4, *batch))
-    innovation, innovation_covariance = answer.innovation, answer.innovation_covariance
-    if innovation is not None and innovation_covariance is not None:
+    innovation, spread, modes = answer.innovation, answer.innovation_covariance, answer.mode_probabilities
+    if innovation is not None and spread is not None:
         size = len(np.atleast_1d(innovation))
         innovation = _shaped_array("innovation", innovation, (size, *batch))
-        innovation_covariance = _shaped_array("innovation covariance", innovation_covariance, (size, size, *batch))
-    probabilities = answer.mode_probabilities
-    if probabilities is not None:
-        size = len(np.atleast_1d(probabilities))
-        probabilities = _shaped_array("array of mode probabilities", probabilities, (size, *batch))
-        there = np.isfinite(mean[0])
-        total = np.where(there, probabilities.sum(axis=0), 1.0)
-        if np.any(there & (probabilities < 0.0)) or not np.all(np.abs(total - 1.0) < PROBABILITY_ROUNDING):
-            raise TrackerFault("the mode probabilities are not numbers from 0 to 1 whose sum is 1")
-    repaired = answer.repaired
-    if repaired is not None and np.shape(repaired) != batch:
-        raise TrackerFault(f"repaired has the shape {np.shape(repaired)}, where {batch} is needed")
-    # The whitened innovation is left out: it is computed here, rather than believed.
-    return Estimate(
-        mean,
-        covariance,
-        answer.state,
-        answer.state_covariance,
-        innovation,
-        innovation_covariance,
-        None,
-        repaired,
-        probabilities,
+        spread = _shaped_array("innovation covariance", spread, (size, size, *batch))
+    if modes is not None:
+        modes = _shaped_array("array of mode probabilities", modes, (len(np.atleast_1d(modes)), *batch))
+    if answer.repaired is not None and np.shape(answer.repaired) != batch:
+        raise TrackerFault(f"repaired has the shape {np.shape(answer.repaired)}, where {batch} is needed")
+    checked: Estimate = answer._replace(
+        mean=_shaped_array("mean", answer.mean, (4, *batch)),
+        covariance=_shaped_array("covariance", answer.covariance, (4, 4, *batch)),
+        innovation=innovation,
+        innovation_covariance=spread,
+        # It is computed here, rather than believed.
+        whitened_innovation=None,
+        mode_probabilities=modes,
+        log_likelihood=None,
     )
+    return checked
 
 
 def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
@@ -164,13 +142,10 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
         raise TrackerFault(OF_ONE)
     if not isinstance(answer, tuple) or not 3 <= len(answer) <= 5:
         wanted = "Tracks(ids, mean, covariance, existence=None, used=None)"
-        raise TrackerFault(f"the answer must be {wanted} or None, not {described(answer)}")
+        raise TrackerFault(f"the answer must be {wanted} or None, not {_described(answer)}")
     tracks = Tracks(*answer)
-    ids = _whole("ids", tracks.ids, None)
-    if ids.ndim != 1 + len(runs) or ids.shape[1:] != runs:
-        raise TrackerFault(f"the ids have the shape {ids.shape}, where {('K', *runs)} is needed".replace("'K'", "K"))
-    shape = ids.shape
-    _require_as_many(ids, tracks)
+    shape = (*np.shape(tracks.ids)[:1], *runs)
+    ids = _whole("ids", tracks.ids, shape)
     mean = _shaped_array("mean", tracks.mean, (4, *shape))
     covariance = _shaped_array("covariance", tracks.covariance, (4, 4, *shape))
     there = ids != NO_TRACK
@@ -184,10 +159,9 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
     require_covariances(ids[there], mean[:, there], covariance[:, :, there])
     existence = None if tracks.existence is None else _shaped_array("existence", tracks.existence, shape)
     if existence is not None:
-        stated = existence[there]
-        wrong = ~((stated >= 0) & (stated <= 1))
+        wrong = there & ~((existence >= 0) & (existence <= 1))
         if wrong.any():
-            message = f"the existence probability of track {ids[there][wrong][0]} is {stated[wrong][0]:g}"
+            message = f"the existence probability of track {ids[wrong][0]} is {existence[wrong][0]:g}"
             raise TrackerFault(f"{message}, which is not between 0 and 1")
     used = None if tracks.used is None else _whole("used", tracks.used, shape)
     if used is not None and there.any():
@@ -196,31 +170,6 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
         if wrong.any():
             raise TrackerFault(f"used names detection {used[wrong][0]}, where the scan has {count[wrong][0]}")
     return Tracks(ids, mean, covariance, existence, used)
-
-
-def _whole(what: str, value: Any, shape: tuple[int, ...] | None) -> Indices:
-    if np.ma.is_masked(value):
-        raise TrackerFault(f"some of the {what} are masked: {described(value)}")
-    array = np.asarray(value)
-    # Programs have float64 alone.
-    whole = array.dtype.kind == "f" and bool(np.all((np.abs(array) < 1 << 53) & (array == np.floor(array))))
-    if array.size and array.dtype.kind not in "iu" and not whole:
-        raise TrackerFault(f"the {what} are not whole numbers: {described(value)}")
-    if shape is not None and array.shape != shape:
-        raise TrackerFault(f"the {what} have the shape {array.shape}, where {shape} is needed")
-    return array.astype(np.intp)
-
-
-def _require_as_many(ids: Indices, tracks: Tracks) -> None:
-    """The mean and covariance of as many tracks as there are ids; of parts of other shapes more is said elsewhere."""
-    counts = [len(ids)]
-    for part, axis in ((tracks.mean, 1), (tracks.covariance, 2)):
-        shape = getattr(part, "shape", ())
-        if len(shape) != axis + ids.ndim:
-            return
-        counts.append(shape[axis])
-    if len(set(counts)) > 1:
-        raise TrackerFault(f"the ids are of {counts[0]} tracks, the mean of {counts[1]}, the covariance of {counts[2]}")
 
 
 def require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
@@ -238,6 +187,23 @@ def require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
         raise TrackerFault(f"{NOT_DEFINITE}: that of track {ids[wrong]} has the eigenvalue {smallest:.3g}")
 
 
+def _require_symmetric(covariance: Array) -> None:
+    if (covariance == np.swapaxes(covariance, 0, 1)).all():
+        return
+    with np.errstate(invalid="ignore"):
+        gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
+    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
+        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
+
+
+def _whole(what: str, value: Any, shape: tuple[int, ...]) -> Indices:
+    # Programs have float64 alone.
+    array = _shaped_array(f"array of {what}", value, shape)
+    if not np.all((np.abs(array) < 1 << 53) & (array == np.floor(array))):
+        raise TrackerFault(f"the {what} are not whole numbers: {_described(value)}")
+    return array.astype(np.intp)
+
+
 def _shaped_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
     """An array of numbers of this shape; NaN where a masked array has none."""
     try:
@@ -247,12 +213,12 @@ def _shaped_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
             value = np.ma.filled(value.astype(float), np.nan)
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise TrackerFault(f"the {what} is not an array of numbers: {described(value)}") from None
+        raise TrackerFault(f"the {what} is not an array of numbers: {_described(value)}") from None
     if array.shape != shape:
         raise TrackerFault(f"the {what} has the shape {array.shape}, where {shape} is needed")
     return array
 
 
-def described(value: Any) -> str:
+def _described(value: Any) -> str:
     text = " ".join(repr(value).split())
     return f"{type(value).__name__} {text if len(text) <= 60 else text[:57] + '...'}"

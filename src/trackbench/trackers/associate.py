@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, Tag
@@ -30,12 +30,9 @@ Fraction = Annotated[float, Field(gt=0, lt=1)]
 #: Methods that confirm tracks by counting or by score; the others by the probability that the object exists.
 COUNTING: tuple[AssociationMethod, ...] = ("gnn", "jpda", "oracle", "naive")
 EXISTENCE: tuple[AssociationMethod, ...] = ("jipda", "pmb")
-#: Methods in which several tracks may take a share of one detection.
-SHARING: tuple[AssociationMethod, ...] = ("jpda", "jipda", "pmb")
 #: The methods that have a key, where not all have it.
 METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "gate": ("gnn", "jpda", "jipda", "pmb", "naive"),
-    "delete_misses": COUNTING,
     "report_existence": EXISTENCE,
     "delete_existence": EXISTENCE,
     "lifetime_s": EXISTENCE,
@@ -43,7 +40,6 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "birth_rate_hz": EXISTENCE,
     "undetected": EXISTENCE,
     "birth_density": EXISTENCE,
-    "end_duplicates": SHARING,
 }
 #: The methods that confirm tracks by a rule; each can by counting.
 CONFIRMED_BY: dict[str, tuple[AssociationMethod, ...]] = {"score": ("gnn", "jpda"), "existence": EXISTENCE}
@@ -51,21 +47,11 @@ CONFIRMED_BY: dict[str, tuple[AssociationMethod, ...]] = {"score": ("gnn", "jpda
 LONGEST_WINDOW = 100
 
 
-def _only(fits: Callable[[Any], bool], needed: str) -> BeforeValidator:
-    """Refuses a value of another form in one sentence with an example."""
-
-    def validate(value: Any) -> Any:
-        if not fits(value):
-            raise problem_error(f"{needed} is needed, not {value}")
+def _require_rule(value: Any) -> Any:
+    is_pair = isinstance(value, list) and len(value) == 2 and {type(number) for number in value} == {int}
+    if value in ("score", "existence") or is_pair:
         return value
-
-    return BeforeValidator(validate)
-
-
-def _m_of_n(value: Any) -> bool:
-    return value in ("score", "existence") or (
-        isinstance(value, list) and len(value) == 2 and {type(number) for number in value} == {int}
-    )
+    raise problem_error(f"[M, N], such as [3, 5], score or existence is needed, not {value}")
 
 
 class GaussianBirths(Config):
@@ -84,16 +70,13 @@ class AssociateConfig(Config):
         "existence probabilities. pmb: Poisson multi-Bernoulli filter. oracle: knows which object caused each "
         "detection. naive: each detection, in the order of the list, goes to the nearest track."
     )
-    gate: Annotated[
-        Fraction,
-        _only(lambda value: not (isinstance(value, int | float) and value >= 1), "a probability, such as 0.9999,"),
-    ] = Field(
+    gate: Fraction = Field(
         0.9999,
         description="Probability that an object's detection falls into the gate of its track (chi-square); not oracle.",
     )
     confirm: Annotated[
         Annotated[list[int], Field(min_length=2, max_length=2)] | Literal["score", "existence"] | None,
-        _only(_m_of_n, "[M, N], such as [3, 5], score or existence"),
+        BeforeValidator(_require_rule),
     ] = Field(
         None,
         description="[M, N], all methods: a track is confirmed with M detections in its first N scans, the one that "
@@ -101,11 +84,6 @@ class AssociateConfig(Config):
         "logarithm of the likelihood ratio of object and false alarms reaches 12; it is deleted 10 below its largest. "
         "existence, jipda and pmb: by its probability. Unless given, [3, 5] for gnn, jpda and naive, existence for "
         "jipda and pmb, and at once, [1, 1], for oracle.",
-    )
-    delete_misses: Annotated[int, Field(ge=1, le=10_000)] | None = Field(
-        None,
-        description="gnn, jpda, oracle, naive. A confirmed track is deleted after this many scans in a row without a "
-        "detection, of sensors in whose field of view it was; no such rule unless given.",
     )
     delete_after_s: Positive = Field(
         1,
@@ -146,16 +124,7 @@ class AssociateConfig(Config):
         description="jipda and pmb. Where those objects are expected: uniform over the view of each sensor, or a "
         "Gaussian, whose numbers are then those of the whole plane; it should lie in the view.",
     )
-    end_duplicates: bool = Field(
-        False,
-        description="jpda, jipda, pmb. Whether one of two tracks ends that have the same most probable detection and "
-        "states whose squared Mahalanobis distance is at most the number of their components: the tentative one, or "
-        "else the younger.",
-    )
-    detection_probability: Annotated[
-        dict[str, Probability],
-        _only(lambda value: isinstance(value, dict), "one for each sensor's name, such as {radar: 0.9},"),
-    ] = Field(
+    detection_probability: dict[str, Probability] = Field(
         default_factory=dict,
         description="For a sensor's name, the detection probability that the tracker takes in place of the stated one.",
     )

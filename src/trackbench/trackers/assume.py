@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from trackbench.base import linalg
-from trackbench.base.config import Config, NonNegative, Positive, Problem, problem_error
+from trackbench.base.config import Config, NonNegative, Positive, Problem
 from trackbench.base.config.key_units import in_si, split_key
 from trackbench.base.types import Array, Scan
 from trackbench.filters import ErrorState
@@ -72,14 +71,15 @@ class AssumedEffects(Config):
 
         Args:
             kind: of sensor, by its name.
-            linear: whether the filter converts measurements to positions, as the Kalman filter does.
+            linear: whether the filter converts measurements to positions, as the Kalman filter does, which changes
+                their errors.
         """
         sensor = SENSOR_MODELS[kind]
         if self.signal_to_noise is not None and not sensor.measures_position():
             yield Problem(("signal_to_noise",), f"a {kind} measures no position, by which the signal falls; remove it")
         for key in self.states:
-            if linear and sensor.components != ("x", "y"):
-                yield Problem((key,), f"kf converts the measurements of a {kind}, which changes their errors; use ekf")
+            if linear:
+                yield Problem((key,), "kf converts measurements to positions, without errors as states; use ekf")
         if self.correlated_errors is not None:
             for i, name in enumerate(self.correlated_errors.components):
                 if wrong := sensor.why_unmeasured(name):
@@ -93,14 +93,6 @@ class AssumedEffects(Config):
     def problems(self) -> Iterator[Problem]:
         if not self.names:
             yield Problem((), f"says nothing; add {' or '.join(type(self).model_fields)}")
-
-
-def by_sensor(value: Any) -> Any:
-    """What is assumed, unless it is an effect or a word where a sensor is to be named."""
-    if isinstance(value, str) or (isinstance(value, dict) and {*value} & {*AssumedEffects.model_fields}):
-        message = "name the sensor first, such as {front_radar: {bias: {sigmas: {azimuth_deg: 0.3}}}}"
-        raise problem_error(message)
-    return value
 
 
 def error_states(effects: Mapping[str, AssumedEffects]) -> tuple[ErrorState, ...]:

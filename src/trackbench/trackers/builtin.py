@@ -12,38 +12,37 @@ from trackbench.filters import (
     ExtendedKalmanFilter,
     Filter,
     InteractingMultipleModel,
-    IteratedExtendedKalmanFilter,
     KalmanFilter,
     MotionWithErrors,
     SigmaPointFilter,
     SingleModelFilter,
-    classic_points,
-    scaled_points,
+    SymmetricSet,
 )
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.assume import error_states
 from trackbench.trackers.config import FilterConfig, FilterName, ImmConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.late import LateScans
 
 #: What each name stands for, as ``trackbench list filters`` shows it.
 FILTERS = {
     "kf": "Kalman filter on positions (a radar measurement is converted, its range rate left out); motion cv or ca",
     "ekf": "extended Kalman filter of first order",
-    "iekf": "iterated extended Kalman filter",
     "ukf": "unscented Kalman filter, scaled or classic sigma points, augmented or not",
     "ckf": "cubature Kalman filter of third degree",
 }
 
 
-def build(config: FilterConfig) -> FilterTracker:
+def build(config: FilterConfig) -> LateScans:
     """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
-    return FilterTracker(filter_of(config), config.initial, **config.scan_options)
+    tracker = FilterTracker(filter_of(config), config.initial, **config.scan_options)
+    return LateScans(tracker, config.late, config.lag_s)
 
 
-def _factory(name: FilterName) -> Callable[..., FilterTracker]:
+def _factory(name: FilterName) -> Callable[..., LateScans]:
     """The tracker of one filter by options, which are the keys of a scenario's ``filter:`` entry without the filter."""
 
-    def factory(**options: Any) -> FilterTracker:
+    def factory(**options: Any) -> LateScans:
         return build(FilterConfig(filter=name, **options))
 
     factory.__name__ = factory.__qualname__ = name
@@ -55,7 +54,6 @@ def _factory(name: FilterName) -> Callable[..., FilterTracker]:
 
 kf = _factory("kf")
 ekf = _factory("ekf")
-iekf = _factory("iekf")
 ukf = _factory("ukf")
 ckf = _factory("ckf")
 
@@ -77,13 +75,9 @@ def filter_with(config: FilterConfig, motion: MotionModel) -> SingleModelFilter:
             return KalmanFilter(motion)
         case "ekf":
             return ExtendedKalmanFilter(motion)
-        case "iekf":
-            return IteratedExtendedKalmanFilter(motion, config.iterations)
         case "ckf":
             return SigmaPointFilter(motion, CUBATURE, augmented=False)
         case "ukf":
-            if config.sigma_points == "classic":
-                rule = classic_points(config.kappa)
-            else:
-                rule = scaled_points(config.alpha, config.beta, config.kappa or 0.0)
+            is_scaled = config.sigma_points == "scaled"
+            rule = SymmetricSet(1.0, 2.0, config.kappa or 0.0) if is_scaled else SymmetricSet(1.0, 0.0, config.kappa)
             return SigmaPointFilter(motion, rule, config.augmented)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
 
-from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Problem, Sigma, chosen_by
+from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Problem, Sigma, chosen_by, reject
 from trackbench.base.config.key_units import option_in_words
-from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
-from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
-from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
+from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName, plugin_field
+from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel
+from trackbench.models.motion.base import YAW
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
-from trackbench.trackers.assume import AssumedEffects, AssumedSensors, by_sensor
+from trackbench.trackers.assume import AssumedEffects, AssumedSensors
 from trackbench.trackers.foreign import Command
 from trackbench.trackers.initial import InitialConfig
 
@@ -64,9 +65,9 @@ OneOrSeveralMotions = Annotated[
 ]
 
 
-FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
+FilterName = Literal["kf", "ekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
-LateMethod = Literal["drop", "as_new", "replay", "retrodiction"]
+LateMethod = Literal["drop", "as_new", "replay"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
 Sweep = Annotated[
     dict[str, list[Any]] | list[dict[str, Any]] | None,
@@ -77,18 +78,8 @@ Sweep = Annotated[
     ),
 ]
 
-#: Keys that only one filter has.
-FILTER_KEYS: dict[str, tuple[str, ...]] = {
-    "ukf": ("sigma_points", "augmented", "alpha", "beta", "kappa"),
-    "iekf": ("iterations",),
-}
-
-#: The components of the state that a key of the initial state is about, where not every state has them.
-STATE_COMPONENTS: dict[str, tuple[str, ...]] = {
-    "acceleration_sigma_mps2": ACCELERATION,
-    "yaw_sigma_rad": YAW,
-    "yaw_rate_sigma_radps": YAW_RATE,
-}
+#: Keys that only ukf has.
+UKF_KEYS = ("sigma_points", "augmented", "kappa")
 
 
 class FilterConfig(OptionsBeside):
@@ -113,12 +104,9 @@ class FilterConfig(OptionsBeside):
         "replay",
         description="What becomes of a scan that was taken before the state's time, since its sensor is late. drop: it "
         "is left out. as_new: every scan counts as taken when it arrived, which is wrong. replay: the filter goes back "
-        "to the time of the scan and takes all later ones in again. retrodiction: the present state is corrected "
-        "without going back (Bar-Shalom); of one motion model and one object.",
+        "to the time of the scan and takes all later ones in again.",
     )
-    lag_s: Positive = Field(
-        1, le=60, description="How far back replay and retrodiction reach, s. Older scans are dropped."
-    )
+    lag_s: Positive = Field(1, le=60, description="How far back replay reaches, s. Older scans are dropped.")
     process_noise_diag: list[NonNegative] | None = Field(
         None,
         description="Diagonal of a constant process noise, one variance for each component of the state, added at "
@@ -129,20 +117,15 @@ class FilterConfig(OptionsBeside):
     )
     sigma_points: Literal["scaled", "classic"] = Field(
         "scaled",
-        description="ukf only. scaled: weights from alpha, beta and kappa (van der Merwe). classic: from "
-        "kappa alone (Julier).",
+        description="ukf only. scaled: the central point has more weight in covariances, by 2, which is best for a "
+        "Gaussian distribution (van der Merwe, alpha 1 and beta 2). classic: it has not (Julier).",
     )
     augmented: bool = Field(True, description="ukf only. Whether the sigma points also spread over the process noise.")
-    alpha: float = Field(1, gt=0, le=1, description="ukf with scaled sigma points only. Their spread, 0 to 1.")
-    beta: float = Field(
-        2, ge=0, description="ukf with scaled sigma points only. 2 is best for a Gaussian distribution."
-    )
     kappa: float | None = Field(
         None,
         description="ukf only. Secondary spread of the sigma points. Unless given: 0 with scaled, and 3 "
         "minus the number of spread components with classic.",
     )
-    iterations: int = Field(5, ge=1, le=100, description="iekf only. How often an update is linearised again.")
     sensor_models: dict[str, SensorKind] = Field(
         default_factory=dict,
         description="For a sensor's name, the kind of sensor (`trackbench list sensors` shows them) that the tracker "
@@ -154,7 +137,7 @@ class FilterConfig(OptionsBeside):
         "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "
         "ones cost.",
     )
-    assume: Annotated[dict[str, AssumedEffects], BeforeValidator(by_sensor)] = Field(
+    assume: dict[str, AssumedEffects] = Field(
         default_factory=dict,
         description="For a sensor's name, effects of the sensor that the tracker knows of: "
         "{front_radar: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}.",
@@ -180,7 +163,7 @@ class FilterConfig(OptionsBeside):
     def scan_options(self) -> dict[str, Any]:
         """What a tracker of one object or of several takes of the options on scans."""
         assumed = AssumedSensors(self.sensor_models, self.measurement_noise, self.assume)
-        return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at", "late", "lag_s")}}
+        return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at")}}
 
     @property
     def models(self) -> tuple[MotionModel, ...]:
@@ -199,13 +182,30 @@ class FilterConfig(OptionsBeside):
             return ["imm of " + " and ".join(f"{', '.join(_words(model))} for {stay:g} s" for model, stay in models)]
         return _words(self.motion, () if self.process_noise_diag is None else self.motion.driving_noise)
 
+    @model_validator(mode="before")
     @classmethod
-    def replaced(cls, data: Mapping[str, Any], model: type[MotionModel]) -> dict[str, str]:
-        if data.get("process_noise_diag") is None:
-            return {}
-        return dict.fromkeys(
-            model.driving_noise, "not used with process_noise_diag, which says it all; remove one of them"
-        )
+    def _noise_stated_once(cls, data: Any, info: ValidationInfo) -> Any:
+        """Make the motion model without the noise that ``process_noise_diag`` states."""
+        if not isinstance(data, dict) or data.get("process_noise_diag") is None:
+            return data
+        motion = data.get("motion")
+        is_word = isinstance(motion, str)
+        options = {key: item for key, item in data.items() if key not in cls.model_fields} if is_word else motion or {}
+        name = motion if is_word else isinstance(motion, dict) and motion.get("model")
+        if not isinstance(name, str):
+            return data
+        try:
+            model = plugin_field(cls)[1].find(name, info)
+        except PydanticCustomError:
+            return data
+        stated, unused = {key: item for key, item in options.items() if key != "model"}, model.driving_noise
+        reason = "not used with process_noise_diag, which says it all; remove one of them"
+        at: KeyPath = () if is_word else ("motion",)
+        reject(cls.__name__, [Problem((*at, key), reason) for key in dict.fromkeys(unused) if key in stated])
+        # What is replaced has to have some value that is valid; it ends as 0.
+        made = model.model_validate(stated | dict.fromkeys(unused, 1.0), context=info.context)
+        rest = {key: item for key, item in data.items() if key in cls.model_fields}
+        return {**rest, "motion": made.model_copy(update=dict.fromkeys(unused, 0.0))}
 
     def problems(self) -> Iterator[Problem]:
         stated, models = self.model_fields_set, self.models
@@ -213,30 +213,16 @@ class FilterConfig(OptionsBeside):
             yield from self._unfit(motion, _name(motion))
         if isinstance(self.motion, ImmConfig) and self.process_noise_diag is not None:
             yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
-        for name, keys in FILTER_KEYS.items():
-            for key in keys:
-                if key in stated and self.filter != name:
-                    yield Problem((key,), f"only filter {name} has this key; the filter here is {self.filter}")
-        for key in ("alpha", "beta"):
-            if key in stated and self.filter == "ukf" and self.sigma_points == "classic":
-                yield Problem((key,), "not used with sigma_points: classic; remove it, or use sigma_points: scaled")
-        for key, components in STATE_COMPONENTS.items():
-            if key in self.initial.model_fields_set and not any(
-                set(components) & set(model.components) for model in models
-            ):
-                others = " and ".join(with_component(components))
-                names = " and ".join(dict.fromkeys(map(_name, models)))
-                yield Problem(("initial", key), f"motion {names} has no such component; {others} have")
+        for key in UKF_KEYS:
+            if key in stated and self.filter != "ukf":
+                yield Problem((key,), f"only filter ukf has this key; the filter here is {self.filter}")
         if self.associate is not None:
             yield from self._not_associated()
         for sensor, effects in self.assume.items():
             for key in effects.states:
                 for at, message in self._without_error_states():
                     yield Problem(at or ("assume", sensor, key), message)
-        if self.late == "retrodiction" and (self.associate is not None or isinstance(self.motion, ImmConfig)):
-            what = "associate" if self.associate is not None else "several motion models"
-            yield Problem(("late",), f"retrodiction does not go with {what}; use replay or drop")
-        if "lag_s" in stated and self.late in ("drop", "as_new"):
+        if "lag_s" in stated and self.late != "replay":
             yield Problem(("lag_s",), f"not used with late: {self.late}; remove it")
         yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)
@@ -360,7 +346,7 @@ def entry_kind(value: Any) -> str | None:
     return f"<{kinds[0]}>" if len(kinds) == 1 else None
 
 
-NO_KIND = "write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both"
+NO_KIND = "write filter (built in: kf, ekf, ukf, ckf) or use (your own), and not both"
 AnyTracker = Annotated[
     Annotated[FilterConfig, Tag("<filter>")] | Annotated[PluginConfig, Tag("<use>")],
     chosen_by(entry_kind, NO_KIND),

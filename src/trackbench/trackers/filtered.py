@@ -1,35 +1,64 @@
-"""A tracker that runs one of the built-in filters: prediction, update, start of tracks, late scans; its smoother."""
+"""A tracker that runs one of the built-in filters: prediction, update, start of tracks; its smoother."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
-from trackbench.engine.choice import used
+from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
+from trackbench.engine.choice import Engine, filter_by, used
 from trackbench.engine.equations import EngineUsed
-from trackbench.filters import Step, Update, bare, choose
+from trackbench.filters import Filter, Step, StepGuard, Update, bare, choose
 from trackbench.models.motion import Kinematics
+from trackbench.models.motion.base import YAW
 from trackbench.trackers import initial
-from trackbench.trackers.initial import Prior
-from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed, up_to_date
-from trackbench.trackers.track_steps import (
-    TrackState,
-    TrackSteps,
-    belief_estimate,
-    chosen_update,
-    total_log_likelihood,
-    with_innovation,
-)
+from trackbench.trackers.assume import AssumedSensors
+from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
+from trackbench.trackers.config import AdvanceAt
+from trackbench.trackers.initial import InitialConfig, Prior
+from trackbench.trackers.track_steps import TrackState, belief_estimate, chosen_update, where_tracked, with_innovation
 
 
 @dataclass(frozen=True)
-class FilterTracker(ScanTracker):
+class BuiltInTracker:
+    """What the built-in trackers of one object and of several have in common: a filter, and the scans that it takes."""
+
+    filter: Filter[Any]
+    initial: InitialConfig
+    assumed: AssumedSensors = field(default_factory=AssumedSensors)
+    sensors: Collection[str] | None = None
+    """Names of the sensors whose measurements update the tracks; None: all."""
+    advance_at: AdvanceAt = "own_scans"
+    engine: Engine = "numpy"
+
+    batched: ClassVar = True
+
+    @cached_property
+    def computed_filter(self) -> Filter[Any]:
+        """The filter as the engine computes it."""
+        return filter_by(self.engine, self.filter)
+
+    @property
+    def engine_used(self) -> EngineUsed:
+        """What computed the steps so far."""
+        return used(self.computed_filter)
+
+    def reads(self, sensor: str) -> bool:
+        """Whether the sensor's measurements update or start tracks."""
+        return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
+
+    def advances(self, sensor: str) -> bool:
+        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is set to."""
+        return self.advance_at == "all_scans" or self.reads(sensor)
+
+
+@dataclass(frozen=True)
+class FilterTracker(BuiltInTracker):
     """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid.
 
     At a scan of a sensor that it does not read, the estimate is a prediction from its last own scan, and is not kept.
@@ -44,23 +73,17 @@ class FilterTracker(ScanTracker):
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
         """Predict to the scan's time, and update with its measurements if the tracker reads its sensor.
 
-        A scan that is older than the state is processed as ``late`` says; the estimate is then that at the state's
-        time.
+        A scan that is older than the state is dropped; the estimate is then that at the state's time.
         """
         scan = self.assumed.read(scan)
         if state is None:
             belief = self.filter.begin(lambda motion: initial.placeholder(motion, scan.valid.shape))
             state = TrackState(-np.inf, belief, np.zeros_like(scan.valid))
         if scan.asked or not self.advances(scan.sensor):
-            return state, self.steps.estimate(self.steps.predicted(state, scan.time))
-        if self.late == "as_new":
-            scan = scan._replace(time=scan.arrival_time)
-        in_time = self.lag_s == 0.0 and scan.time >= state.time
-        return self._in_sequence(state, scan) if in_time else self._after_scan(state, scan)
-
-    def advances(self, sensor: str) -> bool:
-        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is set to."""
-        return self.advance_at == "all_scans" or self.reads(sensor)
+            return state, self.estimate(self.predicted(state, scan.time))
+        if scan.time < state.time:
+            return state, self.estimate(state)
+        return self._in_sequence(state, scan)
 
     def reading_only(self, sensors: Collection[str] | None) -> FilterTracker:
         """This tracker, which reads no other sensors than these; None: as it is."""
@@ -84,19 +107,7 @@ class FilterTracker(ScanTracker):
         belief = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, belief))
 
-    @cached_property
-    def steps(self) -> TrackSteps:
-        """The steps of its filter."""
-        return TrackSteps(self.filter, self.engine, self.initial, self.cartesian_fallback)
-
-    @property
-    def engine_used(self) -> EngineUsed:
-        """What computed the steps so far."""
-        return used(self.steps.computed_filter)
-
-    def _in_sequence(
-        self, state: TrackState, scan: Scan, origins: Indices | None = None
-    ) -> tuple[TrackState, Estimate]:
+    def _in_sequence(self, state: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
         some = bool(np.any(scan.valid))
         # Without a measurement the kernel of a step gives other last bits than that of a prediction.
         reads = (self.sensors is None or scan.sensor in self.sensors) and (some or self.engine == "fused")
@@ -110,11 +121,11 @@ class FilterTracker(ScanTracker):
         tracked = after.started
         starting = self.initial.sensors or self.sensors
         if self.prior is None and (starting is None or scan.sensor in starting):
-            after = self.steps.with_starts(after, scan)
+            after = self.with_starts(after, scan)
         if after.fallback is not None:
-            belief, fallback = self.steps.fallback.returned(after.fallback, after.belief)
+            belief, fallback = self.fallback.returned(after.fallback, after.belief)
             after = after._replace(belief=belief, fallback=fallback)
-        estimate = self.steps.estimate(after)
+        estimate = self.estimate(after)
         if step is not None:
             mean, covariance = step.cartesian
             estimate = estimate._replace(
@@ -132,8 +143,8 @@ class FilterTracker(ScanTracker):
         own = state.started if state.fallback is None else state.started & ~state.fallback.where
         if not np.any(own):
             return None, own
-        filter: Any = self.steps.computed_filter
-        elapsed, guard = scan.time - state.time, self.steps.guard
+        filter: Any = self.computed_filter
+        elapsed, guard = scan.time - state.time, self.guard
         if self.engine == "fused":
             step: Step[Any] = filter.step(state.belief, elapsed, scan, guard)
         else:
@@ -152,52 +163,98 @@ class FilterTracker(ScanTracker):
         if step is not None and self.prior is None and np.array_equal(own, state.started):
             belief = choose(state.started, step.update.belief, state.belief)
             return state._replace(time=scan.time, belief=belief, fallback=None), step.update
-        state = self.steps.advanced(state, scan.time)
+        state = self.advanced(state, scan.time)
         if self.prior is not None:
-            filter = self.steps.computed_filter
+            filter = self.computed_filter
             belief, started = self.prior.begin(scan.time, state.belief, state.started, filter)
             state = state._replace(belief=belief, started=started)
         if not reads:
             return state, None
-        update, fallback = self.steps.updated(state, scan)
+        update, fallback = self.updated(state, scan)
         if step is not None:
             update = chosen_update(own, step.update, update)
             fallback = None if fallback is None else fallback._replace(where=fallback.where & ~own)
         return state._replace(belief=update.belief, fallback=fallback), update
 
-    def _present(self, state: TrackState) -> Estimate:
-        return self.steps.estimate(state)
+    @cached_property
+    def fallback(self) -> FallbackFilter:
+        """Follows the tracks whose course is unknown."""
+        with_yaw = any(set(YAW) & set(motion.components) for motion in self.filter.motions)
+        # A stated covariance is that of the motion model's own state.
+        possible = with_yaw and self.initial.source != "truth" and self.initial.covariance_diag is None
+        at_start = possible and self.cartesian_fallback != "never"
+        later = possible and self.cartesian_fallback == "always"
+        return FallbackFilter(self.filter, self.engine, initial.sigmas(self.initial), at_start, later)
 
-    def _after_late(
-        self, state: TrackState, scan: Scan, origins: Indices | None, number: int
-    ) -> tuple[TrackState, Estimate]:
-        """The present estimate has the innovation of the late scan."""
-        if self.late == "retrodiction":
-            return self._after_retrodiction(state, scan, number)
-        again = replayed(self._in_sequence, state.history, number, scan)
-        late = again.late
-        gained = total_log_likelihood(again.history[number:]) - total_log_likelihood(state.history[number:])
-        return again.state._replace(history=again.history), again.latest._replace(
-            innovation=late.innovation,
-            innovation_covariance=late.innovation_covariance,
-            whitened_innovation=late.whitened_innovation,
-            # Of the late scan given all that were processed before. Zero: no track was there for any of them.
-            log_likelihood=np.where(gained == 0.0, np.nan, gained),
-        )
+    @property
+    def guard(self) -> StepGuard | None:
+        """Tells of a predicted belief where a step is not the filter's alone."""
+        return self.fallback.guard
 
-    def _after_retrodiction(self, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
-        """Correct the present by a late scan, where a track has gone on since before it."""
-        history = up_to_date(self._in_sequence, state.history, number)
-        before = history[number].before
-        part = scan._replace(valid=before.started & state.started & scan.valid)
-        if before.fallback is not None or state.fallback is not None or not np.any(part.valid):
-            return state._replace(history=history), self.steps.estimate(state)
-        times = tuple(processed.scan.time for processed in history[number:])
-        after, estimate = self.steps.retrodicted(before, state, part, times)
-        late: ProcessedScan[TrackState, Estimate] = ProcessedScan(before, part)
-        # The states after the late scan lack it.
-        outdated = (processed._replace(outdated=True) for processed in history[number:])
-        return after._replace(history=(*history[:number], late, *outdated)), estimate
+    def advanced(self, state: TrackState, time: float) -> TrackState:
+        """The state predicted to a later time, or to its own."""
+        elapsed, belief, started = time - state.time, state.belief, state.started
+        if np.any(started):
+            belief = self.computed_filter.predict(belief, elapsed)
+            if not np.all(started):
+                # A placeholder stays as it is, so that its covariance does not grow without bound.
+                belief = choose(started, belief, state.belief)
+        fallback = self.fallback.predicted(state.fallback, elapsed, belief, started)
+        return state._replace(time=time, belief=belief, fallback=fallback)
+
+    def predicted(self, state: TrackState, time: float) -> TrackState:
+        """The state predicted to a time at which it does not advance."""
+        # A prediction over no time would draw sigma points anew, and change the last digits.
+        return state if time <= state.time else self.advanced(state, time)
+
+    def updated(self, state: TrackState, scan: Scan) -> tuple[Update[Any], CartesianFallback | None]:
+        """The update of all tracks with a scan at the time of their state, and the fallback after it."""
+        if state.fallback is None:
+            # For placeholders alone nothing is compiled.
+            filter = self.computed_filter if np.any(state.started) else self.filter
+            return filter.update(state.belief, scan), None
+        return self.fallback.updated(state.fallback, scan, lambda part: self.computed_filter.update(state.belief, part))
+
+    def with_starts(self, state: TrackState, scan: Scan) -> TrackState:
+        """The state with the tracks that start from the measurements of a scan."""
+        if np.all(state.started):
+            return state
+        begin = initial.start_tracks(self.initial, scan, state.waiting)
+        fresh, belief, fallback = begin.ready & ~state.started, state.belief, state.fallback
+        if np.any(fresh):
+            belief = choose(fresh, self.filter.begin(begin.state_of), belief)
+            fallback = self.fallback.begun(fallback, fresh, begin.state_of)
+        return state._replace(belief=belief, started=state.started | fresh, waiting=begin.waiting, fallback=fallback)
+
+    def estimate(self, state: TrackState) -> Estimate:
+        """The estimate of a state; NaN, or at rest if so configured, where no track has started."""
+        started, fallback = state.started, state.fallback
+        mean, covariance = self.computed_filter.cartesian(state.belief)
+        if fallback is not None:
+            mean = np.where(fallback.where, fallback.belief.mean, mean)
+            covariance = np.where(fallback.where, fallback.belief.covariance, covariance)
+        if not np.all(started):
+            before: Gaussian | tuple[float, float] = (np.nan, np.nan)
+            if state.waiting is not None and self.initial.waiting == "at_rest":
+                before = initial.at_rest(state.waiting, self.initial)
+            mean = np.where(started, mean, before[0])
+            covariance = np.where(started, covariance, before[1])
+        estimate = belief_estimate(state.belief, Gaussian(mean, covariance))
+        if estimate.mode_probabilities is not None:
+            estimate = estimate._replace(mode_probabilities=where_tracked(started, estimate.mode_probabilities))
+        return estimate if estimate.repaired is None else estimate._replace(repaired=estimate.repaired & started)
+
+    def smoothed(self, state: TrackState, later: TrackState) -> TrackState:
+        """The state smoothed by a later one, by that of Rauch, Tung and Striebel."""
+        elapsed = later.time - state.time
+        # Where there is no track yet, what is smoothed means nothing.
+        belief = choose(state.started, self.computed_filter.smooth(state.belief, later.belief, elapsed), state.belief)
+        fallback = state.fallback
+        if fallback is not None:
+            estimate = self.estimate(later)
+            cartesian = Gaussian(estimate.mean, estimate.covariance)
+            belief, fallback = self.fallback.smoothed(fallback, elapsed, cartesian, belief)
+        return state._replace(belief=belief, fallback=fallback)
 
 
 @dataclass(frozen=True)
@@ -209,6 +266,11 @@ class SmoothedTracker:
 
     tracker: FilterTracker
 
+    def __post_init__(self) -> None:
+        # Where a track loses its course, there is no way back from position and velocity.
+        if self.tracker.cartesian_fallback == "always":
+            object.__setattr__(self, "tracker", replace(self.tracker, cartesian_fallback="at_start"))
+
     def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
         """The estimate at each scan, whatever their order: offline none comes late."""
         instants = self._filtered(sorted((scan.prompt() for scan in scans), key=lambda scan: scan.time))
@@ -217,18 +279,16 @@ class SmoothedTracker:
         while instants:
             state, own = instants.pop()
             if later is not None:
-                state = self.tracker.steps.smoothed(state, later)
+                state = self.tracker.smoothed(state, later)
             # The filter's own state, of which nothing is scored, would take as much memory again.
-            smoothed[state.time] = self.tracker.steps.estimate(state)._replace(state=None, state_covariance=None)
+            smoothed[state.time] = self.tracker.estimate(state)._replace(state=None, state_covariance=None)
             if own:
                 later = state
         return [smoothed[scan.time] for scan in scans]
 
     def _filtered(self, scans: Sequence[Scan]) -> list[tuple[TrackState, bool]]:
         """The state at each time, and whether there was a scan that the filter reads; else it is a prediction."""
-        # Where a track loses its course, there is no way back from position and velocity.
-        when = self.tracker.cartesian_fallback
-        tracker = replace(self.tracker, cartesian_fallback="at_start" if when == "always" else when, lag_s=0.0)
+        tracker = self.tracker
         state: TrackState | None = None
         instants = []
         for time, group in groupby(scans, key=lambda scan: scan.time):
@@ -237,6 +297,6 @@ class SmoothedTracker:
                 state, _ = tracker.step(state, scan)
                 own = own or tracker.advances(scan.sensor)
             assert state is not None
-            seen = state if own else tracker.steps.predicted(state, time)
+            seen = state if own else tracker.predicted(state, time)
             instants.append((seen._replace(time=time, belief=bare(seen.belief)), own))
         return instants

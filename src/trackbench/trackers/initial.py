@@ -82,11 +82,6 @@ class InitialConfig(Config):
     acceleration_sigma_mps2: Sigma = Field(
         3, description="Standard deviation of the acceleration, m/s^2, where the state has it."
     )
-    yaw_sigma_rad: Sigma | None = Field(
-        None,
-        description="Standard deviation of the course, rad, where the state has it. From truth: 0.1 unless given. "
-        "From measurements: the most that is said of it, pi / sqrt(3) (nothing known) unless given.",
-    )
     yaw_rate_sigma_radps: Sigma = Field(
         0.3, description="Standard deviation of the yaw rate, rad/s, where the state has it."
     )
@@ -112,7 +107,7 @@ class InitialConfig(Config):
                 yield Problem((key,), "not used with covariance_diag, which says it all; remove one of them")
 
 
-#: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
+#: Standard deviation of the yaw where it is drawn from the truth, rad.
 TRUE_YAW_SIGMA = 0.1
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
@@ -165,8 +160,7 @@ def placeholder(motion: MotionModel, batch: tuple[int, ...]) -> Gaussian:
 
 def sigmas(config: InitialConfig) -> InitialSigmas:
     """What is assumed of the components that position and velocity leave open."""
-    assumed = InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
-    return assumed if config.yaw_sigma_rad is None else assumed._replace(yaw=config.yaw_sigma_rad)
+    return InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
 
 
 def start_tracks(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
@@ -264,7 +258,7 @@ def from_truth(motion: MotionModel, config: InitialConfig, truth: Kinematics, no
         **dict.fromkeys(POSITION, config.position_sigma_m),
         **dict.fromkeys(VELOCITY, config.velocity_sigma_mps),
         **dict.fromkeys(ACCELERATION, config.acceleration_sigma_mps2),
-        **dict.fromkeys(YAW, TRUE_YAW_SIGMA if config.yaw_sigma_rad is None else config.yaw_sigma_rad),
+        **dict.fromkeys(YAW, TRUE_YAW_SIGMA),
         **dict.fromkeys(YAW_RATE, config.yaw_rate_sigma_radps),
     }
     exact = motion.from_kinematics(truth)

@@ -9,8 +9,8 @@ from typing import Any, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
-from trackbench.base.config.explain import explain
-from trackbench.base.errors import InputError, InputErrors, did_you_mean, similar_names
+from trackbench.base.config.messages import explain, keyed_fields
+from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.plugins import Registry, one_line, searched
 from trackbench.trackers.answers import Tracker
 
@@ -62,7 +62,7 @@ def check_tracker_options(use: str, options: Mapping[str, Any], folder: Path | N
     try:
         declared.model_validate(options, context={"folder": folder})
     except ValidationError as invalid:
-        problems = explain(invalid.errors(include_url=False), declared)
+        problems = explain(invalid, keyed_fields(declared))
         errors = [InputError(message, key=".".join(map(str, path)) or None) for path, message in problems]
         raise errors[0] if len(errors) == 1 else InputErrors(errors) from None
     except Exception as error:
@@ -78,27 +78,17 @@ def _bind(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
     try:
         signature.bind(**options)
     except TypeError as error:
-        takes = ", ".join(name for name in signature.parameters) or "none"
-        unknown = [name for name in options if name not in signature.parameters]
-        near = did_you_mean(similar_names(unknown[0], signature.parameters, 0.6)) if unknown else ""
-        hint = f"; {near}" if near else ""
-        raise InputError(f"{use!r} does not start with these options: {error} (it takes: {takes}){hint}") from None
+        takes = ", ".join(signature.parameters) or "none"
+        raise InputError(f"{use!r} does not start with these options: {error} (it takes: {takes})") from None
 
 
 def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Callable[[], Tracker]:
     """A function of no arguments that makes a fresh tracker with the given options; one is made to see that it can be.
 
     Raises:
-        InputError: the name does not resolve, the options do not fit, or what is made has no ``step``.
+        InputError: the name does not resolve, or the options do not fit.
     """
-    try:
-        factory = check_tracker_options(use, options, folder)
-    except InputErrors as errors:
-        raise InputError(f"{use!r} does not start with these options: {'; '.join(map(str, errors.errors))}") from errors
-    except InputError as error:
-        if error.key is None:
-            raise
-        raise InputError(f"{use!r} does not start with these options: {error}") from error
+    factory = check_tracker_options(use, options, folder)
 
     def make() -> Tracker:
         # A tracker may load what its options name while it starts.
@@ -106,11 +96,9 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
             return factory(**options)
 
     try:
-        tracker = make()
+        make()
     except InputError:
         raise
     except (Exception, SystemExit) as error:
         raise InputError(f"{use!r} does not start with these options: {one_line(error)}") from error
-    if not callable(getattr(tracker, "step", None)):
-        raise InputError(f"{use!r} has no method step(state, scan)")
     return make

@@ -1,31 +1,16 @@
-"""The steps of a filter on a batch of tracks: some may not have started, and of some the course may be unknown."""
+"""The state of a batch of tracks, and estimates made of it: some tracks may not have started."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
-from trackbench.engine.choice import Engine, filter_by
-from trackbench.filters import (
-    AnyBelief,
-    Belief,
-    Filter,
-    MultiModelBelief,
-    SingleModelFilter,
-    StepGuard,
-    Update,
-    choose,
-)
-from trackbench.models.motion.base import YAW
-from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
-from trackbench.trackers.initial import InitialConfig, TentativeTrack, at_rest, sigmas, start_tracks
-from trackbench.trackers.late import ProcessedScan, Retrodiction, retrodicted
+from trackbench.base.types import Array, Estimate, Gaussian, Mask
+from trackbench.filters import AnyBelief, MultiModelBelief, Update, choose
+from trackbench.trackers.cartesian_fallback import CartesianFallback
+from trackbench.trackers.initial import TentativeTrack
 
 
 def belief_estimate(belief: AnyBelief, cartesian: Gaussian) -> Estimate:
@@ -84,16 +69,6 @@ def log_likelihood(estimate: Estimate) -> Array | None:
     return np.where(factor.positive, factor.log_density(factor.whiten(y)), np.nan)
 
 
-def total_log_likelihood(history: Sequence[ProcessedScan[Any, Estimate]]) -> Array | float:
-    """``(batch,)`` log density of all measurements of some scans."""
-    total: Array | float = 0.0
-    for processed in history:
-        logarithm = None if processed.answer is None else log_likelihood(processed.answer)
-        if logarithm is not None:
-            total = total + np.where(processed.scan.valid & ~np.isnan(logarithm), logarithm, 0.0)
-    return total
-
-
 class TrackState(NamedTuple):
     """The state of a built-in tracker after a scan."""
 
@@ -105,122 +80,3 @@ class TrackState(NamedTuple):
     waiting: TentativeTrack | None = None
     fallback: CartesianFallback | None = None
     """The tracks whose course is unknown; it replaces their belief."""
-    history: tuple[ProcessedScan[TrackState, Estimate], ...] = ()
-    """The latest scans, where late ones may come."""
-
-
-@dataclass(frozen=True)
-class TrackSteps:
-    """Predicts, updates and smooths a batch of tracks, those of unknown course by position and velocity."""
-
-    filter: Filter[Any]
-    """By NumPy."""
-    engine: Engine
-    initial: InitialConfig
-    cartesian_fallback: Literal["always", "at_start", "never"]
-    """When a track of a state with a yaw is followed by position and velocity, because its course is unknown."""
-
-    @cached_property
-    def computed_filter(self) -> Filter[Any]:
-        """The filter as the engine computes it."""
-        return filter_by(self.engine, self.filter)
-
-    @cached_property
-    def fallback(self) -> FallbackFilter:
-        """Follows the tracks whose course is unknown."""
-        with_yaw = any(set(YAW) & set(motion.components) for motion in self.filter.motions)
-        # A stated covariance is that of the motion model's own state.
-        possible = with_yaw and self.initial.source != "truth" and self.initial.covariance_diag is None
-        at_start = possible and self.cartesian_fallback != "never"
-        later = possible and self.cartesian_fallback == "always"
-        return FallbackFilter(self.filter, self.engine, sigmas(self.initial), at_start, later)
-
-    @property
-    def guard(self) -> StepGuard | None:
-        """Tells of a predicted belief where a step is not the filter's alone."""
-        return self.fallback.guard
-
-    def advanced(self, state: TrackState, time: float) -> TrackState:
-        """The state predicted to a later time, or to its own."""
-        elapsed, belief, started = time - state.time, state.belief, state.started
-        if np.any(started):
-            belief = self.computed_filter.predict(belief, elapsed)
-            if not np.all(started):
-                # A placeholder stays as it is, so that its covariance does not grow without bound.
-                belief = choose(started, belief, state.belief)
-        fallback = self.fallback.predicted(state.fallback, elapsed, belief, started)
-        return state._replace(time=time, belief=belief, fallback=fallback)
-
-    def predicted(self, state: TrackState, time: float) -> TrackState:
-        """The state predicted to a time at which it does not advance."""
-        # A prediction over no time would draw sigma points anew, and change the last digits.
-        return state if time <= state.time else self.advanced(state, time)
-
-    def updated(self, state: TrackState, scan: Scan) -> tuple[Update[Any], CartesianFallback | None]:
-        """The update of all tracks with a scan at the time of their state, and the fallback after it."""
-        if state.fallback is None:
-            # For placeholders alone nothing is compiled.
-            filter = self.computed_filter if np.any(state.started) else self.filter
-            return filter.update(state.belief, scan), None
-        return self.fallback.updated(state.fallback, scan, lambda part: self.computed_filter.update(state.belief, part))
-
-    def with_starts(self, state: TrackState, scan: Scan) -> TrackState:
-        """The state with the tracks that start from the measurements of a scan."""
-        if np.all(state.started):
-            return state
-        begin = start_tracks(self.initial, scan, state.waiting)
-        fresh, belief, fallback = begin.ready & ~state.started, state.belief, state.fallback
-        if np.any(fresh):
-            belief = choose(fresh, self.filter.begin(begin.state_of), belief)
-            fallback = self.fallback.begun(fallback, fresh, begin.state_of)
-        return state._replace(belief=belief, started=state.started | fresh, waiting=begin.waiting, fallback=fallback)
-
-    def retrodicted(
-        self, before: TrackState, state: TrackState, scan: Scan, times: tuple[float, ...]
-    ) -> tuple[TrackState, Estimate]:
-        """The state corrected by a late scan, and its estimate with the innovation of that scan.
-
-        Args:
-            before: after the latest scan that was taken before it.
-            state: the present one.
-            scan: the late one, valid only where there is a track before it and now.
-            times: of the scans since the late one, s.
-        """
-        assert isinstance(self.filter, SingleModelFilter)
-        assert isinstance(before.belief, Belief)
-        assert isinstance(state.belief, Belief)
-        update = retrodicted(self.filter, Retrodiction(before.belief, before.time, state.belief, times), scan)
-        estimate = with_innovation(
-            self.estimate(state._replace(belief=update.belief)), update, before.started & state.started
-        )
-        return state._replace(belief=update.belief._replace(repaired=None)), estimate
-
-    def estimate(self, state: TrackState) -> Estimate:
-        """The estimate of a state; NaN, or at rest if so configured, where no track has started."""
-        started, fallback = state.started, state.fallback
-        mean, covariance = self.computed_filter.cartesian(state.belief)
-        if fallback is not None:
-            mean = np.where(fallback.where, fallback.belief.mean, mean)
-            covariance = np.where(fallback.where, fallback.belief.covariance, covariance)
-        if not np.all(started):
-            before: Gaussian | tuple[float, float] = (np.nan, np.nan)
-            if state.waiting is not None and self.initial.waiting == "at_rest":
-                before = at_rest(state.waiting, self.initial)
-            mean = np.where(started, mean, before[0])
-            covariance = np.where(started, covariance, before[1])
-        estimate = belief_estimate(state.belief, Gaussian(mean, covariance))
-        if estimate.mode_probabilities is not None:
-            estimate = estimate._replace(mode_probabilities=where_tracked(started, estimate.mode_probabilities))
-        return estimate if estimate.repaired is None else estimate._replace(repaired=estimate.repaired & started)
-
-    def smoothed(self, state: TrackState, later: TrackState) -> TrackState:
-        """The state smoothed by a later one, by that of Rauch, Tung and Striebel."""
-        elapsed = later.time - state.time
-        # Where there is no track yet, what is smoothed means nothing.
-        belief = choose(state.started, self.computed_filter.smooth(state.belief, later.belief, elapsed), state.belief)
-        fallback = state.fallback
-        if fallback is not None:
-            estimate = self.estimate(later)
-            cartesian = Gaussian(estimate.mean, estimate.covariance)
-            belief, fallback = self.fallback.smoothed(fallback, elapsed, cartesian, belief)
-        return state._replace(belief=belief, fallback=fallback)

@@ -34,7 +34,7 @@ class LoadedTruth(NamedTuple):
     cached: bool = False
     """Whether it was read from the cache."""
     notes: tuple[str, ...] = ()
-    """What went wrong with the cache, and what was left out of a recording, a line each."""
+    """What was left out of a recording, a line each."""
     measurements: dict[str, Recorded] | None = None
     """By sensor; None where measurements are to be synthesised."""
 

@@ -13,12 +13,9 @@ from trackbench.base.types import Array, Mask, Truth
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.config.traffic import BoxesOptions
-from trackbench.truth.formats.tables import TableFormat
-from trackbench.truth.own_velocity import contradicted_velocity
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
-from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
-from trackbench.truth.recorded.table_files import read_table
+from trackbench.truth.recorded.reference import with_scored_region
 from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import (
     LONGEST_GAP_S,
@@ -34,8 +31,8 @@ from trackbench.truth.tracks import (
 LARGEST = 20_000_000
 
 
-def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Truth, tuple[str, ...]]:
-    """Return the truth, and lines on how the file was read and on what contradicts itself in it.
+def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
+    """Return the truth that boxes are.
 
     Args:
         config: the ``truth`` of a scenario.
@@ -47,7 +44,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
     """
     file = find_log(config.path, folder, "truth.path")
     rows = read_rows(config.format, file)
-    dont_care = _dont_care(config, rows, file)
+    dont_care = np.zeros(len(rows), dtype=bool) if rows.dont_care is None else rows.dont_care
     if dont_care.all():
         raise InputError("every row is a don't-care box, so there is no object", file=file)
     time = _without_rounding(rows.time)
@@ -56,9 +53,6 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
     if len(np.unique(time)) * len(tracks) > LARGEST:
         what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
         raise InputError(f"{what} are too many; take a shorter time", file=file)
-    if config.reference.point not in (None, "centre") and rows.heading is None:
-        message = f"the file has no heading, along which the {config.reference.point} is moved to the centre"
-        raise InputError(message, file=file, key="truth.reference.point")
     kinds = {track.id: track.kind for track in tracks}
     for number, kind in enumerate(config.reference.classes or ()):
         if kind.casefold() not in {each.casefold() for each in kinds.values()}:
@@ -67,7 +61,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
                 f"no object is of the class {kind!r}; the file has {classes}", key=f"truth.reference.classes.{number}"
             )
     drive = Drive(
-        {track.id: moved_to_centre(_motion(track), config) for track in tracks},
+        {track.id: _motion(track) for track in tracks},
         RowOrder(len(rows), 0, 0.0, 0),
         observer=None,
         logs={},
@@ -78,7 +72,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
             "rows": len(rows),
         },
         frames=np.unique(time) - first,
-        boxes=_boxes(config, _only(rows, time - first, dont_care)),
+        boxes=_boxes(_only(rows, time - first, dont_care)),
         kinds=kinds,
         start=rows.start + Decimal(repr(first)),
     )
@@ -91,21 +85,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> tuple[Tr
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
     if config.stretches is not None:
         require_long_enough(truth, {}, config.stretches)
-    contradiction = contradicted_velocity(rows)
-    notes = [*([", ".join(rows.notes)] if rows.notes else []), *([contradiction] if contradiction else [])]
-    return truth, tuple(f"truth: {note}" for note in notes)
-
-
-def _dont_care(config: BoxesOptions, rows: TrackRows, file: Path) -> Mask:
-    """``(rows,)`` what the format says is a don't-care box, or a column of a table."""
-    result = np.zeros(len(rows), dtype=bool) if rows.dont_care is None else rows.dont_care
-    ignore = config.reference.ignore
-    if ignore:
-        if not isinstance(config.format, TableFormat):
-            message = "is of columns with names, which this format does not have"
-            raise InputError(f"{message}; it says itself what is a don't-care box", key="truth.reference.ignore")
-        result = result | ignored_rows(read_table(file, config.format.form, list(ignore)), ignore)
-    return result
+    return truth
 
 
 def _without_rounding(time: Array) -> Array:
@@ -144,11 +124,11 @@ def _beside(drive: Drive, truth: Truth) -> Mask:
     return result
 
 
-def _boxes(config: BoxesOptions, rows: TrackRows) -> Array:
-    """Don't-care boxes; a point where the file does not state a size."""
+def _boxes(rows: TrackRows) -> Array:
+    """Don't-care boxes as in ``Drive.boxes``; a point where the file does not state a size."""
     heading, length, width = (
         np.zeros(len(rows)) if values is None else np.nan_to_num(values)
         for values in (rows.heading, rows.length, rows.width)
     )
-    sizes = np.maximum(length, 0.0), np.maximum(width, 0.0)
-    return placed_boxes(rows.time, rows.px, rows.py, heading, *sizes, config.reference)
+    halves = (np.maximum(size, 0.0) / 2 for size in (length, width))
+    return np.stack([rows.time, rows.px, rows.py, heading, *halves])

@@ -17,6 +17,7 @@ import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
 from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.plugins import one_line
 from trackbench.base.types import Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
 from trackbench.truth.audit import Reported, audited_truth, by_euler
@@ -182,10 +183,8 @@ def prepare_env(config: HighwayOptions) -> AbstractEnv:
     try:
         env.reset(seed=config.seed, options={"config": settings})
     except Exception as error:
-        raise InputError(
-            f"{config.env} cannot be set up with this configuration: {type(error).__name__}: {error}",
-            key="truth.config",
-        ) from error
+        message = f"{config.env} cannot be set up with this configuration: {one_line(error)}"
+        raise InputError(message, key="truth.config") from error
     if config.ego == "idm":
         _let_idm_drive(env, config.env)
     if config.drivers == "human" and not any(isinstance(vehicle, IDMVehicle) for vehicle in env.road.vehicles):

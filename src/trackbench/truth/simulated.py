@@ -22,7 +22,6 @@ from trackbench.base.types import Observer, Progress, Truth
 from trackbench.truth.base import LoadedTruth
 from trackbench.truth.config import HighwayOptions
 
-HEADER = "trackbench truth"
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
 OWN_CLASSES = "highway_env."
 
@@ -34,33 +33,18 @@ def cache_file(config: HighwayOptions) -> Path:
     return cache_folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
 
 
-def _read(config: HighwayOptions) -> LoadedTruth | None:
-    """The stored truth; None where there is none, or it may have changed.
-
-    Raises:
-        ValueError: the entry is damaged, or is not what it should be.
-    """
-    if not _determined(config):
-        return None
+def stored(config: HighwayOptions) -> LoadedTruth | None:
+    """Return the truth from the cache; None where it is not there, is damaged, or may have changed."""
     file = cache_file(config)
-    try:
-        content = file.read_bytes()
-    except FileNotFoundError:
+    if not _determined(config) or not file.exists():
         return None
-    except OSError as error:
-        raise ValueError(f"{file} cannot be read ({error.strerror})") from error
-    header, _, payload = content.partition(b"\n")
-    if header != _header(payload):
-        raise ValueError(f"{file} is damaged or not a truth of this version")
     try:
-        with np.load(io.BytesIO(payload), allow_pickle=False) as archive:
+        with np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        meta = json.loads(str(arrays.pop("meta")))
-        truth = _unpacked(arrays, meta)
-    except (KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{file} is damaged ({error})") from error
-    if meta["key"] != _key(config):
-        raise ValueError(f"{file} is the truth of something else")
+        truth = _unpacked(arrays, json.loads(str(arrays.pop("meta"))))
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        log.warning("cache: %s cannot be read (%s); simulated again", file, error)
+        return None
     log.info("truth from the cache: %s", file)
     return LoadedTruth(truth, cached=True)
 
@@ -85,17 +69,13 @@ def fingerprint(files: Iterable[Path]) -> str:
     return hashlib.sha256(b"".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
 
 
-def _header(payload: bytes) -> bytes:
-    return f"{HEADER} {hashlib.sha256(payload).hexdigest()}".encode()
-
-
-def _packed(truth: Truth, key: str) -> bytes:
+def _packed(truth: Truth) -> bytes:
     arrays: dict[str, Any] = {
         **{name: value for name, value in _attributes(truth).items() if isinstance(value, np.ndarray)},
         **{f"observer.{name}": value for name, value in _attributes(truth.observer).items()},
         **{f"roads.{i}": line for i, line in enumerate(truth.roads)},
     }
-    meta = {"key": key, "ids": truth.ids, "source": truth.source, "audit": truth.audit, "roads": len(truth.roads)}
+    meta = {"ids": truth.ids, "source": truth.source, "audit": truth.audit, "roads": len(truth.roads)}
     stream = io.BytesIO()
     np.savez(stream, meta=np.array(json.dumps(meta)), **arrays)
     return stream.getvalue()
@@ -121,14 +101,8 @@ def _attributes(value: Any) -> dict[str, Any]:
 
 def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
     """Read the truth from the cache, or simulate and keep it."""
-    notes = []
-    try:
-        kept = _read(config) if cache else None
-    except ValueError as error:
-        notes.append(f"cache: {error}; simulated again")
-    else:
-        if kept is not None:
-            return kept
+    if cache and (kept := stored(config)) is not None:
+        return kept
 
     from trackbench.truth import highway
 
@@ -136,22 +110,11 @@ def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> L
     truth = highway.simulate(config, progress)
     log.info("truth simulated in %.1f s: %s", time.perf_counter() - begin, config.env)
     if cache and _determined(config):
-        file = cache_file(config)
         try:
-            payload = _packed(truth, _key(config))
-            write_whole(file, _header(payload) + b"\n" + payload)
-            log.info("truth kept in the cache: %s", file)
+            write_whole(cache_file(config), _packed(truth))
         except OSError as error:
-            notes.append(f"cache: {file.parent} cannot be written ({error.strerror}); the truth is not kept")
-    return LoadedTruth(truth, cached=False, notes=tuple(notes))
-
-
-def stored(config: HighwayOptions) -> LoadedTruth | None:
-    """The truth from the cache; None where it is not there, or is damaged."""
-    try:
-        return _read(config)
-    except ValueError:
-        return None
+            log.warning("cache: %s cannot be written (%s); the truth is not kept", cache_file(config), error.strerror)
+    return LoadedTruth(truth)
 
 
 def _determined(config: HighwayOptions) -> bool:

@@ -82,8 +82,7 @@ class BoxesTruth(_Recorded, BoxesOptions):
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
         from trackbench.truth import boxes
 
-        truth, notes = boxes.load_boxes(self.scenes()[0], folder, sensors=bool(sensors))
-        return LoadedTruth(truth, notes=self._of_scene(notes))
+        return LoadedTruth(boxes.load_boxes(self.scenes()[0], folder, sensors=bool(sensors)))
 
 
 class TrafficTruth(_Recorded, TrafficOptions):

@@ -76,8 +76,6 @@ class TrackRows:
     """``(rows,)`` of the run's measurements."""
     start: Decimal = Decimal(0)
     """s of the file's clock from which ``time`` counts: nanoseconds since 1970 keep their differences."""
-    notes: tuple[str, ...] = ()
-    """What was read from where, a line each: ``time <- timestamp_ns (ns)``."""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -122,7 +120,7 @@ class TrackRows:
             value = getattr(self, name)
             if isinstance(value, np.ndarray):
                 columns[name] = value[..., chosen]
-            elif isinstance(value, Sequence) and name != "notes":
+            elif isinstance(value, Sequence):
                 columns[name] = [value[row] for row in chosen.tolist()]
         return replace(self, **columns)
 

@@ -23,11 +23,10 @@ from trackbench.api.prepare import prepare
 from trackbench.api.run import run_prepared as run_all
 from trackbench.base import execution
 from trackbench.base.errors import TrackbenchError
-from trackbench.base.execution import Executor, executor, one_blas_thread
+from trackbench.base.execution import Executor, executor
 from trackbench.base.plugins import searched
-from trackbench.results import Result
 from trackbench.runner.run import run_scenario
-from trackbench.scenario import Scenario, load_scenario
+from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 
 Write = Callable[..., Scenario]
@@ -63,13 +62,6 @@ def test_a_run_that_takes_long_is_made_by_others_too(line: Scenario, monkeypatch
 
 def workers() -> set[Any]:
     return set(multiprocessing.active_children())
-
-
-def test_a_short_run_is_made_in_this_process(line: Scenario) -> None:
-    before = workers()
-    with executor(None) as shared:
-        run_scenario(load_scenario(line.path, ["monte_carlo.runs=4"]), truths_of(line), executor=shared)
-        assert workers() == before
 
 
 class Ordered(Executor):
@@ -115,43 +107,10 @@ def test_the_blocks_of_several_scenarios_are_made_at_once(write: Write, cluster:
     assert [result.summary.scenario.name for result in found] == ["one", "two", "three"]
 
 
-def folders(where: Path) -> dict[str, bytes]:
-    return {str(file.relative_to(where)): file.read_bytes() for file in where.rglob("report.html")}
-
-
-def test_folders_are_written_while_others_are_computed(write: Write, tmp_path: Path) -> None:
-    scenarios = [write(name, "monte_carlo.runs=2") for name in ("one", "two", "three")]
-    ordered = Ordered()
-    told: list[str] = []
-
-    class Told(Listener):
-        def end(self, result: Result, folder: Path | None) -> None:
-            assert folder is not None
-            assert (folder / "report.html").is_file()
-            told.append(result.summary.scenario.name)
-
-    plan = RunPlan(tmp_path / "out", workers=2, left_out=frozenset({"recording.rrd"}))
-    run_all(prepare(scenarios, plan, ordered, Told()), plan, ordered, Told())
-    assert told == ["one", "two", "three"]
-    last_block = len(ordered.events) - ordered.events[::-1].index("run_blocks")
-    assert ordered.events.index("asked for pages") < last_block
-    assert (tmp_path / "out" / "comparison.html").is_file()
-
-
 def speak(constant: list[int], number: int, tell: Callable[[int], None] = print) -> tuple[int, list[int]]:
     """What a call can see of where it runs."""
     tell(number)
     return number + sum(constant), [library["num_threads"] for library in threadpoolctl.threadpool_info()]
-
-
-@pytest.mark.parametrize(("workers", "told"), [(1, [3, 4]), (2, [])])
-def test_observers_are_told_of_calls_in_this_process_alone(workers: int, told: list[int]) -> None:
-    seen: list[int] = []
-    constant = [1, 2]
-    with executor(workers) as chosen:
-        made = chosen.map(speak, [(constant, 3), (constant, 4)], observers=(seen.append,))
-        assert [result for result, _ in made] == [6, 7]
-    assert seen == told
 
 
 def test_blas_takes_one_thread_here_and_in_workers() -> None:
@@ -161,13 +120,6 @@ def test_blas_takes_one_thread_here_and_in_workers() -> None:
             assert threads
             assert set(threads) == {1}
             assert {library["num_threads"] for library in threadpoolctl.threadpool_info()} == {1}
-
-
-def test_the_thread_limit_ends_with_the_command() -> None:
-    with threadpoolctl.threadpool_limits(2, user_api="blas"):
-        with one_blas_thread(), one_blas_thread():
-            pass
-        assert {library["num_threads"] for library in threadpoolctl.threadpool_info()} == {2}
 
 
 def test_a_module_that_a_worker_does_not_have_is_named(tmp_path: Path) -> None:

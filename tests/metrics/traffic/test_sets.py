@@ -10,13 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.optimize import linear_sum_assignment
 from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
 from tests.metrics.traffic.histories import counted_of, random_histories
 
 from trackbench.base.types import Array
-from trackbench.metrics.traffic.assignment import best_matching
 from trackbench.metrics.traffic.set_distances import GospaParts, gospa, gospa_of_sets, ospa
 
 NOW = datetime.datetime(2000, 1, 1)
@@ -112,17 +110,3 @@ def test_scores_of_histories_are_those_of_their_sets() -> None:
     np.testing.assert_allclose(
         ospa(parts, counted.due.sum(axis=1), counted.present.sum(axis=1)), ospa(expected, *numbers), atol=1e-12
     )
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_the_matching_of_a_group_is_the_assignment_with_most_gain(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    gain = rng.uniform(-1, 1, (20, 7, 6)).clip(0)
-    group, row, column = np.nonzero(gain > 0)
-    chosen = best_matching(group, row, column, gain[group, row, column], 7, 6)
-    for k in range(20):
-        own = chosen & (group == k)
-        assert len(set(row[own])) == len(set(column[own])) == own.sum()
-        assert gain[k, row[own], column[own]].sum() == pytest.approx(
-            gain[k][linear_sum_assignment(gain[k], maximize=True)].sum(), rel=1e-12
-        )

@@ -167,15 +167,6 @@ def test_a_wrong_power_of_the_time_step_is_named(variant: str, words: str) -> No
     assert words in finding.evidence
 
 
-def test_other_process_noise_is_not_judged() -> None:
-    class Diagonal(PlainEkf):
-        def process_noise(self, x, dt):
-            return np.diag([0.1, 0.1, 1.0, 1.0]) * dt
-
-    for make in (Diagonal, CORRECT["PlainUkf first_measurement"], CORRECT["alpha_beta"]):
-        assert noise_powers(under_test(make)).findings == []
-
-
 def test_an_entry_that_is_changed_where_the_estimate_is_returned_is_none_of_the_prediction() -> None:
     tracker = under_test(mutant("covariance_asymmetric/plain_ekf/one_entry").make)
     asymmetric = [finding for finding in validity(tracker).findings if finding.fault.endswith("covariance_asymmetric")]

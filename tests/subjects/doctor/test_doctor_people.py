@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from benchmarks.doctor.other_ekfs import AdaptiveEkf
 from benchmarks.doctor.people_faults import TurningEkf
-from benchmarks.doctor.plain import symmetric
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_ukf import PlainUkf
 from benchmarks.faults.corpus import Program, bases, faults, sound
@@ -94,34 +93,6 @@ class Fading(PlainEkf):
 
 def test_a_memory_that_fades_is_no_jacobian() -> None:
     assert all(check.passed for check in transition(under_test(Fading)).checks)
-
-
-class Converted(PlainEkf):
-    """A radar's range rate along the measured azimuth, whose noise it does not count: its Jacobian is right."""
-
-    def update(self, x: Any, P: Any, scan: Any) -> Any:
-        if scan.kind != "radar":
-            return super().update(x, P, scan)
-        position, R = self.position(scan)
-        bearing = scan.measurement[1] + scan.sensor_pose[2]
-        sight = np.array([np.cos(bearing), np.sin(bearing)])
-        H = np.zeros((3, 4))
-        H[0, 0] = H[1, 1] = 1.0
-        H[2, 2:] = sight
-        noise = np.pad(R, (0, 1))
-        noise[2, 2] = scan.noise_covariance[2, 2]
-        y = np.append(position, scan.measurement[2] + sight @ scan.sensor_velocity) - H @ x
-        S = H @ P @ H.T + noise
-        K = np.linalg.solve(S, H @ P).T
-        return x + K @ y, symmetric(P - K @ S @ K.T)
-
-
-def test_a_noise_that_is_correlated_is_no_jacobian() -> None:
-    tracker = under_test(Converted)
-    models = [one for trial in tracker.trials["radar"] if trial.nearly_linear and (one := implied(trial))]
-    assert max(one.mixed for one in models) > 0.5
-    assert max(float(one.direction.max()) for one in models) < 0.05
-    assert all(check.passed for check in gain(tracker).checks)
 
 
 def test_a_wrong_jacobian_gives_the_gain_with_the_stated_noise() -> None:

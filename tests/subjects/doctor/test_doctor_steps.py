@@ -59,7 +59,7 @@ IMM = {
 }
 OTHERS: dict[str, Make] = {
     **{name: CORRECT[name] for name in ("alpha_beta", "FilterPyUkf first_measurement")},
-    **{name: CORRECT[name] for name in ("ekf ctra usual, two_measurements", "iekf ctrv usual, first_measurement")},
+    **{name: CORRECT[name] for name in ("ekf ctra usual, two_measurements", "ckf ctrv usual, first_measurement")},
     **{name: CORRECT[name] for name in ("ukf ctrv classic, two_measurements", "ckf ctrv calm, first_measurement")},
     **{name: CORRECT[name] for name in ("kf cv calm, first_measurement", "ukf ctra lively, first_measurement")},
     "imm": partial(ekf, motion=IMM),

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 import trackbench as tb
 from trackbench.base.execution import executor
 from trackbench.cli.commands import cli
-from trackbench.subjects.envelope.api import FinishedEnvelope, envelope_of
+from trackbench.subjects.envelope.api import envelope_of
 from trackbench.subjects.envelope.claim import Envelope
 from trackbench.subjects.envelope.files import save_envelope
 from trackbench.subjects.envelope.mapping import EnvelopeMap
@@ -67,12 +67,6 @@ def small_map() -> EnvelopeMap:
 def small_envelope(small_map: EnvelopeMap) -> Envelope:
     """What is claimed of it."""
     return envelope_of(small_map, "trackbench envelope small.yaml")
-
-
-@pytest.fixture(scope="session")
-def without_examples() -> FinishedEnvelope:
-    """Four cells of the small map from a program, without counter-examples."""
-    return tb.envelope(tb.load(small(cells=4).document.value), counter_examples=0)
 
 
 class Commanded(NamedTuple):

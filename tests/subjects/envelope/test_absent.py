@@ -7,13 +7,11 @@ from tests.subjects.envelope.conftest import map_of
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.models.sensors.presets import typical
 from trackbench.scenario.check import check
 from trackbench.scenario.load import load_scenario
 from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.claim import Claim
-from trackbench.subjects.envelope.margins import margins, slices
 from trackbench.subjects.envelope.task import task_of
 
 QUALITY = "envelope/sensor_quality"
@@ -39,17 +37,6 @@ def test_no_cell_is_a_copy(made: FinishedEnvelope) -> None:
     assert claim.absent == [AbsentCells(at={"world": "recorded", "rate": 20.0}, reason="recorded at 10 Hz")]
     values = [[v.value for v in cell.trackers["ekf_cv"].values] for cell in claim.cells]
     assert len({str(value) for value in values}) == len(values)
-
-
-def test_the_page_says_where_there_is_none(made: FinishedEnvelope) -> None:
-    page = " ".join(str(made.report()).split())
-    assert "Where world recorded, rate 20 Hz: none (recorded at 10 Hz)" in page
-    along_rate = [m for m in margins(made.claim, "ekf_cv") if m.axis.name == "rate" and m.at[0][1] == "recorded"]
-    assert [*along_rate[0].absent.values()] == ["none (recorded at 10 Hz)"]
-    assert len(along_rate[0].cells) == 2
-    # The map over azimuth and rate, of the world recorded.
-    part = next(part for part in slices(made.claim, 1, 2) if part.at[0][1] == "recorded")
-    assert part.absent == ((1.0, "none (recorded at 10 Hz)"),)
 
 
 def test_a_map_of_nothing_but_copies_is_refused() -> None:
@@ -88,26 +75,9 @@ def test_a_changed_rate_is_said(world: str, rate: str, notes: list[str]) -> None
     assert all(note.startswith(start) for note, start in zip(said, notes, strict=True))
 
 
-def test_the_rate_of_a_preset_is_changed_too() -> None:
-    radar = "sensors.front_radar={type: radar, preset: bosch_lrr3, detection_probability: 0.9}"
-    loaded = load_scenario(QUALITY, ["world=recorded", radar])
-    assert loaded.config.sensors["front_radar"].rate_hz == 10
-    assert [*loaded.slowed] == ["front_radar"]
-
-
 def test_cells_rest_on_figures_that_are_assumed(made: FinishedEnvelope) -> None:
     assumed = {str(cell.point[0]): cell.assumed for cell in made.claim.cells}
     assert not assumed["ideal"]
     assert "reflection of front_radar" in assumed["recorded"]
     page = " ".join(str(made.report()).split())
     assert "rest on figures assumed for reflection of front_radar" in page
-
-
-def test_the_offset_of_the_reflection_is_an_axis_of_a_shipped_envelope() -> None:
-    loaded = load_scenario("envelope/reflection_offset")
-    radar = loaded.config.sensors["front_radar"]
-    stated = loaded.document.value["sensors"]["front_radar"]["effects"]
-    assert stated == typical("radar", radar.components)
-    axis = next(axis for axis in task_of(loaded).axes if axis.name == "offset")
-    assert axis.ends == (0.0, 1.0)
-    assert [*axis.links] == ["sensors.front_radar.effects.0.toward_sensor"]

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
-from tests.subjects.envelope.conftest import SMALL
 
 import trackbench as tb
-from trackbench.base.errors import InputError
-from trackbench.scenario.load import scenario_of
 from trackbench.subjects.envelope.axes import MapAxis, axes_of, between, overrides, point_distance, start_points
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
 from trackbench.subjects.envelope.mapping import refined
@@ -73,37 +68,6 @@ def test_between_is_half_way(a: float, b: float) -> None:
         assert LOG.share(point[0]) == pytest.approx((LOG.share(x) + LOG.share(y)) / 2, abs=1e-4)
 
 
-def test_nothing_lies_between_choices_or_values() -> None:
-    assert between([WORLDS], ("ideal",), ("human",), 0.01) is None
-    assert between([RATES], (5,), (20,), 0.01) is None
-
-
-def square(**block: Any) -> tuple[EnvelopeConfig, list[MapAxis]]:
-    """A map of two axes from 0 to 1."""
-    axes = {name: {"key": f"a.{name}", "from": 0, "to": 1} for name in "xy"}
-    config = EnvelopeConfig.model_validate({"axes": axes, **block})
-    return config, [MapAxis(name, item) for name, item in config.axes.items()]
-
-
-@pytest.mark.parametrize(
-    ("cells", "own", "added"),
-    [
-        (64, [0.3, 0.7], True),
-        (64, [0.3, None], False),
-        (64, [0.3, 1.2], False),
-        (64, [0.25, 0.5], False),
-        (25, [0.3, 0.7], False),
-    ],
-    ids=["inside", "no value", "outside", "a level", "no room"],
-)
-def test_the_scenario_is_a_cell(cells: int, own: list[float | None], added: bool) -> None:
-    config, axes = square(cells=cells)
-
-    points, others = start_points(axes, config, own), start_points(axes, config, [None, None])
-
-    assert points == others + [tuple(own)] * added
-
-
 def test_the_map_is_refined_at_the_border_alone() -> None:
     config = EnvelopeConfig.model_validate(
         {
@@ -124,37 +88,6 @@ def test_the_map_is_refined_at_the_border_alone() -> None:
     assert len(points) == 5
     assert len(refined(axes, states, 2, 1 / 32)) == 2
     assert refined(axes, states, 100, 0.25) == []
-
-
-SETTLE = {"key": "score.settle_s", "from": 0, "to": 1}
-
-
-@pytest.mark.parametrize(
-    ("block", "key", "message"),
-    [
-        ({"axes": {}}, "axes", "must not be empty"),
-        ({"axes": {"x": {"key": "score.settle_s"}}}, "axes.x", "from and to, values, or choices"),
-        ({"axes": {"x": {"from": 0, "to": 1}}}, "axes.x", "write key"),
-        ({"axes": {"x": {**SETTLE, "from": 2}}}, "axes.x.from", "must be below to"),
-        ({"axes": {"x": {**SETTLE, "key": "monte_carlo.runs"}}}, "axes.x.key", "cannot be an axis"),
-        ({"axes": {"x": {**SETTLE, "scale": "log"}}}, "axes.x.from", "above 0"),
-        ({"cells": 4, "axes": {"x": SETTLE}}, "cells", "has 5 cells"),
-        ({"claim": "traffic like these", "axes": {"x": SETTLE}}, "runs.first", "at least 30"),
-        ({"axes": {"x": SETTLE, "y": SETTLE}}, "axes.y", "varied by x already"),
-        ({"axes": {"x": SETTLE}, "scale": {"y": 1}}, "scale.y", "is no axis"),
-    ],
-)
-def test_what_is_no_envelope_is_refused(block: dict[str, Any], key: str, message: str) -> None:
-    with pytest.raises(InputError) as caught:
-        tb.load({**SMALL, "envelope": block})
-
-    assert caught.value.key == f"envelope.{key}"
-    assert message in caught.value.message
-
-
-def test_an_axis_is_checked_by_itself() -> None:
-    with pytest.raises(ValidationError):
-        Axis.model_validate({"key": "a.b", "values": [1, 1]})
 
 
 SCENARIO = {
@@ -200,10 +133,3 @@ def test_it_is_what_the_scenario_says_or_its_default(axis, own):
     loaded = tb.load(SCENARIO | {"envelope": {"axes": {"a": axis}}})
     (value,) = base_point(loaded, axes_of(loaded.config.envelope))
     assert value == own
-
-
-@pytest.mark.parametrize(("stated", "own"), [(None, "human"), ("typical", "typical")])
-def test_without_a_world_the_first_of_the_worlds_is_the_base(stated, own):
-    text = tb.load("envelope/sensor_quality").text.replace("choices: [ideal, human,", "choices: [human, ideal,")
-    loaded = scenario_of(text.replace("world: ideal\n", f"world: {stated}\n" if stated else ""), Path("x.yaml"), [])
-    assert base_point(loaded, axes_of(loaded.config.envelope)) == [own, 0.5, 10.0]

@@ -12,13 +12,11 @@ from benchmarks.calibration.cells import CELLS, decided, levels_of, looks, plant
 from scipy import stats
 
 import trackbench as tb
-from trackbench.base.errors import InputError
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.subjects.envelope.api import envelope_of
 from trackbench.subjects.envelope.bounds import bound, interval_difference
-from trackbench.subjects.envelope.cells import Extent, Spending, _by_repetition, changed, decide, joint_state
+from trackbench.subjects.envelope.cells import Spending, changed, decide
 from trackbench.subjects.envelope.mapping import EnvelopeMap
-from trackbench.subjects.envelope.task import task_of
 
 NUMBERS = (25, 50, 100, 200, 300)
 
@@ -65,13 +63,6 @@ def test_too_few_runs_leave_a_cell_undecided_and_say_why() -> None:
     assert not decide(values_of(1.0), 100.0, "below", 0.01).reason
 
 
-def test_a_cell_holds_with_all_its_requirements_and_fails_with_one() -> None:
-    assert joint_state(["holds", "holds"]) == "holds"
-    assert joint_state(["holds", "undecided"]) == "undecided"
-    assert joint_state(["holds", "undecided", "fails"]) == "fails"
-    assert joint_state([]) == "undecided"
-
-
 @pytest.mark.parametrize("same_runs", [True, False])
 def test_a_cell_goes_from_holds_to_fails_where_the_value_is_shown_to_be_worse(same_runs: bool) -> None:
     before, after = values_of(0.7), values_of(1.5, seed=1 if same_runs else 2)
@@ -81,16 +72,6 @@ def test_a_cell_goes_from_holds_to_fails_where_the_value_is_shown_to_be_worse(sa
     assert not changed("holds", "fails", better, "below", 1e-4)
     assert not changed("holds", "undecided", worse, "below", 1e-4)
     assert not changed("fails", "fails", worse, "below", 1e-4)
-
-
-def test_the_batched_decision_of_the_calibration_is_that_of_each_cell() -> None:
-    random = np.random.default_rng(4)
-    values = random.uniform(0.4, 2.0, (60, 1)) * random.gamma(2.0, 0.5, (60, 50))
-    batched = decided(values, [50], [1e-4]).state
-    words = {1: "holds", -1: "fails", 0: "undecided"}
-    single = [decide(root(ratio(own, np.ones(50), at_least=0.0)), 1.0, "below", 1e-4).state for own in values]
-    assert [words[state] for state in batched] == single
-    assert len(set(single)) == 3
 
 
 def test_no_map_with_a_planted_requirement_has_a_wrong_cell_and_those_far_from_the_limit_are_decided() -> None:
@@ -135,27 +116,6 @@ ROAD = {
     "duration_s": 2,
     "rate_hz": 10,
 }
-
-
-def test_blocks_add_up_to_the_extent() -> None:
-    first, second = Extent(2, 3), Extent(3, 8)
-    pieces = [*first.blocks_beyond(Extent(0, 0), 2), *second.blocks_beyond(first, 2)]
-
-    made = sorted((piece.scene, run) for piece in pieces for run in piece.runs)
-    assert made == [(scene, run) for scene in range(3) for run in range(8)]
-    assert all(len(piece.runs) <= 2 for piece in pieces)
-
-
-def test_a_repetition_is_the_run_of_one_number_in_every_scene() -> None:
-    influence = np.array([1.0, -2.0, 3.0, 5.0, -4.0, -3.0])
-    run = np.array([0, 1, 0, 1, 2, 2])
-
-    repeated = _by_repetition(Interval(7.0, influence, weight=np.ones(6)), run)
-
-    assert repeated.influence.tolist() == [2.0, 1.5, -3.5]
-    assert repeated.weight is not None
-    assert repeated.weight.tolist() == [2.0, 2.0, 2.0]
-    assert _by_repetition(Interval(7.0, influence), np.arange(6)).influence is influence
 
 
 @pytest.mark.parametrize(
@@ -232,23 +192,6 @@ class Broken:
 
     def step(self, state: Any, scan: Any) -> Any:
         raise RuntimeError("no more")
-
-
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"expect": []}, "expect"),
-        ({"expect": [{"tracker": "kf", "metric": "nees.verdict", "is": "consistent"}]}, "expect.0.is"),
-        ({"claim": "traffic like these", "runs": {"first": 30}}, "envelope.claim"),
-    ],
-)
-def test_what_cannot_be_decided_is_refused(changes: dict[str, Any], key: str) -> None:
-    from tests.subjects.envelope.conftest import small
-
-    with pytest.raises(InputError) as caught:
-        task_of(small(**changes))
-
-    assert caught.value.key == key
 
 
 RADAR = {

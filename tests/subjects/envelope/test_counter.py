@@ -14,14 +14,12 @@ from tests.subjects.envelope.conftest import Commanded
 from tests.support.claims import claim_of
 
 import trackbench as tb
-from trackbench.document import Code, Figure, Paragraph, Row, Section
 from trackbench.metrics.recorded_run import scene_at
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.axes import point_distance
 from trackbench.subjects.envelope.claim import Envelope, read_envelope
 from trackbench.subjects.envelope.counter import base_of, nearest_failing
-from trackbench.subjects.envelope.counter_page import condition_of, counter_sections, event_of
-from trackbench.subjects.envelope.report import envelope_document
+from trackbench.subjects.envelope.counter_page import condition_of, event_of
 
 #: Eleven values of each, a tenth of the range apart.
 SQUARE: dict[str, Any] = {
@@ -77,24 +75,10 @@ def test_a_scenario_that_fails_counts_from_the_nearest_cell_that_holds() -> None
     assert faces(SQUARE, lambda q, r: 2.0 if q > 0.45 else 0.5, base=[6, 0.5]) == {"q high": (5, 0.5)}
 
 
-def test_a_scenario_that_is_no_cell_is_not_said_to_fail() -> None:
-    base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 2.0 if q > 0.45 else 0.5}, base=[12, 0.5]), "ekf")
-    assert base.note.startswith("the cell nearest to the scenario fails")
-
-
-def test_where_nothing_holds_the_scenario_stays_the_base() -> None:
-    base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 2.0}, base=[6, 0.5]), "ekf")
-    assert (base.at, base.note) == ((6, 0.5), "no cell holds: distances are from the scenario itself")
-
-
 def test_an_axis_without_a_value_of_the_scenario_takes_its_middle() -> None:
     base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 0.5}, base=[None, 0.2]), "ekf")
     assert base.at == (5, 0.2)
     assert "no value of q" in base.note
-
-
-def test_undecided_cells_are_no_counter_examples() -> None:
-    assert faces(SQUARE, lambda q, r: 1.0 if q > 0.75 else 0.5, base=[5, 0.5]) == {}
 
 
 @given(st.sets(st.tuples(st.integers(0, 10), st.integers(0, 10)), max_size=30))
@@ -187,39 +171,6 @@ def test_its_folder_is_a_run_and_its_scenario_repeats_it(countered: Envelope, tm
     assert read_envelope(folder).claim == countered.claim
 
 
-def test_without_recordings_there_are_none(countered: Envelope, tmp_path: Path) -> None:
-    folder = FinishedEnvelope(countered).save(tmp_path, recording=False)
-    assert not [*folder.rglob("*.rrd")]
-    assert [*folder.rglob("report.html")]
-
-
-def test_the_page_names_cause_repetition_and_runs(countered: Envelope) -> None:
-    nearest, beyond = counter_sections(countered.claim)
-    text = str(nearest)
-    assert "not shown to fail again" in text
-    assert "the doctor" in text
-    assert "position error" in text
-    assert "limit" in str(beyond)
-
-
-def test_the_page_begins_with_the_map_beside_the_nearest_one_and_its_command(countered: Envelope) -> None:
-    _, claim, first, *_ = envelope_document(countered).blocks
-    assert isinstance(claim, Paragraph)
-    assert isinstance(first, Row)
-    figure, nearest = first.blocks
-    assert isinstance(figure, Figure)
-    assert isinstance(nearest, Section)
-    assert countered.claim.counter_examples is not None
-    (example,) = countered.claim.counter_examples.examples
-    assert nearest.blocks[-1] == Code(f"trackbench view counter_examples/{example.folder}", "sh")
-
-
-def test_none_are_made_where_none_are_wanted(without_examples: FinishedEnvelope) -> None:
-    assert without_examples.claim.counter_examples is not None
-    assert without_examples.claim.counter_examples.examples == []
-    assert without_examples.envelope.shown == {}
-
-
 CAR: dict[str, Any] = {"start": {"x": 30, "y": 5, "speed_mps": 10}}
 
 
@@ -248,10 +199,6 @@ def test_a_turn_carries_the_error_and_holds_the_worst_moment() -> None:
     assert event_of(result, "kf").startswith("position error ")
     time = float(event_of(result, "kf").rpartition(" at ")[2].removesuffix(" s"))
     assert 5 < time < 8.5
-
-
-def test_where_all_conditions_are_alike_none_is_named() -> None:
-    assert condition_of(result_of([{"for_s": 12}]), "kf") == ""
 
 
 @pytest.mark.slow

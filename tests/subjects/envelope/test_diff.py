@@ -136,28 +136,3 @@ def test_the_command(worse: EnvelopeDiff, before: Envelope, after: Envelope, tmp
     (suite,) = ET.fromstring((tmp_path / "j.xml").read_text())
     assert int(suite.attrib["tests"]) == len(worse.changes)
     assert int(suite.attrib["failures"]) == len(worse.of("lost")) == annotations.count("::error ")
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["diff"], "Missing argument 'A'"),
-        (["diff", "a", "b", "c"], "unexpected extra argument"),
-        (["dif", "a", "b"], "Did you mean 'diff'?"),
-        (["diff", "a", "b"], "there is no such file"),
-        ([], "Missing argument 'SCENARIO'"),
-    ],
-)
-def test_mistaken_use(words: list[str], message: str, cli: Cli) -> None:
-    done = cli("envelope", *words)
-
-    assert done.status == 2
-    assert message in done.err
-
-
-@pytest.mark.parametrize("words", [["--help"], ["diff", "-h"]])
-def test_help(words: list[str], cli: Cli) -> None:
-    done = cli("envelope", *words)
-
-    assert done.status == 0
-    assert done.out.startswith(" ".join(["Usage: trackbench envelope", *words[:-1]]))

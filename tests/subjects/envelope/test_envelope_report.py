@@ -18,14 +18,11 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
 from trackbench.document.terminal import print_document
-from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.claim import Envelope
 from trackbench.subjects.envelope.files import save_envelope
 from trackbench.subjects.envelope.map_figures import map_figure
 from trackbench.subjects.envelope.report import (
-    MOST_CELLS,
-    cells_table,
     claim_sentence,
     envelope_document,
     envelope_summary,
@@ -88,87 +85,6 @@ def test_the_area_that_holds_is_that_of_the_triangles_between_cells_that_hold():
     assert spans == [(1.0, 1.5), (2.5, 3.0), (2.5, 3.0), (1.5, 2.5)]
 
 
-def test_the_values_of_choices_are_drawn_above_their_names():
-    document = envelope_document(made("world", trackers=["ekf", "imm"], base=["human"]))
-    (figure,) = document.figures
-    (panel,) = matplotlib_figure(figure).axes
-    assert [tick.get_text() for tick in panel.get_xticklabels()] == ["ideal", "human"]
-    dots = {(float(x), float(y)) for line in panel.lines if line.get_marker() == "o" for x, y in line.get_xydata()}
-    dots |= {(float(x), float(y)) for line in panel.lines if line.get_marker() == "x" for x, y in line.get_xydata()}
-    assert dots == {(x + aside, float(np.exp(x - own))) for x in (0, 1) for aside, own in ((-0.125, 0.4), (0.125, 0.7))}
-    (mark,) = (line for line in panel.lines if line.get_marker() == "^")
-    assert mark.get_xdata() == [1]
-    assert "## Margins" not in to_markdown(document)
-
-
-def test_values_of_both_signs_are_on_one_linear_axis_in_all_panels():
-    """In the ideal world all values are positive, over two decades; in the other there is one below 0."""
-    ways = {name: AXES[name] for name in ("q", "world")}
-    claim = claim_of(ways, {"ekf": lambda x, world: -0.5 if world and x > 0.9 else 0.01 * 10 ** (2 * x)})
-    (figure,) = envelope_document(envelope_of(claim)).figures
-    panels = matplotlib_figure(figure).axes
-    assert [panel.get_yscale() for panel in panels] == ["linear", "linear"]
-    assert len({panel.get_ylim() for panel in panels}) == 1
-    assert panels[0].get_ylim()[0] < -0.525
-    assert panels[0].get_ylim()[1] > 1.05
-
-
-def test_nothing_lies_on_the_edge_of_a_panel():
-    for figure in envelope_document(made("q", "r", base=[1.0, 10.0])).figures:
-        for panel in matplotlib_figure(figure).axes:
-            (left, right), (bottom, top) = panel.get_xlim(), panel.get_ylim()
-            for line in panel.lines:
-                if line.get_marker() in ("o", "x", "^") and line.get_clip_on():
-                    x, y = line.get_xydata().T
-                    assert ((x > left) & (x < right) & (y > bottom) & (y < top)).all(), figure.name
-
-
-def test_a_panel_without_a_border_says_why():
-    ways = {name: AXES[name] for name in ("q", "r", "world")}
-    values = {
-        "good": lambda x, y, world: 0.5 + x + world,
-        "open": lambda x, y, world: 0.99,
-        "part": lambda x, y, world: 0.5 if x < 0.5 else 0.99,
-        "poor": lambda x, y, world: 2.0 - 1.5 * (1 - world),
-        "edge": lambda x, y, world: 1.0 - 1e-15 if x + y == 2 else 2.0,
-    }
-    document = envelope_document(envelope_of(claim_of(ways, values)))
-    figure = next(figure for figure in document.figures if figure.name == "borders-q-r")
-    texts = {axes.get_title(loc="left"): axes.texts[0].get_text() for axes in matplotlib_figure(figure).axes}
-    both = "open: not decided\npart: not all decided\n"
-    edge = "\nedge: not all decided"
-    assert texts == {
-        "world ideal": f"{both}poor: all hold{edge}",
-        "world human": f"good: none holds\n{both}poor: none holds{edge}",
-    }
-
-
-def test_at_most_nine_slices_are_shown_with_that_of_the_scenario():
-    document = envelope_document(made("q", "r", "n", "m", base=[1.5, 1.0, 5.0, 100.0]))
-    figure = next(figure for figure in document.figures if figure.name == "map-ekf-q-r")
-    titles = [axes.get_title(loc="left") for axes in matplotlib_figure(figure).axes if axes.get_visible()]
-    assert len(titles) == 9
-    assert titles[0] == "n 5 Hz, m 100 ms"
-    assert "Of 12 slices those 9 are shown" in figure.caption
-
-
-def test_the_table_of_cells_begins_at_the_limit_and_says_what_it_leaves_out():
-    claim = made("q", "r", "n", "m").claim
-    table = cells_table(claim)
-    assert len(table.rows) == MOST_CELLS
-    assert f"{len(claim.cells) - MOST_CELLS} more" in table.caption
-    cells = {cell.at: cell for cell in claim.cells}
-    values = [abs(np.log(cells[_point(claim, row)].trackers["ekf"].values[0].value)) for row in table.rows]
-    assert values == sorted(values)
-
-
-def _point(claim, row):
-    texts = tuple(cell.text for cell in row[: len(claim.axes)])
-    return next(
-        cell.at for cell in claim.cells if texts == tuple(a.shown(v) for a, v in zip(claim.axes, cell.at, strict=True))
-    )
-
-
 def with_cells(claim, **changes):
     """The claim whose tracker has other entries in every cell."""
     cells = [
@@ -187,14 +103,6 @@ def test_the_claim_says_how_rare_a_kind_of_run_the_first_decided_cells_may_lack(
     later = with_cells(claim, looks=2, runs=400)
     assert "the 400 runs that decided the first cells may lack one that makes up 2.3 % of all" in claim_sentence(later)
     assert "may lack" not in claim_sentence(with_cells(claim, state="undecided"))
-
-
-def test_the_headline_says_where_a_cell_is_undecided_because_every_run_is_the_same():
-    claim = made("q").claim
-    (head,) = headlines(with_cells(claim, state="undecided", cause=ALL_THE_SAME))
-    assert head.endswith("100 % undecided, of which 5 cells because every run is the same")
-    (head,) = headlines(with_cells(claim, state="undecided"))
-    assert head.endswith("100 % undecided")
 
 
 def test_a_saved_envelope_is_written_again_by_report(cli, tmp_path: Path):

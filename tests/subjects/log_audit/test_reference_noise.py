@@ -6,7 +6,6 @@ import csv
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.sensing.detections import FALSE_ALARM
 from trackbench.subjects.log_audit.api import audit
-from trackbench.subjects.log_audit.noise import residual_noises
 from trackbench.truth.recorded.drive import Motion
 from trackbench.truth.recorded.robust import body_sigmas, clipped, white_sigma
 
@@ -83,30 +81,6 @@ def test_the_noise_of_rows_is_estimated_beside_their_motion() -> None:
     # A velocity that was made of the positions has sqrt(1/2) of their noise in an interval.
     made = Motion(time, px, py, np.gradient(px, time), np.gradient(py, time))
     assert body_sigmas(made) == (pytest.approx(0.05, rel=0.06), pytest.approx(0.05 / (np.sqrt(2) * 0.1), rel=0.06))
-
-
-def test_the_shape_of_a_noise_is_as_uncertain_as_the_noise_of_each_object_of_the_reference(tmp_path: Path) -> None:
-    """Its share is the same at all ranges, so an error common to all objects would make no shape."""
-    item = audit(write_log(tmp_path, objects=WALKERS, moving=False, radar=None, lidar=Errors(), truth_sigma_m=0.1))
-    log, fit = item.sensors["lidar"].log, item.sensors["lidar"].fit
-    exponent = item.sensors["lidar"].noise[0].exponent
-    sure = residual_noises(replace(log, noise=replace(log.noise, uncertainty=0.0)), fit)[0][0].exponent
-    # Mean logarithm of the range of each object, about that of all.
-    along = np.log(log.polar(log.log.time, log.log.object, fit.errors)[0, fit.inlier])
-    along -= along.mean()
-    owner = log.log.object[fit.inlier]
-    share = (fit.reference[0] / fit.scale[0] ** 2)[fit.inlier].mean()
-    by_object = 0.5 * log.noise.uncertainty * share * np.bincount(owner, along) / (along @ along)
-    added = math.sqrt(exponent.sigma**2 - sure.sigma**2)
-    assert added == pytest.approx(float(np.linalg.norm(by_object)), rel=0.1)
-
-
-def test_a_row_without_noise_beside_rows_of_a_noisy_reference() -> None:
-    """Its weight is so much larger that the squares of the others' vanish."""
-    residual, added = np.array([[0.5, 1.0, -1.0, 2.0]]), np.array([[0.0, 1.0, 1.0, 1.0]])
-    middle, sigma = clipped(residual * 1e-3 + 1.0, added)
-    assert np.isfinite(middle).all()
-    assert np.isfinite(sigma).all()
 
 
 TEXT = """\

@@ -11,35 +11,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 from scipy import stats
+from tests.support.example_result import make_result
 from tests.support.recordings import ReadRecording
 from tests.support.results import with_tables
 
 from trackbench.results import (
-    ConditionVerdict,
-    ExpectationResult,
-    Health,
-    MetricValue,
     Result,
     Summary,
     Tables,
-    TrackerResult,
-)
-from trackbench.results.scenario_summary import (
-    ComponentNoise,
-    MarginSummary,
-    MountSummary,
-    ReferenceSummary,
-    ScenarioSummary,
-    ScoreSummary,
-    SensorSummary,
-    TruthSummary,
 )
 from trackbench.subjects.recording import writer as recording
 
-MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
 STEPS, DT, RUNS = 401, 0.05, 100
 TARGETS = ("v1", "v2", "v3", "v4", "v5")
-TRACKERS = {"raw": 0.9, "kf_cv": 0.5, "ekf_cv": 0.42, "ukf_ctrv": 0.38, "tuned_badly": 0.55}
+TRACKERS = {"raw": 0.9, "ekf_ctrv": 0.5, "ekf_cv": 0.42, "ukf_ctrv": 0.38, "ekf_tight": 0.55}
 CLAIMED = 0.4
 SENSORS = {"front_radar": (1, 3), "roof_lidar": (2, 2)}
 KINDS = {"front_radar": "radar", "roof_lidar": "lidar"}
@@ -58,7 +43,7 @@ def synthetic_result() -> Result:
         rmse = sigma * growth * (1 + 0.03 * rng.standard_normal(STEPS))
         count = RUNS * sum(truth[name]["alive"] for name in TARGETS)
         low, high = (stats.chi2.ppf(q, 4 * count) / count for q in (0.025, 0.975))
-        mean = rng.chisquare(4 * count) / count * (3.0 if tracker == "tuned_badly" else 1.0)
+        mean = rng.chisquare(4 * count) / count * (3.0 if tracker == "ekf_tight" else 1.0)
         steps.append(
             {
                 "tracker": [tracker] * STEPS,
@@ -79,7 +64,7 @@ def synthetic_result() -> Result:
                 continue
             at, number = TIME[::every], count[::every]
             low, high = (stats.chi2.ppf(q, dof * number) / number for q in (0.025, 0.975))
-            mean = rng.chisquare(dof * number) / number * (1.6 if tracker == "tuned_badly" else 1.0)
+            mean = rng.chisquare(dof * number) / number * (1.6 if tracker == "ekf_tight" else 1.0)
             nis.append(
                 {
                     "tracker": [tracker] * len(at),
@@ -178,107 +163,15 @@ def _table(parts: list[dict[str, Any]]) -> pa.Table:
 
 
 def _summary() -> Summary:
-    return Summary(
-        scenario=ScenarioSummary(
-            name="synthetic_highway",
-            description="Six cars on three lanes; one changes lane.",
-            file="synthetic.yaml",
-            text="",
-            overrides=[],
-        ),
-        seed=7,
-        runs=RUNS,
-        versions={"trackbench": "0.1.0", "numpy": "2.4.0"},
-        command="trackbench run synthetic.yaml",
-        fingerprints=[f"{run:016x}" for run in range(RUNS)],
-        truth=TruthSummary(
-            source="highway-env",
-            env="highway-v0",
-            objects=list(TARGETS),
-            steps=STEPS,
-            dt=DT,
-            duration_s=20.0,
-            audit={},
-            cached=False,
-        ),
-        sensors={
-            "front_radar": _sensor(
-                "radar", 20, {"range": (0.3, "m"), "azimuth": (0.5, "deg"), "range_rate": (0.1, "m/s")}
-            ),
-            "roof_lidar": _sensor("lidar", 10, {"x": (0.15, "m"), "y": (0.15, "m")}),
-        },
-        reference=ReferenceSummary(
-            kind="reference",
-            motion="cv",
-            acceleration_sigma_mps2=1.0,
-            acceleration_from="truth",
-            acceleration_changes="each measurement",
-            velocity_sigma_mps=10.0,
-        ),
-        score=ScoreSummary(
-            settle_s=0.0,
-            divergence_m=10.0,
-            lost_after_s=5.0,
-            min_coverage=0.5,
-            from_s=0.0,
-            to_s=TIME[-1],
-            margin=MARGIN,
-        ),
-        recorded_run=0,
-        trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
-        ranking=sorted(TRACKERS, key=TRACKERS.__getitem__),
-        expectations=[
-            _expectation("ukf_ctrv", "position_rmse", "below", 0.45, 0.38, True),
-            _expectation("tuned_badly", "nees.verdict", "is", "consistent", "optimistic", False),
-        ],
-        passed=False,
-        artifacts={},
-    )
-
-
-def _sensor(kind: str, rate_hz: float, sigmas: dict[str, tuple[float, str]]) -> SensorSummary:
-    return SensorSummary(
-        kind=kind,
-        dof=len(sigmas),
-        noise={name: ComponentNoise(sigma=sigma, unit=unit) for name, (sigma, unit) in sigmas.items()},
-        fov_deg=120,
-        max_range_m=150,
-        mount=MountSummary(x_m=2.5, y_m=0, yaw_deg=0),
-        rate_hz=rate_hz,
-        detection_rate=0.9,
-        preset=None,
-    )
-
-
-def _tracker(name: str, sigma: float) -> TrackerResult:
-    if name == "raw":
-        nees = MetricValue(value=None, unit="1", dof=4, reason="no covariance")
-    elif name == "tuned_badly":
-        nees = MetricValue(value=12.1, unit="1", dof=4, verdict="optimistic")
-    elif name == "kf_cv":
-        off = ConditionVerdict(name="turning", mean=39.7, ci95=(39.0, 40.4), verdict="optimistic")
-        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="mixed", conditions=(off,))
-    else:
-        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="consistent")
-    metrics = {
-        "position_rmse": MetricValue(value=sigma, unit="m", ci95=(sigma - 0.01, sigma + 0.01)),
-        "nees": nees,
-        "position_over_reference": MetricValue(value=sigma / 0.3, unit="1"),
-    }
-    return TrackerResult(name=name, describe=f"{name}, both sensors", failed=None, metrics=metrics, health=Health())
-
-
-def _expectation(
-    tracker: str, metric: str, operator: str, limit: float | str, value: float | str, passed: bool
-) -> ExpectationResult:
-    return ExpectationResult(
-        tracker=tracker,
-        metric=metric,
-        operator=operator,
-        limit=limit,
-        value=value,
-        passed=passed,
-        text=f"{tracker} {metric} {operator} {limit}",
+    made = make_result().summary
+    truth = made.truth.model_copy(update={"objects": list(TARGETS), "steps": STEPS})
+    return made.model_copy(
+        update={
+            "trackers": [tracker for tracker in made.trackers if tracker.name in TRACKERS],
+            "ranking": sorted(TRACKERS, key=TRACKERS.__getitem__),
+            "truth": truth,
+            "score": made.score.model_copy(update={"settle_s": 0.0}),
+        }
     )
 
 

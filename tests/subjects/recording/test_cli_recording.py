@@ -11,9 +11,7 @@ from typing import Any
 
 import pytest
 from tests.support.commands import run_command
-from tests.support.recordings import ReadRecording
 
-from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.results import Result
 from trackbench.subjects.recording import viewer
 
@@ -49,14 +47,6 @@ def test_inspect_prints_what_is_in_a_recording(cli: Cli, folder: Path) -> None:
     assert "4 runs, 2 vehicles, 2.0 s, seed 7" in done.out
     of_folder = cli("inspect", "results/tiny")
     assert of_folder.out == done.out
-
-
-def test_a_tracker_alone_keeps_its_colour_in_report_and_recording(cli: Cli, folder: Path) -> None:
-    assert cli("run", "tiny.yaml", "--trackers", "ekf", "--out", "alone").status == 0
-    alone, colour = folder.parents[1] / "alone" / "tiny", TRACKER_COLOURS[list(Result.load(folder)).index("ekf")]
-    assert f'style="--mark: {colour}"></span>ekf</td>' in (alone / "report.html").read_text(encoding="utf-8")
-    recorded = ReadRecording(alone / "recording.rrd")
-    assert recorded("/world/estimates/ekf/v1", "Points2D:colors")[None] == [int(colour[1:] + "FF", 16)]
 
 
 def test_inspect_prints_json_and_nothing_else(cli: Cli, folder: Path) -> None:

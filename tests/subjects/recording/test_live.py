@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import socket
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from tests.support.recordings import ReadRecording
 from trackbench.api.plan import Prepared
 from trackbench.base.types import Gaussian
 from trackbench.document.palette import tracker_colours
-from trackbench.results import Result
 from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
@@ -66,27 +64,6 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
         viewer.close()
     finally:
         stop(viewer)
-
-
-def test_what_waits_is_bounded_and_begins_and_ends(
-    scene: tuple[Scenario, LoadedTruth], run_tiny: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(live, "WAITING", 4)
-    monkeypatch.setattr(threading.Thread, "start", lambda self: None)
-    viewer = Live(ABSENT)
-    try:
-        viewer.begin(Prepared(scene[0], [scene[1]]))
-        for instant in range(10):
-            viewer.observe(RecordedInstant(instant, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))}))
-        viewer.end(run_tiny())
-        about, *kept, result = viewer._waiting
-        assert isinstance(about, LiveRun)
-        assert [item.number for item in kept if isinstance(item, RecordedInstant)] == [0, 1, 2]
-        assert isinstance(result, Result), "the whole recording is sent however much waits"
-    finally:
-        stop(viewer)
-        # Which otherwise the thread does.
-        viewer._pipe.close()
 
 
 def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, LoadedTruth]) -> None:
@@ -170,20 +147,3 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
     raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))
     assert [len(ekf[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 0, 0]
     assert [len(raw[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 1, 1]
-
-
-def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., Result], tiny: Path) -> None:
-    loaded = load_scenario(tiny, ["recording.run=3"])
-    truth = truth_of(loaded).truth
-    several = np.repeat(truth.px, 5, axis=2) + np.arange(5.0)
-    from dataclasses import replace
-
-    sent = live.truth_of_run(replace(truth, px=several), 3)
-    assert sent.px.shape[2] == sent.py.shape[2] == 1
-    np.testing.assert_array_equal(sent.px[..., 0], several[..., 3])
-
-
-def test_what_has_no_beginning_is_left_out(tmp_path: Path) -> None:
-    drawing = LiveRuns(ABSENT)
-    drawing.draw([RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))})])
-    drawing.finish()

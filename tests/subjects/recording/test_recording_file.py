@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import subprocess
 import sys
@@ -59,18 +58,6 @@ def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result:
     }
 
 
-def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(short: Result, rewritten: Rewritten) -> None:
-    nis = short.tables.nis
-    own = pc.multiply(nis["nis_high"], pc.if_else(pc.equal(nis["tracker"], "kf_cv"), 0.7, 1.0))
-    read = rewritten(nis=nis.set_column(nis.column_names.index("nis_high"), "nis_high", own))
-    place = "/series/all_runs/nis/front_radar/bounds"
-    names = [read(f"{place}/nis_high_{i}", "SeriesLines:names")[None][0] for i in (1, 2)]
-    assert names == ["95 % bounds: kf_cv", "95 % bounds: ekf_cv, ukf_ctrv, tuned_badly"]
-    own_colour = read("/series/all_runs/nis/front_radar/kf_cv", "SeriesLines:colors")[None]
-    assert read(f"{place}/nis_high_1", "SeriesLines:colors")[None] == own_colour
-    assert read(f"{place}/nis_high_2", "SeriesLines:colors")[None] != own_colour
-
-
 def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_number(
     read: Any, result: Result
 ) -> None:
@@ -101,16 +88,6 @@ def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
         np.testing.assert_allclose([value[0] for value in values if value], 7.815, atol=5e-4)
 
 
-def test_a_line_is_broken_where_there_is_no_value(short: Result, rewritten: Rewritten) -> None:
-    steps = short.tables.steps
-    column = steps.column_names.index("nees_mean")
-    values = steps["nees_mean"].to_numpy().copy()
-    values[10] = np.nan
-    read = rewritten(steps=steps.set_column(column, "nees_mean", pa.array(values)))
-    nees = read("/series/all_runs/nees/raw", "Scalars:scalars")
-    assert (nees[0.5], len(nees[0.55])) == ([], 1)
-
-
 def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
     for name, colour in tracker_colours(list(result)).items():
         expected = [int(colour[1:] + "FF", 16)]
@@ -118,34 +95,6 @@ def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, resul
         assert read(f"/world/estimates/{name}/v1/covariance", "Ellipses2D:colors")[None] == expected
         assert read(f"/series/all_runs/nees/{name}", "SeriesLines:colors")[None] == expected
     assert len(set(TRACKER_COLOURS)) == len(TRACKER_COLOURS)
-
-
-def test_a_tracker_has_the_colour_of_its_place(short: Result, rewritten: Rewritten) -> None:
-    placed = [tracker.model_copy(update={"place": i + 2}) for i, tracker in enumerate(short.summary.trackers)]
-    read = rewritten(short.updated(trackers=placed))
-    for i, tracker in enumerate(placed, 2):
-        expected = [int(TRACKER_COLOURS[i][1:] + "FF", 16)]
-        assert read(f"/world/estimates/{tracker.name}/v1", "Points2D:colors")[None] == expected
-        assert read(f"/series/all_runs/nees/{tracker.name}", "SeriesLines:colors")[None] == expected
-
-
-def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
-    (ranking,) = read("/ranking", "TextDocument:text")[None]
-    lines = [line for line in ranking.splitlines() if line.startswith("| ")]
-    names = [line.split(" ")[1].strip("*") for line in lines[2:]]
-    assert names == ["ukf_ctrv", "ekf_cv", "kf_cv", "tuned_badly", "raw"]
-    assert "| **tuned_badly** | 0.550 (±0.010) | optimistic |" in lines
-    assert "1 of 2 expectations failed" in ranking
-    assert "**Failed**: tuned_badly nees.verdict optimistic" in ranking
-    (about,) = read("/about", "TextDocument:text")[None]
-    assert "run 0 of 100, seed 7" in about
-    radar = next(line for line in about.splitlines() if line.startswith("- **front_radar**"))
-    assert radar.endswith(
-        "noise (1 sigma) range 0.3 m, azimuth 0.5 deg, range rate 0.1 m/s; field of view 120 deg, range 150 m; "
-        "mount x 2.5 m, y 0 m, yaw 0 deg"
-    )
-    assert read("/__properties/trackbench", "seed")[None] == [7]
-    assert read("/__properties/trackbench", "scenario")[None] == ["synthetic_highway"]
 
 
 def test_a_failed_tracker_is_named_with_its_cause(short: Result, rewritten: Rewritten) -> None:
@@ -202,19 +151,6 @@ def test_a_folder_that_cannot_be_written_is_one_clear_error(short: Result, tmp_p
     with pytest.raises(TrackbenchError, match="Is a directory"):
         recording.write(short, tmp_path / "run.rrd")
     assert {entry.name for entry in tmp_path.iterdir()} == {"file", "run.rrd"}
-
-
-def test_a_full_disk_leaves_the_old_recording(short: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path, content: bytes) -> int:
-        path.touch()
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    (tmp_path / "run.rrd").write_text("old")
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(TrackbenchError, match="No space left on device"):
-        recording.write(short, tmp_path / "run.rrd")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
-    assert (tmp_path / "run.rrd").read_text() == "old"
 
 
 def test_rerun_switched_off_by_the_environment_is_said(

@@ -47,12 +47,6 @@ def test_a_lane_says_what_is_late_missed_and_false() -> None:
     assert lane(rows, events).tolist() == ["", "late", "lead", "lead", "", "missed", "missed", "", "false", ""]
 
 
-def test_a_lane_without_events_is_the_activity(result: Result) -> None:
-    rows = result.tables.decisions.to_pandas().query("tracker == 'slow'")
-    states = lane({name: rows[name].to_numpy() for name in rows}, [])
-    assert ((states != "") == (rows.active > 0)).all()
-
-
 def test_lanes_log_and_rings_are_in_the_file(result: Result, file: Path) -> None:
     chunks = [chunk for chunk in RrdReader(file).stream() if not chunk.is_static]
     rows = {str(chunk.entity_path): chunk.to_record_batch() for chunk in chunks}

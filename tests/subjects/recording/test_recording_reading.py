@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
-from tests.support.recordings import ReadRecording
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.recorded_run import recorded_estimates, worst
-from trackbench.results import Result, json_text
+from trackbench.results import Result
 from trackbench.subjects.recording import chunks
 from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.data import TABLES, read
@@ -58,12 +55,6 @@ def test_every_number_comes_back(folder: Path) -> None:
         assert plain(recorded.result.tables[name]) == plain(saved.tables[name]), name
 
 
-def test_a_recording_without_functions_has_no_lanes(folder: Path) -> None:
-    lanes = ("/functions", "/function_events", "/world/warned")
-    assert not [entity for entity in ReadRecording(folder / "recording.rrd").entities() if entity.startswith(lanes)]
-    assert "decisions" not in read(folder / "recording.rrd").result.tables
-
-
 def test_the_scene_at_a_time_is_the_latest_of_everything(folder: Path) -> None:
     scene = inspect(folder / "recording.rrd", Opening(at_s=1.07)).at
     assert scene is not None
@@ -78,12 +69,6 @@ def test_the_scene_at_a_time_is_the_latest_of_everything(folder: Path) -> None:
         (row["tracker"], row["object"], row["nees"]) for row in estimates if row["px_m"] is not None
     }
     assert all(0.8 - 1e-9 <= measurement.time_s <= 1.0 + 1e-9 for measurement in scene.measurements)
-
-
-@pytest.mark.parametrize("time", [-0.1, 2.2])
-def test_a_time_that_is_not_there_is_an_error(folder: Path, time: float) -> None:
-    with pytest.raises(InputError, match="goes from 0 s to 2 s"):
-        inspect(folder, Opening(at_s=time))
 
 
 def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
@@ -158,17 +143,6 @@ def test_a_folder_without_a_recording_is_read_from_its_tables(folder: Path, tmp_
     assert inspected.recorded.recording is None
 
 
-def test_what_is_found_is_also_json_without_a_value_that_is_no_number(folder: Path) -> None:
-    inspected = json.loads(json_text(inspect(folder, Opening(at_s=1.0, worst=2)).json()))
-    assert [tracker["name"] for tracker in inspected["trackers"]] == ["raw", "ekf"]
-    for tracker in inspected["trackers"]:
-        assert tracker == next(own for own in Result.load(folder).json()["trackers"] if own["name"] == tracker["name"])
-    assert set(inspected["at"]) == {"time_s", "vehicles", "measurements", "estimates"}
-    assert {"px_m", "speed_mps", "course_rad"} <= set(inspected["at"]["vehicles"][0])
-    assert {"tracker", "object", "time_s", "position_error_m", "nees"} <= set(inspected["worst"]["ekf"][0])
-    assert not {"at", "worst"} & set(inspect(folder).json())
-
-
 def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[..., Result], tmp_path: Path) -> None:
     (tmp_path / "stepless.py").write_text("class Stepless:\n    batched = True\n", encoding="utf-8")
     result = run_tiny("trackers.broken.use=stepless:Stepless", folder=tmp_path)
@@ -177,11 +151,6 @@ def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[...,
     assert set(inspected.json()["worst"]) == {"raw", "ekf"}
     *_, broken = inspected.json()["trackers"]
     assert "step" in broken["failed"]["cause"]
-
-
-def test_an_error_that_is_not_known_is_none(folder: Path) -> None:
-    recorded = recorded_estimates(read(folder).result).assign(nees=np.nan)
-    assert {moment.nees for moment in worst(recorded, ["ekf"], 3)} == {None}
 
 
 def test_a_reader_that_dies_is_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -13,16 +11,9 @@ import pyarrow.compute as pc
 import pytest
 from tests.support.results import with_tables
 
-from trackbench.base.types import Array
-from trackbench.document.palette import ERROR_COLOURS
-from trackbench.document.replay import Chart, ChartLine
 from trackbench.results import Result
 from trackbench.results.columns import Columns
-from trackbench.subjects.recording.contents import contents_of
 from trackbench.subjects.recording.focus import moment_of
-from trackbench.subjects.recording.layout import entries, left_out, legend_view
-from trackbench.subjects.recording.scene import GAP, HEIGHT, LETTER, label_points
-from trackbench.subjects.recording.series import charts_of
 from trackbench.subjects.recording.stream import ellipse
 
 
@@ -105,13 +96,6 @@ def test_an_estimate_that_is_not_renewed_disappears(short: Result, rewritten: Ca
     assert (len(drawn[2.0]), len(drawn[2.1])) == (1, 0), "held for a period of the slowest sensor, 0.1 s"
 
 
-TIME = np.arange(100) * 0.05
-
-
-def chart(values: Array, **rest: Any) -> Chart:
-    return Chart(("run", "error"), "Position error", "m", (ChartLine(("a",), "a", "#E69F00", TIME, values),), **rest)
-
-
 def vehicle(px: float, py: float) -> Columns:
     full = np.full(3, 1.0)
     return {
@@ -134,61 +118,6 @@ def test_a_trail_is_the_path_piece_by_piece(read: Any, result: Result) -> None:
     assert len(true[5.0]) == 5, "v4 arrives at 5 s, and has no path before"
 
 
-def test_what_spans_a_large_range_is_there_as_logarithms_too() -> None:
-    steady, steep = chart(np.linspace(1, 2, 100)), chart(np.geomspace(0.01, 10, 100))
-    assert (steady.large, steep.large) == (False, True)
-    assert steep.log_title == "log10 of position error, m"
-    assert not chart(np.geomspace(0.01, 10, 100), signed=True).large
-
-
-def test_an_axis_shows_what_it_must() -> None:
-    values = np.where(TIME[50] == TIME, 30.0, 1.0)
-    assert chart(values).span()[1] < 2, "one peak does not flatten the rest"
-    assert chart(values).span(shown=30.0)[1] > 30
-    low, high = chart(np.sin(TIME), signed=True).span()
-    assert -low == high > 1
-
-
-def test_a_line_apart_does_not_stretch_the_axis_of_the_others() -> None:
-    steady, coarse = chart(np.linspace(1, 2, 100)), chart(np.linspace(40, 60, 100))
-    both = replace(steady, lines=(*steady.lines, coarse.lines[0]._replace(name="raw")))
-    assert (both.large, replace(both, apart={"raw"}).large) == (True, False)
-    assert replace(both, apart={"raw"}).span() == steady.span()
-
-
-def test_the_ranking_says_which_plots_leave_a_tracker_out() -> None:
-    near, far = chart(np.ones(100)), ChartLine(("b",), "b", "#000000", TIME[:2], np.full(2, 1e6))
-    both = replace(near, lines=(*near.lines, far))
-    assert left_out([near]) == ""
-    assert left_out([both, both]) == "Left out of plots: b (Position error, m)."
-    assert left_out([replace(both, apart=["b"])]) == "Left out of plots: b (in tabs of its own)."
-
-
-def test_a_baseline_is_apart_from_the_contenders(result: Result) -> None:
-    flagged = [item.model_copy(update={"baseline": item.name == "raw"}) for item in result.summary.trackers]
-    charts = charts_of(contents_of(result.updated(trackers=flagged)))
-    for own in (charts.all_runs, charts.recorded, charts.vehicles["v1"]):
-        assert [line.name for line in own.errors[0].others] == ["raw"]
-    alone = [item for item in flagged if item.baseline]
-    assert not contents_of(result.updated(trackers=alone, ranking=["raw"])).baselines
-
-
-def test_the_map_has_the_true_paths_in_the_colours_of_the_errors(read: Any, result: Result) -> None:
-    strips, colours = (read("/errors/ekf_cv", f"LineStrips2D:{part}")[None] for part in ("strips", "colors"))
-    rows = [row for row in result.tables.estimates.to_pylist() if row["tracker"] == "ekf_cv"]
-    errors = {name: [row["position_error_m"] for row in rows if row["object"] == name] for name in ("v1", "v2")}
-    assert len(strips) == len(rows) - len(result.summary.truth.objects)
-    large = int(ERROR_COLOURS[2][1:] + "FF", 16)
-    pieces = [max(pair) for own in errors.values() for pair in pairwise(own)]
-    assert sum(colour == large for colour in colours) >= sum(error > 1.0 for error in pieces) > 0
-
-
-def test_plots_go_on_for_so_long_that_the_last_label_has_room(read: Any, result: Result) -> None:
-    rmse = read("/series/all_runs/position_rmse/ekf_cv", "Scalars:scalars")
-    last = max(rmse)
-    assert (last, rmse[last]) == (pytest.approx(1.05 * result.tables.steps["time_s"].to_numpy().max()), [])
-
-
 def test_a_recording_opens_where_contenders_differ_most(result: Result) -> None:
     rows = result.tables.estimates.to_pylist()
     for row in rows:
@@ -200,13 +129,6 @@ def test_a_recording_opens_where_contenders_differ_most(result: Result) -> None:
     assert moment.time_s == pytest.approx(8.5, abs=0.4)
 
 
-def test_logarithms_are_of_the_values(read: Any) -> None:
-    plain = read("/series/vehicles/v1/position_error/raw", "Scalars:scalars")
-    logarithms = read("/series/log10/vehicles/v1/position_error/raw", "Scalars:scalars")
-    for time in (1.0, 8.0, 19.0):
-        assert logarithms[time] == [np.log10(plain[time][0])]
-
-
 def test_the_plots_of_a_vehicle_are_of_it_alone(read: Any, result: Result) -> None:
     rows = result.tables.estimates.to_pylist()
     row = next(r for r in rows if (r["tracker"], r["object"], round(r["time_s"], 9)) == ("ekf_cv", "v2", 8.0))
@@ -216,32 +138,6 @@ def test_the_plots_of_a_vehicle_are_of_it_alone(read: Any, result: Result) -> No
         ("nees", "nees"),
     ):
         assert np.isclose(read(f"/series/vehicles/v2/{name}/ekf_cv", "Scalars:scalars")[8.0], row[column])
-
-
-def test_names_of_vehicles_do_not_overlap() -> None:
-    # Three lanes of 4 m, three cars side by side and one close behind, at a scale where names are wider than cars.
-    cars = [vehicle(0, 0), vehicle(0, 4), vehicle(0, 8), vehicle(-7, 0)]
-    names, scale = ["v1", "v2", "v3", "observer"], 0.18
-    points = label_points(cars, names, scale)
-    boxes = []
-    for point, name in zip(points, names, strict=True):
-        half = LETTER * len(name) / 2 * scale
-        top = point[0, 1] - GAP * scale
-        boxes.append((point[0, 0] - half, point[0, 0] + half, top - HEIGHT * scale, top))
-    for a, b in combinations(boxes, 2):
-        assert a[1] <= b[0] or b[1] <= a[0] or a[3] <= b[2] + 1e-9 or b[3] <= a[2] + 1e-9
-
-
-def test_the_legend_names_every_colour_once(read: Any, result: Result) -> None:
-    names = [name for entity in read.entities() if entity.startswith("/legend/") for name in labels(read, entity)]
-    assert sorted(names) == sorted(
-        [
-            *(t.name for t in result.scored),
-            *("front_radar", "roof_lidar", "truth, bounds", "observer"),
-            *("error < 0.5 m", "0.5 to 1 m", "above 1 m"),
-        ]
-    )
-    assert legend_view(entries({"a": "#E69F00"}, ["radar"])).name == "Legend"
 
 
 def labels(read: Any, entity: str) -> list[str]:

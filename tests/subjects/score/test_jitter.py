@@ -40,7 +40,7 @@ def test_a_perfect_tracker_that_jitters_is_better_than_one_that_is_a_metre_off(t
     assert result["jitters"].tgospa.value < 0.3 < 1 < result["off"].tgospa.value
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
 def test_missing_rows_and_a_second_of_silence_are_seen(tmp_path: Path, jitter: float) -> None:
     time = stamps(np.random.default_rng(3), 10, jitter, missing=True)
     away = time[(time < 20) | (time > 21)]

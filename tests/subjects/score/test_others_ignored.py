@@ -64,10 +64,3 @@ def test_it_is_said_and_a_gate_of_false_tracks_is_not_kept(files: Path, cli: Cli
     done = cli("run", "results/boxes.yaml", "--set", "truth.reference.others=counted")
     assert done.status == 2
     assert "'counted' is not known; choose from: ignored" in done.err
-
-
-def test_a_region_still_says_where_the_car_counts(files: Path, cli: Cli) -> None:
-    region = "truth.reference={others: ignored, region: {x_m: [-1, 100], y_m: [-5, 5]}}"
-    metrics = metrics_of(cli, "--set", region)
-    assert metrics["target"]["matched_share"]["value"] == 1
-    assert metrics["traffic"]["gospa"] == metrics["target"]["gospa"]

@@ -172,26 +172,6 @@ def test_a_sensor_that_the_scenario_lacks_is_passed_over(tmp_path):
     assert [answer == MANUAL for answer in answers] == [line[0] == "R" for line in LINES]
 
 
-def test_a_dropout_of_the_scenario_holds(tmp_path):
-    file = write_scenario(tmp_path)
-    text = file.read_text().replace("{type: radar,", "{type: radar, dropouts: [{from_s: 0, to_s: 100}],")
-    file.write_text(text)
-    # A sensor that is silent still tells the time.
-    told = load_scenario(file, ["trackers.ekf_lidar.advance_at=all_scans"])
-    asked, lidar = (Client(served(told, name), "client 1") for name in ("ekf", "ekf_lidar"))
-    assert [asked.answer(telemetry(line)) for line in LINES] == [lidar.answer(telemetry(line)) for line in LINES]
-
-
-def test_the_scenario_states_the_noise(scenario):
-    sensors = served(scenario, "ekf").sensors
-    np.testing.assert_allclose(np.diag(sensors["lidar"].noise_covariance), [0.15**2] * 2)
-    np.testing.assert_allclose(
-        np.diag(sensors["radar"].noise_covariance), [0.3**2, math.radians(1.718873) ** 2, 0.3**2]
-    )
-    with pytest.raises(ValueError, match="read-only"):
-        sensors["radar"].noise_covariance[0, 0] = 1
-
-
 def test_an_azimuth_beyond_a_half_turn_is_the_same_direction(client):
     """The recording reaches 3.19 rad."""
     column = next(line for line in LINES if line[0] == "R").split("\t")
@@ -201,17 +181,6 @@ def test_an_azimuth_beyond_a_half_turn_is_the_same_direction(client):
     a = [fields(plain.answer(telemetry(line))) for line in LINES]
     b = [fields(other.answer(telemetry(line))) for line in turned]
     np.testing.assert_allclose([list(x.values()) for x in a], [list(x.values()) for x in b], rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("name", "cause"),
-    [("raising", "ValueError: no third measurement, please"), ("vanishing", "the estimate is not finite")],
-)
-def test_a_tracker_that_fails_ends_its_session(name, cause, client):
-    asked = client(name)
-    assert [asked.answer(telemetry(line)) == MANUAL for line in LINES[:2]] == [False, False]
-    with pytest.raises(TrackerFailed, match=f"^at measurement 3: {cause}($| )"):
-        asked.answer(telemetry(LINES[2]))
 
 
 def test_an_absurd_time_ends_the_session_and_not_more(client):
@@ -227,11 +196,6 @@ def test_an_absurd_time_ends_the_session_and_not_more(client):
         except TrackerFailed:
             continue
         assert answer == MANUAL or all(math.isfinite(value) for value in fields(answer).values())
-
-
-def test_an_unknown_tracker_is_told_the_nearest(scenario):
-    with pytest.raises(InputError, match=r"no tracker 'ekff' in this scenario; did you mean 'ekf'\?"):
-        served(scenario, "ekff")
 
 
 def test_a_tracker_that_starts_from_the_truth_cannot_be_served(scenario):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +20,7 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.filters import InteractingMultipleModel
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.tuning import measures, objectives
+from trackbench.subjects.tuning import measures
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
@@ -105,24 +103,6 @@ def test_a_condition_is_off_beyond_what_a_verdict_tolerates(nees: float, off: fl
     assert measures.condition_excess(np.log(nees / 4.0)) == pytest.approx(off, abs=1e-12)
 
 
-def test_consistent_rmse_weighs_what_is_furthest_off_in_each_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
-    under = [[measures.HIGH + 0.3, measures.LOW - 0.1], [measures.HIGH]]
-    overall = [0.0, -objectives.SLACK - 0.1]
-
-    class Fixed:
-        def __init__(self, error: float, log_nees: float = 0.0) -> None:
-            self.values = {"position_rmse": error, "nees": 4.0 * np.exp(log_nees)}
-
-        def value(self, name: str) -> float:
-            return float(self.values[name])
-
-    sums = [Fixed(np.exp(0.05), value) for value in overall]
-    by_sums = {id(own): [("a condition", value) for value in values] for own, values in zip(sums, under, strict=True)}
-    monkeypatch.setattr(objectives, "log_nees_by_condition", lambda own, _: by_sums[id(own)])
-    loss = objectives.consistent_loss(sums, [Fixed(1.0), Fixed(1.0)])  # type: ignore[list-item, arg-type]
-    assert loss == pytest.approx(0.05 + objectives.PRICE * (0.3 + 0.1) / 2, abs=1e-12)
-
-
 def test_the_likelihood_is_that_of_the_innovations() -> None:
     y, s = np.array([[0.3], [-0.2]]), np.array([[[0.5], [0.1]], [[0.1], [0.4]]])
     said = log_likelihood(Estimate(np.zeros((4, 1)), np.zeros((4, 4, 1)), innovation=y, innovation_covariance=s))
@@ -132,7 +112,7 @@ def test_the_likelihood_is_that_of_the_innovations() -> None:
 
 def test_the_density_of_a_measurement_under_an_imm_has_the_integral_one() -> None:
     models = [{"model": "cv", "acceleration_sigma_mps2": sigma} for sigma in (0.5, 20.0)]
-    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_measurements")
+    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_measurements").tracker
     assert isinstance(tracker.filter, InteractingMultipleModel)
     step = 0.25
     axis = np.arange(-12.0, 12.0, step)
@@ -207,40 +187,6 @@ def test_the_usual_ranges_are_of_the_process_noise(scenario: Scenario) -> None:
         usual_ranges(scenario, "raw")
 
 
-@pytest.mark.parametrize(
-    ("text", "edges"),
-    [
-        ("initial.skip=0:3", (None, 3)),
-        ("initial.skip=1:1000", (1, None)),
-        ("kappa=0:3", (0, 3)),
-        ("alpha=0.5:1", (0.5, None)),
-        ("beta=0:2", (None, 2)),
-        ("acceleration_sigma_mps2=0.1:30", (0.1, 30)),
-    ],
-)
-def test_a_range_that_ends_where_the_option_does_cannot_be_wider(
-    scenario: Scenario, text: str, edges: tuple[float | None, ...]
-) -> None:
-    parameter = parse_range(text, scenario, "ukf")
-    assert (parameter.edge(parameter.low), parameter.edge(parameter.high)) == edges
-
-
-def test_the_start_has_the_value_of_an_option_of_another_name(scenario: Scenario) -> None:
-    parameter = parse_range("initial.from=first_measurement,two_measurements", scenario, "ukf")
-    assert start_values(scenario, "ukf", [parameter]) == {"initial.from": "first_measurement"}
-
-
-@pytest.mark.parametrize("scale", ["log", "linear", "odds"])
-def test_a_value_is_in_its_range_with_few_digits(scale: Any) -> None:
-    parameter = Parameter("key", scale, 0.2, 0.99995)
-    assert parameter.rounded(0.123) == 0.2
-    assert parameter.rounded(0.34567891) == 0.3457
-    assert parameter.rounded(0.999912344) == (0.99991234 if scale == "odds" else 0.9999)
-    assert parameter.edge(0.2) == 0.2
-    assert parameter.edge(0.5) is None
-    assert parameter.edge(0.99995) == 0.99995
-
-
 def test_a_probability_is_searched_on_the_scale_of_its_odds() -> None:
     gate = Parameter("gate", "odds", 0.9, 0.99999)
     study = Study("tracker", None, [gate], {})
@@ -299,28 +245,6 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
     assert [trial.values for trial in searched(tmp_path / "study.db", trials=32).trials] == [
         one.values for one in whole.trials
     ]
-
-
-@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="the open files of a process are listed by Linux alone")
-def test_no_file_of_a_study_stays_open(tmp_path: Path) -> None:
-    study = searched(tmp_path / "study.db", trials=8)
-    (tmp_path / "notes.db").write_text("shopping")
-    with pytest.raises(InputError, match="no study"):
-        Study("tracker", tmp_path / "notes.db", PARAMETERS, {})
-    left = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
-    assert len(study.trials) == 8
-    assert not [file for file in left if file.is_relative_to(tmp_path)]
-
-
-def test_a_storage_with_a_view_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "study.db"
-    searched(file, trials=8)
-    with closing(sqlite3.connect(file)) as database:
-        endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
-        database.execute("DROP TABLE version_info")
-        database.execute(f"CREATE VIEW version_info AS {endless} SELECT i AS version_info_id FROM n WHERE i < 0")
-    with pytest.raises(InputError, match=r"no study that can be written: 'version_info' is a view of this database"):
-        searched(file, trials=8)
 
 
 def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:

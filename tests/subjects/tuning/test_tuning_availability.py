@@ -11,13 +11,11 @@ import pytest
 import trackbench as tb
 from trackbench.api.scenario import load
 from trackbench.base.execution import Executor
-from trackbench.runner.work import BlockRuns, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning import evaluation
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import compare_held_out
-from trackbench.subjects.tuning.labelled import score_labelled
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
@@ -98,17 +96,6 @@ def test_an_error_is_charged_for_missing_estimates_as_in_a_run(scenario: Scenari
         assert trial.value(name) > start.value(name)
     assert trial.lacking(start, ["position_rmse", "velocity_rmse"]) is None
     assert "estimates that the start gives" in str(trial.lacking(start, ["nees"]))
-
-
-def test_the_sums_over_some_and_over_the_others_are_those_over_all(scenario: Scenario) -> None:
-    work, entry = work_of(scenario, truths_of(scenario)), scenario.config.trackers["early"]
-    piece = BlockRuns(0, range(4))
-    (whole,), innovations, _ = score_labelled(work, piece, entry)
-    some = np.random.default_rng(1).random(innovations.shape) < 0.5
-    halves = [score_labelled(work, piece, entry, 1, counted)[0][0] for counted in (some, ~some & innovations)]
-    total = halves[0].values["log_likelihood"] + halves[1].values["log_likelihood"]
-    assert (halves[0].values["log_likelihood"][1] < whole.values["log_likelihood"][1]).any()
-    np.testing.assert_allclose(total, whole.values["log_likelihood"], rtol=1e-12, atol=1e-12)
 
 
 def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:

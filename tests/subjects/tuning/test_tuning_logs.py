@@ -69,15 +69,6 @@ def test_the_held_out_score_is_that_of_the_estimates_in_the_held_out_stretches(t
     assert tuning.best.measures["position_rmse"] == pytest.approx(np.sqrt(np.mean(error[train >= 0] ** 2)), rel=1e-6)
 
 
-def test_a_tuning_on_a_log_says_what_was_held_out(tmp_path: Path) -> None:
-    found = tb.tune(scenario(tmp_path, "logs/log0.txt", 500), ["ekf"], ranges=RANGE, trials=8)
-    content = found.json()
-    assert content["scenarios"][0]["held_out"] == "other stretches of the same log"
-    assert "on other stretches of the same log" in content["trackers"][0]["verdict"]
-    (comparison,) = found["ekf"].held_out.of("log_likelihood")
-    assert comparison.difference.ci95 is not None
-
-
 def test_of_several_logs_every_second_is_held_out(tmp_path: Path) -> None:
     loaded = scenario(tmp_path, "logs", 300, 200, 200)
     tuning = tb.tune(loaded, ["ekf"], ranges=RANGE, trials=8)["ekf"]

@@ -11,14 +11,11 @@ from tests.subjects.tuning.test_tuning import TEXT
 
 import trackbench as tb
 from trackbench.api.scenario import load
-from trackbench.document import Items, Status
 from trackbench.document.drawing import matplotlib_figure
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.files import tuned_scenario_text
-from trackbench.subjects.tuning.held_out import SAME_MOTION, LackingMeasure
-from trackbench.subjects.tuning.objectives import OBJECTIVES
-from trackbench.subjects.tuning.report import remarks, tuning_document, tuning_headline
+from trackbench.subjects.tuning.report import tuning_headline
 from trackbench.subjects.tuning.tune import Tuning
 
 SCENARIO = {
@@ -57,70 +54,6 @@ def test_a_headline_says_what_is_shown_and_on_what(tuning: Tuning, verdict: str,
     assert tuning_headline(found)[0].split(": ", 1)[1].startswith(text)
     # Of random motion another one was tried.
     assert "same motion" not in tuning_headline(replace(found, apart=("other noise and other random motion",)))[0]
-
-
-def test_a_smaller_error_is_the_gain_that_may_be_noise(tuning: Tuning) -> None:
-    error = tuning.held_out.of("position_rmse")[0]
-    for change, gain in ((-0.1, True), (0.1, False)):
-        one = replace(error, verdict="undecided", difference=error.difference._replace(value=change))
-        held_out = replace(tuning.held_out, comparisons=(one,))
-        found = replace(tuning, start={}, objective=OBJECTIVES["position_rmse"], held_out=held_out)
-        assert ("may be noise" in tuning_headline(found)[0]) is gain
-
-
-def test_of_several_scenarios_those_of_the_same_motion_are_named(tuning: Tuning) -> None:
-    one = replace(tuning.held_out.of("log_likelihood")[0], verdict="better")
-    lacking = LackingMeasure("c", "log_likelihood", "it gives 1 of the 2 innovations that the start gives")
-    held_out = replace(tuning.held_out, comparisons=(one, one), not_compared=(lacking,))
-    apart = (SAME_MOTION, "other scenes and other noise", SAME_MOTION)
-    found = replace(tuning, start={}, held_out=held_out, scenarios=("a", "b", "c"), apart=apart)
-    text, tone = tuning_headline(found)
-    assert text.endswith("of 3 scenarios better in 2, not compared in 1; in a and c on other noise of the same motion")
-    assert tone == "warn"
-    said = list(remarks(found))
-    assert f"c: not compared by log-likelihood of a measurement: with the tuned values {lacking.why}" in said
-    none = replace(found, held_out=replace(held_out, comparisons=()))
-    assert tuning_headline(none) == (f"not compared with the start: with the tuned values {lacking.why}", "bad")
-
-
-@pytest.mark.parametrize(("train_change", "fits"), [(-0.1, True), (0.1, False)])
-def test_values_fit_what_they_were_tuned_on_only_where_they_are_better_there(
-    tuning: Tuning, train_change: float, fits: bool
-) -> None:
-    error = tuning.held_out.of("position_rmse")[0]
-    held_out = replace(tuning.held_out, comparisons=(replace(error, verdict="worse"),))
-    best = replace(tuning.best, measures={"position_rmse": 0.5 * (1.0 + train_change)})
-    found = replace(tuning, start={}, objective=OBJECTIVES["consistent_rmse"], held_out=held_out, best=best,
-                    start_measures={"position_rmse": 0.5})  # fmt: skip
-    text = tuning_headline(found)[0]
-    assert ("the values fit what they were tuned on" in text) is fits
-    assert text.endswith("as on what they were tuned on, the price of consistency") is not fits
-
-
-def test_consistency_is_told_of_what_was_held_out(tuning: Tuning) -> None:
-    (nees,) = tuning.held_out.of("nees")
-    off = replace(nees, tuned=nees.tuned._replace(value=8.0))
-    found = replace(
-        tuning, objective=OBJECTIVES["consistent_rmse"], held_out=replace(tuning.held_out, comparisons=(off,))
-    )
-    assert any(text.startswith("turn, held out: mean NEES 8.00 where 4 is right, ") for text in remarks(found))
-    assert not any("where 4 is right" in text for text in remarks(replace(found, objective=tuning.objective)))
-
-
-def test_the_report_begins_with_the_verdict_on_each_tracker(tuning: Tuning) -> None:
-    (status, *_) = tuning_document([tuning], "").blocks
-    assert isinstance(status, Status)
-    assert status.text == tuning_headline(tuning)[0]
-    (verdicts, *_) = tuning_document([tuning, replace(tuning, tracker="other")], "").blocks
-    assert isinstance(verdicts, Items)
-    assert [item.label for item in verdicts.items] == ["kf", "other"]
-
-
-def test_both_values_of_a_headline_have_the_same_decimals(tuning: Tuning) -> None:
-    one = tuning.held_out.of("log_likelihood")[0]
-    one = replace(one, start=one.start._replace(value=2.0), tuned=one.tuned._replace(value=2.0292))
-    found = replace(tuning, start={}, held_out=replace(tuning.held_out, comparisons=(one,)))
-    assert tuning_headline(found)[0].startswith("log-likelihood of a measurement 2.029, start 2.000: ")
 
 
 def test_the_figure_has_how_much_worse_each_trial_is(tuning: Tuning) -> None:
@@ -176,7 +109,7 @@ FLOW = "{filter: ekf, motion: cv, acceleration_sigma_mps2: 2}"
         f"trackers: {{\n  a: {FLOW},\n  b: {FLOW}\n}}",
         f"trackers:\n  ? a\n  : {FLOW}\n  b: {FLOW}",
         f"trackers:\n  b: &b {FLOW}\n  <<: {{a: {FLOW}}}",
-        f"trackers:\n  b: {FLOW}\n  a: {{<<: {FLOW}, alpha: 0.123456789012345}}".replace("ekf", "ukf"),
+        f"trackers:\n  b: {FLOW}\n  a: {{<<: {FLOW}, kappa: 0.123456789012345}}".replace("ekf", "ukf"),
     ],
 )
 def test_a_scenario_of_any_form_is_written(trackers: str, tmp_path: Path) -> None:
@@ -209,10 +142,3 @@ def test_a_recording_is_found_from_where_the_scenario_is_written(overrides: dict
     truth = load(text).config.truth
     assert truth.measurements["lidar"].path == "../log/lidar.csv"  # type: ignore[attr-defined]
     assert truth.ego.path == "../log/car/ego.csv"  # type: ignore[attr-defined]
-
-
-def test_a_path_with_a_variable_or_from_the_root_stays(tmp_path: Path) -> None:
-    paths = ["$LOGS/lidar.csv", "/logs/ego.csv"]
-    log = load(LOG, {"truth.readings.lidar.path": paths[0], "truth.ego.path": paths[1]})
-    truth = load(tuned_scenario_text(log, {}, tmp_path)).config.truth
-    assert [truth.measurements["lidar"].path, truth.ego.path] == paths  # type: ignore[attr-defined]

@@ -15,7 +15,7 @@ import trackbench as tb
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
-from trackbench.subjects.tuning.parameters import has_option, parse_range, require_tunable, start_values, why_no_start
+from trackbench.subjects.tuning.parameters import parse_range, require_tunable
 
 Cli = Callable[..., Any]
 IMM = "{filter: ekf, motion: {imm: [{model: cv, acceleration_sigma_mps2: 1}, {model: ca, jerk_sigma_mps3: 5}], "
@@ -28,22 +28,6 @@ MORE = f"""trackers:
 @pytest.fixture
 def scenario() -> Scenario:
     return load(TEXT.replace("trackers:\n", MORE))
-
-
-@pytest.mark.parametrize(
-    ("tracker", "text", "start"),
-    [
-        ("ekf", "acceleration_sigma_mps2=2,3,5", 3),
-        ("imm", "motion.stay_s=[5,2],[1,1]", [5, 2]),
-        ("ekf", "acceleration_sigma_mps2=2:5", 3.0),
-    ],
-)
-def test_the_start_is_of_the_type_of_the_values_tried(
-    scenario: Scenario, tracker: str, text: str, start: float | list[int]
-) -> None:
-    parameter = parse_range(text, scenario, tracker)
-    found = start_values(scenario, tracker, [parameter])
-    assert json.dumps(found) == json.dumps({parameter.key: start})
 
 
 def test_a_choice_that_the_scenario_has_as_a_whole_number_is_tuned(cli: Cli, tmp_path: Path) -> None:
@@ -77,23 +61,6 @@ def test_a_sweep_and_a_tracker_without_options_cannot_be_tuned(scenario: Scenari
     with pytest.raises(InputError, match="raw has no options: there is nothing to tune"):
         require_tunable(scenario, "raw")
     require_tunable(scenario, "many_1")
-
-
-def test_an_option_is_there_whether_or_not_a_value_suits_it(scenario: Scenario) -> None:
-    for text in ("acceleration_sigma_mps2=-1:3", "initial.skip=-1:5000", "measurement_noise.radar.range_sigma_m=0:1"):
-        assert has_option(scenario, "ekf", text)
-    for text in ("iterations=1:3", "jerk_sigma_mps3=1:2", "measurement_noise.rader.range_sigma_m=1:2"):
-        assert not has_option(scenario, "ekf", text)
-
-
-def test_a_start_that_is_not_tried_is_told(scenario: Scenario) -> None:
-    ranges = [parse_range(text, scenario, "own") for text in ("options.alpha=1:3", "options.alpha=0.5,2")]
-    assert [start_values(scenario, "own", [item]) for item in ranges] == [{"options.alpha": 2.0}, {"options.alpha": 2}]
-    ranges = [parse_range(text, scenario, "own") for text in ("options.alpha=3:4", "options.delta=0.1:1")]
-    assert list(why_no_start(scenario, "own", ranges)) == [
-        "options.alpha is 2 in the scenario, which is not in its range, so the search did not begin with the start.",
-        "options.delta is not stated in the scenario, so the search did not begin with the start.",
-    ]
 
 
 @pytest.mark.parametrize(

@@ -59,22 +59,3 @@ def test_many_runs_are_assigned_as_a_solver_assigns_each(share: float) -> None:
         expected = {(t, d) for t, d in zip(rows, columns, strict=True) if value[t, d] > 0.0}
         found = chosen[run[chosen] == number]
         assert set(zip(own_track[found], own_detection[found], strict=True)) == expected
-
-
-def test_two_that_together_outweigh_a_third_are_preferred() -> None:
-    """The best pair of all is not taken."""
-    track, detection = np.array([0, 1, 1]), np.array([0, 0, 1])
-    weight = np.array([2.0, 3.0, 2.0])
-    chosen = best_assignment(pairs_of(track, detection), weight, np.zeros(2, dtype=int))
-    assert chosen.tolist() == [0, 2]
-
-
-def test_of_two_alike_one_is_taken() -> None:
-    chosen = best_assignment(pairs_of(np.array([0, 1]), np.array([0, 0])), np.ones(2), np.zeros(2, dtype=int))
-    assert len(chosen) == 1
-
-
-@pytest.mark.parametrize("weight", [[], [-1.0, 0.0]])
-def test_nothing_is_taken_where_nothing_is_worth_it(weight: list[float]) -> None:
-    number = np.arange(len(weight))
-    assert not len(best_assignment(pairs_of(number, number), np.array(weight), np.zeros(2, dtype=int)))

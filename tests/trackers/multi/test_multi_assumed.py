@@ -13,13 +13,13 @@ from tests.trackers.multi.test_multi_tracker import followed
 from tests.trackers.test_assumed_effects import BIASED, CV, KNOWN, RADAR, SIGNAL, nees, simulated
 from tests.trackers.test_assumed_effects import followed as followed_labelled
 
-import trackbench
 from trackbench.base.types import FieldOfView, Scan
 from trackbench.models.sensors import Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.signal import SignalRange
 from trackbench.trackers.associate import AssociationMethod
 from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.late import LateScans
 from trackbench.trackers.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.multi.intensity import Undetected, volumes
 
@@ -30,7 +30,7 @@ ENGINES = ("numpy", "fused")
 
 def tracker(method: str, engine: str = "numpy", **keys: Any) -> MultiObjectTracker:
     given = {"filter": "ekf", **CV, "associate": {"method": method}, **keys}
-    return replace(build_multi(FilterConfig.model_validate(given)), engine=engine)
+    return replace(build_multi(FilterConfig.model_validate(given)).tracker, engine=engine)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -93,7 +93,7 @@ def test_a_track_without_doubt_is_that_of_the_labelled_object(effects: Any, assu
     keys = {"filter": "ekf", "assume": {"radar": assumed}}
     expected = followed_labelled(scans, **keys)[-1]
     associate = {"method": "gnn", "confirm": [1, 1], "gate": 1 - 1e-9}
-    of, state = tracker("gnn", assume={"radar": assumed}, associate=associate), None
+    of, state = LateScans(tracker("gnn", assume={"radar": assumed}, associate=associate)), None
     taken = np.ones(40, dtype=bool)
     for seen in scans:
         state, found = of.step(state, hidden(seen))
@@ -152,30 +152,3 @@ def test_a_scan_finds_the_share_of_its_view_that_the_signal_lets_it_detect() -> 
     radii = 250.0 * np.sqrt((np.arange(4000) + 0.5) / 4000)
     # Eight points of the radius against four thousand.
     assert left == pytest.approx(10.0 * (1 - 0.9 * detected(radii).mean()), rel=0.01)
-
-
-def test_a_radar_whose_noise_goes_with_the_signal_is_better_followed_by_who_assumes_it() -> None:
-    signal = "{half_range_m: 140, stated_at_m: 60}"
-    own = "filter: ekf, motion: cv, acceleration_sigma_mps2: 3"
-    scenario = trackbench.load(
-        "traffic/long_range",
-        [
-            "sensors.front_radar.detection={}",
-            "sensors.front_radar.effects=[{type: signal_to_noise, half_range_m: 140, stated_at_m: 60}]",
-            # The mean over what is in view, for the tracker that knows no more.
-            "sensors.front_radar.states={detection_probability: 0.6}",
-            "sensors.front_radar.clutter.per_scan=20",
-            "truth.duration_s=8",
-            "expect=[]",
-            f"trackers={{pmb: {{{own}, associate: {{method: pmb}}}}, "
-            f"knows: {{{own}, associate: {{method: pmb, detection_probability: {{front_radar: 1}}}}, "
-            f"assume: {{front_radar: {{signal_to_noise: {signal}}}}}}}}}",
-        ],
-        runs=6,
-    )
-    result = trackbench.run(scenario)
-    (difference,) = (item for item in result.differences if item.metric == "tgospa")
-    assert (difference.a, difference.b, difference.better) == ("pmb", "knows", "knows")
-    assert difference.ci95[0] > 0.5
-    assert 2.5 < result["knows"].metrics["nees"].value < 5.0
-    assert result["pmb"].metrics["nees"].value > 15.0

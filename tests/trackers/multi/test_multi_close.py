@@ -48,13 +48,6 @@ def test_detections_stand_as_listed_where_that_is_asked() -> None:
     np.testing.assert_array_equal(found.scan.measurement.T, expected)
 
 
-def test_a_scan_may_have_no_detections() -> None:
-    empty = scan_of(np.random.default_rng(0), 3, 0)
-    found = run_detections(empty, as_listed=False)
-    assert found.scan.measurement.shape == (2, 0)
-    assert found.first.tolist() == [0, 0, 0, 0]
-
-
 def one_by_one(mean: Array, reach: Array, run: Array, value: Array, detections: RunDetections) -> list[tuple[int, int]]:
     return [
         (track, detection)

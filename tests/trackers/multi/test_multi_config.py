@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from trackbench.trackers.associate import AssociateConfig, AssociationMethod
 from trackbench.trackers.config import FilterConfig
 
 EKF = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.0}
@@ -40,7 +39,6 @@ def messages(associate: dict[str, Any], **keys: Any) -> list[tuple[str, str]]:
             "report_existence",
             "not used with method: gnn; remove it, or use",
         ),
-        ({"method": "gnn", "end_duplicates": True}, "end_duplicates", "not used with method: gnn; remove it, or use"),
         (
             {"method": "gnn", "birth_density": "uniform"},
             "birth_density",
@@ -70,11 +68,6 @@ def test_a_track_starts_from_one_detection(initial: Any) -> None:
     assert found == ("initial.from", "with associate a track starts from one detection: use from: first_measurement")
 
 
-def test_what_tracks_of_one_object_wait_for() -> None:
-    (found,) = messages({"method": "gnn"}, initial={"from": "first_measurement", "skip": 2})
-    assert found == ("initial.skip", "not used with associate, which has confirm; remove it")
-
-
 @pytest.mark.parametrize("initial", [{}, "first_measurement", {"sensors": ["lidar"]}, {"velocity_sigma_mps": 5}])
 def test_tracks_start_with_the_range_rate_unless_said_otherwise(initial: Any) -> None:
     config = FilterConfig.model_validate({**EKF, "associate": {"method": "gnn"}, "initial": initial})
@@ -82,18 +75,3 @@ def test_tracks_start_with_the_range_rate_unless_said_otherwise(initial: Any) ->
     resting = {**EKF, "initial": {"velocity": "zero"}, "associate": {"method": "gnn"}}
     assert FilterConfig.model_validate(resting).initial.velocity == "zero"
     assert FilterConfig.model_validate(EKF).initial.source == "first_measurement"
-
-
-def test_each_method_has_a_rule_that_confirms_unless_given() -> None:
-    rules = {method: AssociateConfig(method=method).confirmation for method in get_args(AssociationMethod)}
-    assert rules == {
-        "gnn": "3 of 5", "jpda": "3 of 5", "naive": "3 of 5", "jipda": "existence", "pmb": "existence",
-        "oracle": "1 of 1",
-    }  # fmt: skip
-    assert AssociateConfig(method="pmb", confirm=[2, 3]).confirmation == "2 of 3"
-
-
-def test_one_number_confirms_and_reports() -> None:
-    assert AssociateConfig(method="pmb").report_limits == (0.95, 0.5)
-    assert AssociateConfig(method="pmb", report_existence=0.4).report_limits == (0.4, 0.4)
-    assert AssociateConfig(method="jipda", confirm=[2, 3], report_existence=0.3).report_limits[1] == 0.3

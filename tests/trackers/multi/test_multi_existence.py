@@ -42,7 +42,7 @@ def followed(random: np.random.Generator, method: str, runs: int, scans: int) ->
             "method": method, "undetected": OBJECTS, "birth_rate_hz": 1e-6, "lifetime_s": 1e6, "visible_s": None,
         },
     }  # fmt: skip
-    of, state, said = build_multi(FilterConfig.model_validate(keys)), None, []
+    of, state, said = build_multi(FilterConfig.model_validate(keys)).tracker, None, []
     for k in range(scans):
         place = start + k * DT * velocity
         false = random.poisson(FALSE_ALARMS, runs)

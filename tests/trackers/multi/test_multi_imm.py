@@ -34,8 +34,8 @@ def config(method, filter_name, motion, **associate):
 @pytest.mark.parametrize(("filter_name", "model"), [("ekf", CV), ("ukf", CTRV)])
 def test_equal_models_give_the_tracks_of_one(method, filter_name, model):
     seen = traffic(vehicles(6, spacing=12.0), 8, runs=2, detection=0.9, clutter=4.0, seed=3)
-    one = followed(build_multi(config(method, filter_name, model)), seen)
-    two = followed(build_multi(config(method, filter_name, {"imm": [model, model], "stay_s": [3, 2]})), seen)
+    one = followed(build_multi(config(method, filter_name, model)).tracker, seen)
+    two = followed(build_multi(config(method, filter_name, {"imm": [model, model], "stay_s": [3, 2]})).tracker, seen)
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.ids, b.ids)
         np.testing.assert_array_equal(a.used, b.used)
@@ -50,9 +50,9 @@ def test_equal_models_give_the_tracks_of_one(method, filter_name, model):
 def test_a_batch_of_runs_equals_each_run_alone(method):
     seen = traffic(vehicles(6, spacing=9.0), 15, runs=2, detection=0.85, clutter=4.0, seed=5)
     of = config(method, "ekf", {"imm": [CV, CTRV], "stay_s": [3, 2]})
-    whole = followed(build_multi(of), seen)
+    whole = followed(build_multi(of).tracker, seen)
     for run in range(2):
-        for together, alone in zip(whole, followed(build_multi(of), seen, run), strict=True):
+        for together, alone in zip(whole, followed(build_multi(of).tracker, seen, run), strict=True):
             own = together.ids[:, run] >= 0
             np.testing.assert_array_equal(together.ids[own, run], alone.ids)
             np.testing.assert_allclose(together.mean[:, own, run], alone.mean, rtol=1e-10, atol=1e-10)
@@ -62,8 +62,10 @@ def test_a_batch_of_runs_equals_each_run_alone(method):
 def test_without_doubt_the_states_are_those_of_the_labelled_run():
     seen = traffic(vehicles(5, spacing=40.0), 20, detection=1.0, clutter=0.0)
     of = config("gnn", "ekf", {"imm": [CV, CTRV], "stay_s": [3, 2]}, confirm=[1, 1])
-    labelled, state = replace(build(of), cartesian_fallback="never"), None
-    for scan, origins, tracks in zip(seen.scans, seen.origins, followed(build_multi(of), seen, run=0), strict=True):
+    labelled, state = replace(build(of).tracker, cartesian_fallback="never"), None
+    for scan, origins, tracks in zip(
+        seen.scans, seen.origins, followed(build_multi(of).tracker, seen, run=0), strict=True
+    ):
         order = np.argsort(origins[:, 0])
         known = scan._replace(measurement=scan.measurement[:, order, 0], valid=scan.valid[order, 0])
         state, estimate = labelled.step(state, known)

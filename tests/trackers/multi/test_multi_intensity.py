@@ -68,7 +68,7 @@ def test_what_the_front_radar_sees_says_nothing_of_the_rear(method: str) -> None
     behind = np.array([[40.0], [0.0], [0.0]])
     existence = []
     for looks_ahead in (0, 20):
-        of, state = build_multi(FilterConfig.model_validate(given)), None
+        of, state = build_multi(FilterConfig.model_validate(given)).tracker, None
         for k in range(looks_ahead):
             state, _ = of.step(state, scan("front", FRONT, np.pi / 4, time=0.05 * k))
         rear = scan("rear", REAR, np.pi / 4, time=1.0)._replace(measurement=behind, valid=np.ones(1, dtype=bool))

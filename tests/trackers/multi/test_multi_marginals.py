@@ -98,28 +98,3 @@ def test_belief_propagation_is_exact_without_loops() -> None:
     dense[track, detection] = weight
     found = belief_propagation(track, detection, weight, (4, 3), np.zeros_like(track))
     np.testing.assert_allclose(found, listed(dense)[track, detection], atol=1e-6)
-
-
-def test_large_clusters_are_left_to_belief_propagation() -> None:
-    random = np.random.default_rng(2)
-    weight = np.exp(random.normal(1.0, 1.0, (4, 5)))
-    track, detection = np.nonzero(weight)
-    arguments = (track, detection, weight[track, detection], weight.shape)
-    alone = belief_propagation(*arguments, np.zeros_like(track))
-    np.testing.assert_array_equal(marginals(*arguments, max_cluster=3), alone)
-    # Of one cluster alone NumPy sums in another order.
-    exact = enumeration(np.stack([weight, weight], axis=-1))[..., 0]
-    np.testing.assert_array_equal(marginals(*arguments, max_cluster=4), exact[track, detection])
-
-
-def test_a_cluster_does_not_wait_for_others() -> None:
-    random = np.random.default_rng(4)
-    blocks = [np.exp(random.normal(shift, 1.0, (4, 4))) for shift in (-4.0, 4.0)]
-    whole = np.zeros((8, 8))
-    whole[:4, :4], whole[4:, 4:] = blocks
-    track, detection = np.nonzero(whole)
-    both = marginals(track, detection, whole[track, detection], whole.shape, max_cluster=0)
-    for place, block in enumerate(blocks):
-        own_track, own_detection = np.nonzero(block)
-        alone = marginals(own_track, own_detection, block[own_track, own_detection], block.shape, max_cluster=0)
-        np.testing.assert_array_equal(both[place * 16 :][:16], alone)

@@ -27,7 +27,7 @@ def test_no_probability_changes_by_more_than_the_weights_left_out(seed: int) -> 
 
 def test_the_tracks_are_the_same_but_for_a_small_share_of_their_deviation(monkeypatch: pytest.MonkeyPatch) -> None:
     keys = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": "pmb"}}
-    tracker = replace(build_multi(FilterConfig.model_validate(keys)), engine="numpy")
+    tracker = replace(build_multi(FilterConfig.model_validate(keys)).tracker, engine="numpy")
     seen = traffic(vehicles(20), 40, clutter=100.0)
     followed = []
     for negligible in (association.NEGLIGIBLE, 0.0):

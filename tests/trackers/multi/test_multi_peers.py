@@ -31,7 +31,7 @@ def test_the_estimates_where_both_hold_the_same_association(method: str, spacing
                 "associate": {"method": method, "gate": GATE, "confirm": [1, 1], "delete_after_s": 9.0},
             }
         )
-    )  # fmt: skip
+    ).tracker  # fmt: skip
     state, begun = of.step(None, scan_of_run(first._replace(sensor="start"), 0))
     scans = [scan_of_run(scan, 0)._replace(time=scan.time + dt) for scan in seen.scans]
     peer = stonesoup_tracks(begun.mean, begun.covariance, first.time, scans, method, GATE)

@@ -31,7 +31,7 @@ def tracker(method: str, **associate: Any) -> MultiObjectTracker:
             "report_existence": 0.4, **associate,
         },
     }  # fmt: skip
-    return build_multi(FilterConfig.model_validate(keys))
+    return build_multi(FilterConfig.model_validate(keys)).tracker
 
 
 def scan_of(time: float, detections: Array) -> Scan:
@@ -152,17 +152,6 @@ def test_a_confirmed_track_comes_back_under_its_own_id(method: str, confirm: Any
     assert max(silent) < len(HITS) - 1
 
 
-def test_one_number_reports_where_two_wait() -> None:
-    scans = [scan_of(float(k), OBJECTS[:1] if hit else OBJECTS[:0]) for k, hit in enumerate(HITS)]
-    waiting, existence = reported_at(tracker("pmb", report_existence=[0.999, 0.2]), scans)
-    first = next(k for k, value in enumerate(existence) if value >= 0.999)
-    assert existence[first - 1] > 0.4
-    assert [len(tracks.ids) for tracks in waiting] == [
-        int(k >= first and value >= 0.2) for k, value in enumerate(existence)
-    ]
-    assert min(existence[first:]) < 0.999
-
-
 def test_a_track_ends_below_the_existence_of_deletion_alone() -> None:
     scans = [scan_of(float(k), OBJECTS[: int(k < 5)]) for k in range(12)]
     state, of, alive = None, tracker("pmb", delete_existence=1e-3), []
@@ -172,25 +161,6 @@ def test_a_track_ends_below_the_existence_of_deletion_alone() -> None:
     assert any(existence and existence[0] < 0.4 for existence, _ in alive[5:])
     assert all(existence[0] >= 1e-3 for existence, _ in alive if existence)
     assert alive[-1] == ([], [])
-
-
-@pytest.mark.parametrize("method", ["jpda", "jipda", "pmb"])
-def test_duplicates_end_only_where_that_is_asked(method: str) -> None:
-    """Two objects a quarter of a deviation apart, whose tracks run together: both take the same detection first."""
-    place = np.array([[0.0, 0.0], [0.25, 0.0]])
-    random = np.random.default_rng(1)
-    scans = [scan_of(float(k), place + (0.5 * random.normal(size=(2, 2)) if k else 8 * place)) for k in range(30)]
-    left = {}
-    for ends in (False, True):
-        associate: dict[str, Any] = {"method": method, "confirm": [1, 1], "delete_after_s": 99.0}
-        keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1.0, "initial": {"velocity_sigma_mps": 3.0}}
-        of = build_multi(FilterConfig.model_validate({**keys, "associate": {**associate, "end_duplicates": ends}}))
-        state = None
-        for scan in scans:
-            state, tracks = of.step(state, scan)
-        left[ends] = {0, 1} & set(tracks.ids.tolist())
-    assert left[False] == {0, 1}
-    assert len(left[True]) == 1
 
 
 @pytest.mark.parametrize("kind", ["lidar", "radar"])

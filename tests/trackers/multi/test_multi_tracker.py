@@ -24,7 +24,6 @@ FILTERS: dict[str, dict[str, Any]] = {
     "kf-cv": {"filter": "kf", "motion": "cv"},
     "ekf-cv": {"filter": "ekf", "motion": "cv"},
     "ekf-ca": {"filter": "ekf", "motion": "ca"},
-    "iekf-cv": {"filter": "iekf", "motion": "cv"},
     "ukf-ctrv": {"filter": "ukf", "motion": "ctrv"},
     "ukf-additive": {"filter": "ukf", "motion": "ctrv", "augmented": False},
     "ckf-ctra": {"filter": "ckf", "motion": "ctra"},
@@ -37,7 +36,7 @@ def config(method: str, filter_name: str = "ekf-cv", **associate: object) -> Fil
 
 
 def tracker(method: str, filter_name: str = "ekf-cv", **associate: object) -> MultiObjectTracker:
-    return build_multi(config(method, filter_name, **associate))
+    return build_multi(config(method, filter_name, **associate)).tracker
 
 
 def alone(origins: Array) -> Array:
@@ -56,18 +55,12 @@ def followed(of: MultiObjectTracker, seen: Traffic, run: int | None = None) -> l
     return said
 
 
-def of_track(said: Tracks, number: int) -> tuple[Array, Array]:
-    at = np.flatnonzero(said.ids == number)
-    assert len(at) == 1
-    return said.mean[:, at[0]], said.covariance[..., at[0]]
-
-
 @pytest.mark.parametrize("filter_name", FILTERS)
 def test_without_doubt_the_states_are_those_of_the_labelled_run(filter_name: str) -> None:
     count = 5
     seen = traffic(vehicles(count, spacing=40.0), 20, detection=1.0, clutter=0.0)
     # Tracks of several objects start in the state of their motion model.
-    labelled = replace(build(config("gnn", filter_name)), cartesian_fallback="never")
+    labelled = replace(build(config("gnn", filter_name)).tracker, cartesian_fallback="never")
     state, estimates = None, []
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
         order = np.argsort(origins[:, 0])
@@ -202,18 +195,6 @@ def test_an_empty_scan_predicts(method: str) -> None:
     assert (np.einsum("iik->ik", after.covariance) > np.einsum("iik->ik", before.covariance)).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_scans_that_are_empty_from_the_beginning(method: str) -> None:
-    of = tracker(method)
-    state = None
-    seen = traffic(vehicles(3), 3, runs=2, detection=1.0, clutter=0.0)
-    for scan in seen.scans:
-        empty = scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0])
-        state, tracks = of.step(state, empty, *((alone(np.zeros((0, 2), dtype=int)),) if of.wants_origins else ()))
-        assert tracks.ids.shape == (0, 2)
-        assert tracks.mean.shape == (4, 0, 2)
-
-
 def test_the_oracle_takes_every_detection_of_its_object_and_no_false_alarm() -> None:
     seen = traffic(vehicles(8, spacing=3.0), 30, detection=0.8, clutter=20.0)
     owner: dict[int, int] = {}
@@ -288,7 +269,7 @@ def test_the_rules_for_trackers_of_several_objects_hold(method: str) -> None:
 def test_a_sensor_that_is_not_read_changes_nothing() -> None:
     seen = traffic(vehicles(5, spacing=20.0), 20, runs=2)
     keys = {**FILTERS["ekf-cv"], **NOISE["cv"], "sensors": ["radar"], "associate": {"method": "gnn"}}
-    of = build_multi(FilterConfig.model_validate(keys))
+    of = build_multi(FilterConfig.model_validate(keys)).tracker
     only = Traffic(*(values[::2] for values in seen))
     for a, b in zip(followed(of, seen)[::2], followed(of, only), strict=True):
         np.testing.assert_array_equal(a.mean, b.mean)
@@ -296,19 +277,3 @@ def test_a_sensor_that_is_not_read_changes_nothing() -> None:
     assert asked.used is not None
     assert (asked.ids >= 0).sum() >= 10
     assert (asked.used == -1).all()
-
-
-@pytest.mark.parametrize("method", ["gnn", "jpda", "jipda", "pmb"])
-def test_a_sensor_that_states_that_it_detects_nothing(method: str) -> None:
-    seen = traffic(vehicles(3, spacing=30.0), 10, detection=1.0, clutter=0.0)
-    of, state = tracker(method), None
-    for scan in seen.scans:
-        state, tracks = of.step(state, scan_of_run(scan, 0))
-    last = scan_of_run(seen.scans[-1], 0)
-    for probability, density in ((0.0, 0.0), (0.0, 1e-6)):
-        blind = last._replace(detection_probability=probability, clutter_density=density)
-        _, same = of.step(state, blind)
-        np.testing.assert_array_equal(same.ids, tracks.ids)
-        empty = blind._replace(measurement=last.measurement[:, :0], valid=last.valid[:0])
-        _, same = of.step(state, empty)
-        np.testing.assert_array_equal(same.mean, tracks.mean)

@@ -7,7 +7,6 @@ from trackbench.models.motion.base import (
     Kinematics,
     MotionModel,
     process_noise_covariance,
-    with_component,
 )
 from trackbench.models.motion.ca import ConstantAcceleration
 from trackbench.models.motion.ctra import ConstantTurnRateAcceleration
@@ -25,5 +24,4 @@ __all__ = [
     "Kinematics",
     "MotionModel",
     "process_noise_covariance",
-    "with_component",
 ]

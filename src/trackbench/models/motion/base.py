@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -37,8 +37,6 @@ class InitialSigmas(NamedTuple):
     """m/s^2"""
     yaw_rate: float
     """rad/s"""
-    yaw: float = UNKNOWN_ANGLE
-    """rad; the most that is said of a course that the velocity leaves open."""
 
 
 #: The components for which a scenario states how uncertain they are at first, by the quantity.
@@ -272,9 +270,3 @@ def _names(value: Any) -> bool:
 
 #: The motion models by the names that scenarios use.
 MOTION_MODELS: Registry[type[MotionModel]] = Registry("trackbench.motion_models", "motion model", _lacks)
-
-
-def with_component(names: Iterable[str]) -> list[str]:
-    """The published models whose state has one of these components."""
-    wanted = set(names)
-    return [name for name, model in MOTION_MODELS.loaded().items() if wanted & set(model.components)]

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian
 from trackbench.base.units import cos_sin
-from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, pad_state
+from trackbench.models.motion.base import UNKNOWN_ANGLE, InitialSigmas, Kinematics, MotionModel, pad_state
 
 #: Below this half turn (rad) the series of the spherical Bessel functions are exact to double precision.
 SMALL = 0.5
@@ -175,7 +175,7 @@ class SpeedAndYaw(MotionModel):
         c, s = np.where(moving, vx / length, 1.0), np.where(moving, vy / length, 0.0)
         slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s / safe, c / safe]])
         p = linalg.quadratic(slope, belief.covariance)
-        scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
+        scale = np.minimum(1.0, UNKNOWN_ANGLE / np.sqrt(p[3, 3]))
         p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
         mean = linalg.vector([px, py, speed, np.arctan2(vy, vx)])
         return pad_state(self, Gaussian(mean, linalg.rounded_up(p)), sigmas)

@@ -27,7 +27,7 @@ from trackbench.base.plugins import Registry, lacks_class
 from trackbench.models.sensors.detection import StatedDetection
 from trackbench.models.sensors.effects import EFFECTS, Effect
 from trackbench.models.sensors.model import SensorModel
-from trackbench.models.sensors.presets import WORDS, Words, of_components, presets, typical
+from trackbench.models.sensors.presets import WORDS, Words, presets, typical
 
 #: A time for which a measurement is on its way, s.
 Delay = Annotated[float, Field(ge=0, le=60)]
@@ -96,9 +96,6 @@ class Sensor(SensorModel):
             reject(cls.__name__, [Problem(("preset",), problem)])
             return data
         values = {key: value for key, value in preset.values.items() if key not in cls.unused}
-        if "by_angle" in values:
-            sigma = of_components(values["by_angle"]["sigma"], cls.components)
-            values["by_angle"] = {**values["by_angle"], "sigma": sigma}
         return {"type": kind, **values, **data}
 
     def problems(self) -> Iterator[Problem]:
@@ -121,9 +118,6 @@ class Sensor(SensorModel):
         for i, effect in enumerate(self.effects):
             for problem in effect.problems_on(self):
                 yield Problem(("effects", i, *problem.at), problem.message)
-        for name in self.by_angle.sigma if self.by_angle is not None else ():
-            if wrong := self.why_unmeasured(name):
-                yield Problem(("by_angle", "sigma", name), wrong)
         if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
             yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.config import Config, KeyPath, NonNegative, Positive, Probability, Problem
+from trackbench.base.config import Config, NonNegative, Positive, Probability, Problem
 from trackbench.base.types import Array
 
 #: Probability of a false alarm in a cell of the radar, to which ``half_range_m`` refers.
 FALSE_ALARM_PROBABILITY = 1e-6
 
-Row = Annotated[list[NonNegative], Field(min_length=2, max_length=2)]
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -44,61 +42,6 @@ class DetectionFactors(Config):
         description="Range at which a radar detects a fluctuating target (Swerling 1, false alarm probability 1e-6) "
         "with probability 0.5, m; the curve follows from the radar equation.",
     )
-    by_aspect: list[Row] | None = Field(
-        None,
-        min_length=1,
-        description="Rows [aspect degrees, factor], linear in between; the ends hold beyond. 0 is where the vehicle's "
-        "front faces the sensor, 90 its side, 180 its rear.",
-    )
-
-    def problems(self) -> Iterator[Problem]:
-        yield from _unsorted_rows(("by_aspect",), self.by_aspect or [])
-        for index, row in enumerate(self.by_aspect or []):
-            if row[1] > 1:
-                yield Problem(("by_aspect", index), f"the factor must be from 0 to 1, not {row[1]:g}")
-
-
-def _unsorted_rows(key: KeyPath, rows: list[Row]) -> Iterator[Problem]:
-    for index, (before, row) in enumerate(pairwise(rows), 1):
-        if row[0] <= before[0]:
-            yield Problem((*key, index), f"must come after {before[0]:g}; sort the rows")
-
-
-class ByAngle(Config):
-    """How far and how well a sensor measures by the angle from its boresight; the ends hold beyond."""
-
-    max_range_m: list[Row] | None = Field(
-        None,
-        min_length=1,
-        description="Rows [angle degrees, m] within max_range_m, linear in between: a near and a far scan.",
-    )
-    sigma: dict[str, list[Row]] = Field(
-        default_factory=dict,
-        description="Rows [angle degrees, factor] of the standard deviation of a component, such as "
-        "`azimuth: [[0, 1], [60, 5]]`.",
-    )
-
-    def range_limit(self, azimuth: Array) -> Array | float:
-        """Return ``(...)`` the largest range at azimuths in rad, m; infinite where only ``max_range_m`` limits it."""
-        if self.max_range_m is None:
-            return np.inf
-        return np.asarray(np.interp(np.rad2deg(np.abs(azimuth)), *np.transpose(self.max_range_m)))
-
-    def scale(self, azimuth: Array, components: Sequence[str]) -> Array:
-        """Return ``(m, ...)`` standard deviations at azimuths in rad, divided by those of the options."""
-        angle = np.rad2deg(np.abs(azimuth))
-        factors = (np.transpose(self.sigma.get(name, [[0.0, 1.0]])) for name in components)
-        return np.stack([np.interp(angle, *rows) for rows in factors])
-
-    def problems(self) -> Iterator[Problem]:
-        if not self.model_fields_set:
-            yield Problem((), "says nothing: add max_range_m or sigma")
-        by_key: dict[KeyPath, list[Row]] = {("sigma", name): rows for name, rows in self.sigma.items()}
-        for key, rows in {("max_range_m",): self.max_range_m or [], **by_key}.items():
-            yield from _unsorted_rows(key, rows)
-            for index, row in enumerate(rows):
-                if row[1] <= 0:
-                    yield Problem((*key, index), f"must be above 0, not {row[1]:g}")
 
 
 class ClutterPlace(Config):

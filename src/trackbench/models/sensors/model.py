@@ -20,7 +20,7 @@ from trackbench.base.config import (
 from trackbench.base.config.key_units import in_si
 from trackbench.base.errors import nearest_choices
 from trackbench.base.types import Array, Gaussian, Mask, Scan
-from trackbench.models.sensors.detection import ByAngle, Clutter, DetectionFactors, Resolution
+from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution
 
 
 class Mount(Config):
@@ -79,12 +79,7 @@ class SensorModel(Config, ABC):
     )
     detection: DetectionFactors = Field(
         default_factory=DetectionFactors,
-        description="How that probability falls with range and aspect; it does not unless given.",
-    )
-    by_angle: ByAngle | None = Field(
-        None,
-        description="How range and noise change with the angle from the boresight; they do not unless given. Trackers "
-        "are told the options at the boresight.",
+        description="How that probability falls with the range; it does not unless given.",
     )
     occlusion: bool = Field(False, description="Whether vehicles hide those behind them.")
     clutter: Clutter = Field(default_factory=Clutter, description="False alarms; none unless given.")
@@ -113,8 +108,6 @@ class SensorModel(Config, ABC):
         inside = np.abs(azimuth) <= np.deg2rad(self.fov_deg) / 2
         if self.max_range_m is not None:
             inside &= distance <= self.max_range_m
-        if self.by_angle is not None:
-            inside &= distance <= self.by_angle.range_limit(azimuth)
         return np.asarray(inside)
 
     def uniform(self, shares: Array) -> Array:

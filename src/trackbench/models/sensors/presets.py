@@ -93,14 +93,14 @@ def assumed_effects(kind: str) -> set[str]:
 def typical(kind: str, components: Collection[str]) -> list[dict[str, Any]]:
     """Return the typical effects of a kind of sensor on what it measures; none of one that is not built in."""
     every = [
-        {key: of_components(value, components) for key, value in entry["options"].items()}
+        {key: _of_components(value, components) for key, value in entry["options"].items()}
         for entry in _entries().get(kind, [])
     ]
     stated = [{key: value for key, value in options.items() if value != {}} for options in every]
     return [options for options in stated if set(options) != {"type"}]
 
 
-def of_components(value: Any, components: Collection[str]) -> Any:
+def _of_components(value: Any, components: Collection[str]) -> Any:
     """Keep those sizes of a mapping such as {azimuth_deg: 0.1} whose component is measured; return other values."""
     is_sizes = isinstance(value, dict)
     return {key: size for key, size in value.items() if split_key(key)[0] in components} if is_sizes else value

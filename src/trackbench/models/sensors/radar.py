@@ -6,7 +6,7 @@ import builtins
 import math
 from collections.abc import Iterator
 from itertools import combinations
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, Self, TypeVar, cast
 
 import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, create_model, model_validator
@@ -74,11 +74,11 @@ class Radar(Polar):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _of_its_class(cls, data: Any, handler: ModelWrapValidatorHandler[Radar], info: ValidationInfo) -> Radar:
+    def _of_its_class(cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         model = cls._measuring(data)
         if model is cls:
             return handler(data)
-        return model.model_validate({**data, "type": model.kind()}, context=info.context)
+        return cast(Self, model.model_validate({**data, "type": model.kind()}, context=info.context))
 
     @classmethod
     def _measuring(cls, options: Any) -> builtins.type[Radar]:

@@ -16,12 +16,13 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.base.units import difference
-from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, Update, classic_points
+from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, SymmetricSet, Update
 from trackbench.filters.base import linear_update
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.builtin import build, ukf
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.late import LateScans
 from trackbench.trackers.track_steps import TrackState
 
 
@@ -77,11 +78,11 @@ def stopped_cholesky(matrix: Array) -> Array:
     return np.moveaxis(np.tril(lanes), 0, -1).reshape(matrix.shape)
 
 
-def faulty_ukf(**options: Any) -> FaultyTracker:
+def faulty_ukf(**options: Any) -> LateScans:
     """The tracker, with the options of a built-in UKF."""
-    sound = build(FilterConfig.model_validate({"filter": "ukf", **options}))
-    faulty = FaultyUkf(sound.filter.motions[0], classic_points(None))
-    return FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at)
+    sound = build(FilterConfig.model_validate({"filter": "ukf", **options})).tracker
+    faulty = FaultyUkf(sound.filter.motions[0], SymmetricSet(1.0, 0.0, None))
+    return LateScans(FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at))
 
 
 faulty_ukf.Options = ukf.Options  # type: ignore[attr-defined]

@@ -84,8 +84,9 @@ def evidence_steps(drives: Sequence[TestDrive]) -> int:
 
 def reference_tracker(engine: Engine = "numpy") -> Tracker:
     """The tracker that others are compared with: an extended Kalman filter with constant velocity."""
-    # No scan of a drive is late, so it need not keep those that it has taken in.
-    return replace(ekf(motion="cv", acceleration_sigma_mps2=3.0, late="drop"), engine=engine)
+    # No scan of a drive is late.
+    tracker: Tracker = replace(ekf(motion="cv", acceleration_sigma_mps2=3.0).tracker, engine=engine)
+    return tracker
 
 
 class Doctor:

@@ -21,9 +21,9 @@ from trackbench.testing.rules import Identities
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.foreign import use_of
 from trackbench.trackers.initial import InitialConfig
+from trackbench.trackers.late import LateScans
 from trackbench.truth.config import FixedObserver, HighwayOptions
 
 #: For a tracker without a scenario.
@@ -175,14 +175,14 @@ def _of_scenario(
 def _startable(of: ExaminedTracker) -> ExaminedTracker:
     """The tracker; one that starts from the truth is made to start from two measurements."""
     made = of.make()
-    if not (isinstance(made, FilterTracker) and made.starts_from_truth):
+    if not (isinstance(made, LateScans) and made.starts_from_truth):
         return of
     initial = InitialConfig.model_validate("two_measurements")
 
     def make() -> Tracker:
         tracker = of.make()
-        assert isinstance(tracker, FilterTracker)
-        return replace(tracker, initial=initial)
+        assert isinstance(tracker, LateScans)
+        return replace(tracker, tracker=replace(tracker.tracker, initial=initial))
 
     note = "its tracks start from two measurements here, and from the truth in the scenario"
     return replace(of, make=make, notes=(*of.notes, note))

@@ -16,7 +16,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Scan, Truth
 from trackbench.models.sensors import SENSOR_MODELS, Mount
 from trackbench.subjects.export.scans import RunKey, ScanSource, component_columns
-from trackbench.truth.recorded.foxglove import BOXES, POINTS, SCAN, TRANSFORMS
+from trackbench.truth.formats.mcap import BOXES, POINTS, SCAN, TRANSFORMS
 
 TYPES = {float: "number", int: "integer", str: "string", bool: "boolean"}
 STAMP = {"sec": int, "nsec": int}

@@ -158,7 +158,7 @@ def error_finding(
     setting = "; ".join(f"{key}: {new}" for key, new in changes.items())
     fix = f"Set {setting}" if changes else "Correct the log: this format has no key for it"
     if item.name == BODY_POINT:
-        fix = "Move the truth's positions there, or state of which point they are: truth.reference.point"
+        fix = "Move the truth's positions there"
     return LogFinding(
         kind=item.name,
         sensor=log.name,

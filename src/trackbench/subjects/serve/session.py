@@ -25,7 +25,7 @@ from trackbench.sensing.view import sensor_motion, silent
 from trackbench.subjects.serve.protocol import Marker
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE, TrackerFault
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.late import LateScans
 from trackbench.truth.config import FixedObserver
 from trackbench.truth.recorded.udacity import Measurement
 
@@ -113,7 +113,7 @@ def _served_sensor(name: str, config: Lidar | Radar, observer: object) -> Served
     return ServedSensor(name, config, noise, pose)
 
 
-def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
+def _refuse_truth(tracker: LateScans) -> LateScans:
     if tracker.starts_from_truth:
         raise InputError("starts from the truth, which a live client does not have; use initial: two_measurements")
     return tracker

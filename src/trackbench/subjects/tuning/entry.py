@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from trackbench.base.config.explain import explain
+from trackbench.base.config.messages import explain
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
 from trackbench.models.motion import MotionModel
@@ -54,7 +54,7 @@ def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
         # What it advises is for the command line's --set.
         return error.message.partition("; set it as a whole")[0]
     except ValidationError as invalid:
-        return explain(invalid.errors(include_url=False), ScenarioConfig)[0][1]
+        return explain(invalid, {})[0].message
     return None
 
 

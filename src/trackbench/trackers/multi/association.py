@@ -8,9 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaincinv
 
-from trackbench.base import linalg
-from trackbench.base.types import Array, Gaussian, Indices, Mask, indices
-from trackbench.base.units import difference
+from trackbench.base.types import Array, Indices, Mask, indices
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.filters import AnyBelief, MultiModelBelief, choose
 from trackbench.trackers.associate import EXISTENCE, AssociateConfig
@@ -300,31 +298,3 @@ def _established(
 def gate_threshold(gate: float, components: int) -> float:
     """The squared Mahalanobis distance that a detection of the object exceeds with probability ``1 - gate``."""
     return float(2 * gammaincinv(components / 2, gate))
-
-
-def duplicates(detection: Indices, confirmed: Mask, states: Gaussian, angular: tuple[int, ...]) -> Mask:
-    """``(L,)`` tracks whose most probable detection is also that of a better track, and whose state is too.
-
-    Of those that share a detection a confirmed track is better than another, and then an older one. Two estimates of
-    the same state are as close as the mean of two independent ones: their squared Mahalanobis distance is at most
-    ``n``.
-
-    Args:
-        detection: ``(L,)`` the most probable one of each track; negative for none.
-        confirmed: ``(L,)``.
-        states: ``(n, L)``.
-        angular: which components of the state are angles.
-    """
-    mean, covariance = states
-    result = np.zeros(len(detection), dtype=bool)
-    order = np.lexsort((~confirmed, detection))
-    order = order[detection[order] >= 0]
-    again = np.diff(detection[order], prepend=-1) == 0
-    if not np.any(again):
-        return result
-    best = order[np.maximum.accumulate(np.where(again, 0, np.arange(len(order))))]
-    worse, better = order[again], best[again]
-    apart = difference(mean[:, worse], mean[:, better], angular)
-    whitened = linalg.cholesky(covariance[..., worse] + covariance[..., better]).whiten(apart)
-    result[worse] = np.einsum("ik,ik->k", whitened, whitened) <= len(mean)
-    return result

@@ -19,8 +19,8 @@ from trackbench.engine.beliefs import (
     sensor_values,
 )
 from trackbench.engine.equations import Values
-from trackbench.engine.filters import FilterCall, FusedFilter, fused_filter, predicted_belief
-from trackbench.filters import AnyBelief, Filter, bare, choose
+from trackbench.engine.filters import FilterCall, FusedFilter, predicted_belief
+from trackbench.filters import AnyBelief, bare, choose
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi.mixture import of_slots
 from trackbench.trackers.multi.table import (
@@ -42,8 +42,8 @@ class FusedTrackFilter(TrackFilter):
 
     filter: FusedFilter
 
-    def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:
-        super().__init__(fused_filter(filter), initial)
+    def __init__(self, filter: Any, initial: InitialConfig) -> None:
+        super().__init__(filter, initial)
         self._begun = partial(_begun, initial=initial)
         self._initial_key = initial.model_dump_json()
 

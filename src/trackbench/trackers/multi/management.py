@@ -9,12 +9,11 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Gaussian, Indices, Mask, indices
+from trackbench.base.types import Array, Indices, Mask, indices
 from trackbench.engine.equations import Compute, Equations, Values
-from trackbench.filters import AnyBelief, Belief
 from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.initial import SAME_TIME
-from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, duplicates
+from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput
 from trackbench.trackers.multi.table import NONE, TrackFilter, TrackTable, empty, selected_detections
 
 
@@ -40,33 +39,28 @@ class _Untimed:
 
 @dataclass(frozen=True)
 class CountLogic(_Untimed):
-    """M detections in the first N scans confirm; so many misses in a row delete.
+    """M detections in the first N scans confirm; a track that can no longer have them is deleted.
 
-    Evidence: detections, scans in view, misses in a row.
+    Evidence: detections, scans in view.
     """
 
     needed: int
     scans: int
-    misses: float
 
-    size: ClassVar[int] = 3
+    size: ClassVar[int] = 2
 
     def begun(self, count: int, existence: Array | None) -> Array:
-        evidence = np.ones((3, count))
-        evidence[2] = 0.0
-        return evidence
+        return np.ones((2, count))
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
-        missed = np.where(judged.hit, 0.0, evidence[2] + judged.in_view)
-        return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view, missed])
+        return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view])
 
     def confirms(self, evidence: Array) -> Mask:
         result: Mask = evidence[0] >= self.needed
         return result
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        lost = evidence[1] - evidence[0] > self.scans - self.needed
-        result: Mask = np.where(confirmed, evidence[2] >= self.misses, lost)
+        result: Mask = ~confirmed & (evidence[1] - evidence[0] > self.scans - self.needed)
         return result
 
 
@@ -164,7 +158,7 @@ class CountedExistence:
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         existence, counted = judged.existence, self.count.after_scan(self._counted(evidence), judged)
         assert existence is not None
-        return linalg.vector([existence[0], existence[1], counted[0], counted[1], counted[2]])
+        return linalg.vector([existence[0], existence[1], counted[0], counted[1]])
 
     def confirms(self, evidence: Array) -> Mask:
         return self.count.confirms(self._counted(evidence))
@@ -175,7 +169,7 @@ class CountedExistence:
         return result
 
     def _counted(self, evidence: Array) -> Array:
-        return linalg.vector([evidence[2], evidence[3], evidence[4]])
+        return linalg.vector([evidence[2], evidence[3]])
 
 
 #: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
@@ -200,8 +194,7 @@ def track_logic(config: AssociateConfig) -> TrackLogic:
     existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / HIDDEN_S)
     if rule == "existence":
         return existence
-    needed, scans = rule
-    counting = CountLogic(needed, scans, float("inf") if config.delete_misses is None else config.delete_misses)
+    counting = CountLogic(*rule)
     return CountedExistence(existence, counting) if config.method in EXISTENCE else counting
 
 
@@ -261,8 +254,6 @@ class TrackManager:
         # Of none, which is -1, the last.
         used = np.concatenate([at.detections.column, [NONE]]).take(result.detection)
         ends = np.asarray(after["ends"], dtype=bool)
-        if self.associate.end_duplicates:
-            ends |= duplicates(result.detection, confirmed, *self._compared(result.belief))
         table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
         return table, ends
 
@@ -292,10 +283,3 @@ class TrackManager:
             at.detections.column[own],
             none if origin is None else origin[0, own],
         )
-
-    def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
-        """The states in which tracks are compared, and which components are angles: that of the only motion model."""
-        motion = self.filter.motions[0]
-        if isinstance(belief, Belief) and not motion.sensors_with_errors:
-            return Gaussian(belief.mean, belief.covariance), motion.angular
-        return self.filter.filter.cartesian(belief), ()

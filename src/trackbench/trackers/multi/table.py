@@ -149,11 +149,6 @@ class TrackFilter:
         self.filter = filter
         self.initial = initial
 
-    @property
-    def motions(self) -> tuple[MotionModel, ...]:
-        """The motion models that the filter runs."""
-        return self.filter.motions
-
     def measured(self, scan: Scan) -> Measured:
         """The detections in the space in which the filter compares them with its predictions."""
         return self.filter.measured(scan)
@@ -203,7 +198,7 @@ class TrackFilter:
         before = bare(at.belief)
         if not len(track):
             return before
-        return of_pairs(self.motions, before, self.after(at, scan, track, detection), track, share, kept)
+        return of_pairs(self.filter.motions, before, self.after(at, scan, track, detection), track, share, kept)
 
 
 def begun(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> AnyBelief:

@@ -9,14 +9,14 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Indices, Scan, Tracks, with_sensor_of
-from trackbench.engine.choice import compute_by, used
-from trackbench.engine.equations import EngineUsed
+from trackbench.engine.choice import compute_by
 from trackbench.filters import AnyBelief, bare
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed
+from trackbench.trackers.filtered import BuiltInTracker
+from trackbench.trackers.late import LateScans
 from trackbench.trackers.multi.association import AssociationInput, associated
 from trackbench.trackers.multi.gate import run_detections
 from trackbench.trackers.multi.intensity import Detectability, Undetected, intensity
@@ -44,12 +44,10 @@ class MultiObjectState(NamedTuple):
     """Of the tracks before the latest scan, at its time."""
     before: TrackTable | None = None
     """Those tracks, their beliefs at the time of the scan before."""
-    history: tuple[ProcessedScan[MultiObjectState, Tracks], ...] = ()
-    """The latest scans that were taken in."""
 
 
 @dataclass(frozen=True)
-class MultiObjectTracker(ScanTracker):
+class MultiObjectTracker(BuiltInTracker):
     """Follows several objects by detections that nobody labelled, in one run or in many runs at once.
 
     The tracks of all runs lie side by side, ``(n, L)``, each with the number of its run: none waits unused, and a run
@@ -59,26 +57,20 @@ class MultiObjectTracker(ScanTracker):
     associate: AssociateConfig = field(kw_only=True)
 
     multi_object: ClassVar = True
-    _forgotten: ClassVar = {"history": (), "expected": None, "before": None}
 
     @property
     def wants_origins(self) -> bool:
         """Whether ``step`` is to be told which object caused each detection."""
         return self.associate.method == "oracle"
 
-    @property
-    def engine_used(self) -> EngineUsed:
-        """What computed the steps so far."""
-        return used(self._track_filter.filter)
-
     @cached_property
     def _track_filter(self) -> TrackFilter:
         if self.engine == "numpy":
-            return TrackFilter(self.filter, self.initial)
+            return TrackFilter(self.computed_filter, self.initial)
         # Its import takes a moment.
         from trackbench.trackers.multi.fused_tracks import FusedTrackFilter
 
-        return FusedTrackFilter(self.filter, self.initial)
+        return FusedTrackFilter(self.computed_filter, self.initial)
 
     @cached_property
     def _manager(self) -> TrackManager:
@@ -99,8 +91,7 @@ class MultiObjectTracker(ScanTracker):
             origins: ``(2, D)`` or ``(2, D, runs)`` number of the object that caused each detection, and of a second one
                 that is merged with it, negative for none; only for the oracle.
 
-        A scan that is older than the state is dealt with as ``late`` says; the tracks are then those at the state's
-        time. What is replayed may give an id to another object than before the late scan.
+        A scan that is older than the state is dropped; the tracks are then those at the state's time.
         """
         if scan.valid.ndim == 1:
             single = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
@@ -113,12 +104,12 @@ class MultiObjectTracker(ScanTracker):
                 # Its first scan may still be on its way.
                 return None, self._tracks(table, runs)
             state = MultiObjectState(scan.time, table, np.zeros(runs, dtype=np.intp), undetected)
-        if self.late == "as_new" and not scan.asked:
-            scan = scan._replace(time=scan.arrival_time)
         if scan.asked or not self.reads(scan.sensor):
             ahead, answer = self._prediction(state, max(scan.time, state.time))
             return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
-        return self._after_scan(state, scan, origins)
+        if scan.time < state.time:
+            return state, self._prediction(state, state.time)[1]
+        return self._in_sequence(state, scan, origins)
 
     def _in_sequence(
         self, state: MultiObjectState, scan: Scan, origins: Indices | None = None
@@ -159,16 +150,6 @@ class MultiObjectTracker(ScanTracker):
         after = MultiObjectState(scan.time, table, next_id, undetected, expected.belief, ahead.table)
         return after, self._tracks(table, runs)
 
-    def _after_late(
-        self, state: MultiObjectState, scan: Scan, origins: Indices | None, number: int
-    ) -> tuple[MultiObjectState, Tracks]:
-        again = replayed(self._in_sequence, state.history, number, scan, origins)
-        used = _used_of(again.latest, again.late)
-        return again.state._replace(history=again.history), again.latest._replace(used=used)
-
-    def _present(self, state: MultiObjectState) -> Tracks:
-        return self._prediction(state, state.time)[1]
-
     def _prediction(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
         """The state at a later time, and its tracks, which took no detection."""
         ahead, belief = self._at(state, time), state.table.belief
@@ -202,21 +183,13 @@ class MultiObjectTracker(ScanTracker):
         return reported_tracks(table, self._track_filter.filter, existence, runs, self.associate.report_limits[1])
 
 
-def _used_of(tracks: Tracks, late: Tracks) -> Indices:
-    """``(K, runs)`` the detections that tracks took from a late scan, after which they were as ``late`` says."""
-    assert late.used is not None
-    used = np.full(tracks.ids.shape, NONE)
-    for ids, column in zip(late.ids, late.used, strict=True):
-        used = np.where((tracks.ids == ids) & (ids != NONE), column, used)
-    return used
-
-
 def _alone(tracks: Tracks) -> Tracks:
     """Those of the only run."""
     return Tracks._make(None if part is None else part[..., 0] for part in tracks)
 
 
-def build_multi(config: FilterConfig) -> MultiObjectTracker:
+def build_multi(config: FilterConfig) -> LateScans:
     """The tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
     assert config.associate is not None
-    return MultiObjectTracker(filter_of(config), config.initial, associate=config.associate, **config.scan_options)
+    tracker = MultiObjectTracker(filter_of(config), config.initial, associate=config.associate, **config.scan_options)
+    return LateScans(tracker, config.late, config.lag_s)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field, Tag
+from pydantic import ConfigDict, Field
 
-from trackbench.base.config import LIST, MAPPING, Config, Positive, Problem, chosen_by
+from trackbench.base.config import Config, Positive, Problem
 from trackbench.base.errors import nearest_choices
 from trackbench.truth.config.logs import Paths
-from trackbench.truth.jumps import Position
 
 #: The units that columns may have, in SI units and radians.
 UNITS: dict[str, dict[str, float]] = {
@@ -106,7 +105,6 @@ class ObserverColumns(MotionColumns):
 
     path: Paths | None = Field(None, description="The file, of the same format; the truth's rows unless given.")
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
-    frame: str | None = Field(None, description="mcap, required there: the frame of the observer.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
     yaw_rate: str | None = Field(None, description="Rate of change of the heading; from the heading unless given.")
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
@@ -124,7 +122,6 @@ class TruthColumns(MotionColumns):
     With hidden identities it may be left out; then it is that of the displacement.
     """
 
-    topic: str | None = Field(None, description="mcap: the topic of the boxes; needed only where several have some.")
     time: str = Field(description="Time.")
     object: str | None = Field(None, description="Name of the object; all rows are of one object unless given.")
     heading: str | None = Field(
@@ -158,7 +155,6 @@ class MeasurementColumns(Config):
     __pydantic_extra__: dict[str, str] = Field(init=False)
 
     path: Paths | None = Field(None, description="The file, of the same format; that of the truth unless given.")
-    topic: str | None = Field(None, description="mcap: the topic of the detections; needed where several have some.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
     object: str | None = Field(
         None,
@@ -208,59 +204,13 @@ class MeasurementColumns(Config):
             yield Problem(("new_track",), "is of a slot, whose column is not given; add slot")
 
 
-Span = Annotated[list[Position], Field(min_length=2, max_length=2)]
-
-
-class BoxRegion(Config):
-    """A rectangle along the axes of the fixed frame."""
-
-    x_m: Span = Field(description="Least and largest x, m.")
-    y_m: Span = Field(description="Least and largest y, m.")
-
-    def problems(self) -> Iterator[Problem]:
-        for key in ("x_m", "y_m"):
-            low, high = getattr(self, key)
-            if low >= high:
-                yield Problem((key,), f"must be [low, high] with {low:g} below {high:g}")
-
-
-def _region_shape(value: Any) -> str | None:
-    return LIST if isinstance(value, list) else MAPPING if isinstance(value, dict | BoxRegion) else None
-
-
-Region = Annotated[
-    Annotated[list[Span], Field(min_length=3, max_length=1000), Tag(LIST)] | Annotated[BoxRegion, Tag(MAPPING)],
-    chosen_by(
-        _region_shape, "write the corners [[x, y], ...] of a polygon, m, or {x_m: [low, high], y_m: [low, high]}"
-    ),
-]
-
-
-def _as_text(value: Any) -> Any:
-    return f"{value:.17g}" if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-CellValue = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float)]
-POINTS = ("centre", "rear_bumper")
-
-
 class ReferenceOptions(Config):
-    """What of a recorded truth counts, and which point of a box its positions are.
+    """What of a recorded truth counts.
 
-    An object outside the region, out of range or of another class need not be tracked, and a track there is not false:
-    neither changes a score. The same holds on a don't-care box.
+    An object out of range or of another class need not be tracked, and a track there is not false: neither changes a
+    score. The same holds on a don't-care box, which KITTI and MOTChallenge have.
     """
 
-    point: Literal["centre", "rear_bumper"] | None = Field(
-        None,
-        description="Which point of the box the columns px and py are, at half of its width. Required with "
-        "columns.length; positions are moved to the centre, along columns.heading.",
-    )
-    region: Region | None = Field(
-        None,
-        description="Where objects count, in the fixed frame: the corners [[x, y], ...] of a polygon, m, or {x_m: "
-        "[low, high], y_m: [low, high]}. Everywhere unless given.",
-    )
     range_m: Positive | None = Field(
         None, description="Distance from the observer up to which objects count, m; without limit unless given."
     )
@@ -270,13 +220,6 @@ class ReferenceOptions(Config):
         description="Classes that count, as they stand in columns.class or in the format, whatever their case; all "
         "unless given. Objects of others hide what is behind them.",
     )
-    ignore: dict[str, Annotated[list[CellValue], Field(min_length=1)]] = Field(
-        default_factory=dict,
-        description="By the name of a column of the file, the values that make a row a don't-care box, such as {type: "
-        "[DontCare], conf: [0]}. Such a row is of no object; its box counts until half way to the rows before and "
-        "after.",
-    )
-
     others: Literal["ignored"] | None = Field(
         None,
         description="ignored: tracks on no object are nobody's business, as where one car of many has a reference. "
@@ -286,4 +229,4 @@ class ReferenceOptions(Config):
     @property
     def of_tracks(self) -> list[str]:
         """The keys that are given of those that say what counts."""
-        return [key for key in ("region", "range_m", "classes", "ignore", "others") if getattr(self, key)]
+        return [key for key in ("range_m", "classes", "others") if getattr(self, key)]

@@ -5,25 +5,21 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from glob import glob
 from itertools import takewhile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, Tag
 
 from trackbench.base.config import LIST, WORD, chosen_by, text_or_list
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
 
-#: The ending of the files of each format.
-ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet", "mcap": ".mcap"}
-
 FileName = Annotated[str, Field(min_length=1)]
 Paths = Annotated[
     Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
     chosen_by(
         text_or_list,
-        "write a file, a folder of files, a pattern, or a list of files, such as [monday.csv, tuesday.csv]",
+        "write a file, or a list of files, such as [monday.csv, tuesday.csv]",
     ),
 ]
 
@@ -37,7 +33,6 @@ def is_log(path: Path) -> bool:
     return path.is_file() or (path / BAG).is_file()
 
 
-_PATTERN = re.compile(r"[*?\[]")
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
 
@@ -69,38 +64,13 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
         raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
     for place in (folder / expanded, expanded):
         if os.path.isdir(place) and not is_log(place):
-            raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
+            raise InputError(f"{expanded} is a folder; name a file", key=key)
         if os.path.exists(place):
             return place
-    if _PATTERN.search(path):
-        raise InputError(f"no file has a name like {shortened_text(str(expanded))}", key=key)
     place = folder / expanded
     names = [entry.name for entry in place.parent.iterdir() if entry.is_file()] if os.path.isdir(place.parent) else []
     hint = f"; {nearest_choices(place.name, names)}" if names else ""
     raise InputError(f"there is no file {shortened_text(str(expanded))}{hint}", key=key)
-
-
-def files_of(path: Any, folder: Path, form: Any) -> Any:
-    """The files of the format in a folder, or those of a pattern, in the order of names; of anything else what it is.
-
-    Args:
-        path: as a scenario gives it.
-        folder: the scenario's, where a relative path starts; then the working directory.
-        form: a key of ``ENDINGS``.
-    """
-    if not isinstance(path, str):
-        return path
-    for place in (folder / expanded_path(path), expanded_path(path)):
-        if place.is_dir():
-            names = sorted(file.name for file in place.iterdir() if file.suffix == ENDINGS.get(form))
-            return [str(Path(path, name)) for name in names] or path
-        if place.exists():
-            return path
-    if _PATTERN.search(path):
-        start = expanded_path(path)
-        matches = sorted(glob(str(folder / start))) or sorted(glob(str(start)))
-        return matches or path
-    return path
 
 
 def log_names(paths: Sequence[str]) -> list[str]:

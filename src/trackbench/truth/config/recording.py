@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr
 
 from trackbench.base.config import Angle, Config, KeyPath, Name, Positive, Problem
 from trackbench.base.errors import counted
 from trackbench.models.sensors import sensor_type
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.columns import (
-    POINTS,
     MeasurementColumns,
     ObserverColumns,
     ReferenceOptions,
     TruthColumns,
     Units,
 )
-from trackbench.truth.config.logs import Paths, files_of, log_names
+from trackbench.truth.config.logs import Paths, log_names
 from trackbench.truth.jumps import Position, Velocity
 
 
@@ -47,10 +45,7 @@ class MovingObserver(FixedObserver):
 
 #: A key, whether it is wrong, and what is then said.
 Rule = tuple[KeyPath, bool, str]
-TABLES = ("csv", "parquet", "mcap")
-#: Names of the columns of boxes in MCAP, and of those of a frame.
-BOX_COLUMNS = {"time": "time", "object": "id", "px": "x", "py": "y"} | {k: k for k in ("heading", "length", "width")}
-FRAME_COLUMNS = {"time": "time", "px": "x", "py": "y", "yaw": "yaw"}
+TABLES = ("csv", "parquet")
 
 
 class ReferenceTruth(TruthSource):
@@ -81,17 +76,15 @@ class ReferenceTruth(TruthSource):
 class RecordingOptions(ReferenceTruth):
     """Motion from a file, and measurements where it has them."""
 
-    format: Literal["udacity", "csv", "parquet", "mcap"] = Field(
+    format: Literal["udacity", "csv", "parquet"] = Field(
         description="udacity: text of the Udacity simulator, whose L lines feed the sensor of type lidar and whose R "
         "lines that of type radar. csv (with a line of column names) and parquet: tables, one row for each time and "
-        "object. mcap: boxes, detections and frames of Foxglove's schemas as JSON; columns have names already, but for "
-        "the components of measurements, and all that is said of csv and parquet holds for it too."
+        "object."
     )
     path: Paths | None = Field(
         None,
-        description="The file; of several logs a list of files, a folder whose files of the format are taken in the "
-        "order of their names, or a pattern such as logs/*_boxes.csv. Each log is a scene; other files are then lists, "
-        "folders or patterns too, one file for each log in the same order. A relative path starts in the scenario's "
+        description="The file; of several logs a list of files. Each log is a scene; other files are then lists "
+        "too, one file for each log in the same order. A relative path starts in the scenario's "
         "folder, or in the working directory; environment variables such as $TRACKBENCH_DATA are filled in. csv and "
         "parquet: may be left out where the identities are hidden; then there is no truth, and every sensor's "
         "measurements have a file of their own.",
@@ -111,21 +104,6 @@ class RecordingOptions(ReferenceTruth):
     _log_name: str = PrivateAttr("")
     _hidden: bool = PrivateAttr(False)
     _every: slice = PrivateAttr(slice(None))
-
-    @model_validator(mode="before")
-    @classmethod
-    def _folders(cls, data: Any, info: ValidationInfo) -> Any:
-        folder = (info.context or {}).get("folder", Path())
-        form = data.get("format") if isinstance(data, dict) else None
-
-        def opened(node: Any) -> Any:
-            if not isinstance(node, dict):
-                return node
-            return {
-                key: files_of(value, folder, form) if key == "path" else opened(value) for key, value in node.items()
-            }
-
-        return _of_mcap(opened(data)) if form == "mcap" else opened(data)
 
     @property
     def scene_name(self) -> str:
@@ -231,12 +209,12 @@ class RecordingOptions(ReferenceTruth):
     def problems(self) -> Iterator[Problem]:
         yield from self._problems_of_logs()
         rules = self._without_truth() if self.without_truth else self._with_truth()
-        for at, is_wrong, message in (*rules, *self._of_form()):
+        for at, is_wrong, message in rules:
             if is_wrong:
                 yield Problem(at, message)
 
     def _with_truth(self) -> Iterator[Rule]:
-        columns, point, is_table = self.columns, self.reference.point, self.format in TABLES
+        columns, is_table = self.columns, self.format in TABLES
         yield (
             ("ego",),
             self.ego is not None,
@@ -252,28 +230,10 @@ class RecordingOptions(ReferenceTruth):
             yield (key,), is_stated, f"format {self.format} has fixed columns and units; remove this"
         if columns is None:
             return
-        what = f"missing: which point of the box {columns.px} and {columns.py} are: {' | '.join(POINTS)}"
-        is_unknown = columns.length is not None and point is None and self.format != "mcap"
-        yield ("reference", "point"), is_unknown, what
-        is_turned = point not in (None, "centre") and columns.heading is None
-        yield ("columns", "heading"), is_turned, f"missing: along it the {point} is moved to the centre"
         is_classed = bool(self.reference.classes) and columns.kind is None
         yield ("columns", "class"), is_classed, "missing: the column of the class, for reference.classes"
         has_two = is_table and columns.observer is not None and "observer" in self.model_fields_set
         yield ("observer",), has_two, "not used with columns.observer; remove one of them"
-
-    def _of_form(self) -> Iterator[Rule]:
-        """What MCAP has and other formats have not."""
-        columns, of_mcap = self.columns, self.format == "mcap"
-        observer = None if columns is None else columns.observer
-        for path, carrier in ((("columns", "observer"), observer), (("ego",), self.ego)):
-            if carrier is not None:
-                missing = "missing: the frame of the observer, such as base_link"
-                message = missing if of_mcap else f"{self.format} has no frames; remove"
-                yield (*path, "frame"), of_mcap == (carrier.frame is None), message
-        for key, entry in ((("columns",), columns), *((("readings", k), e) for k, e in self.measurements.items())):
-            has_topic = entry is not None and entry.topic is not None and not of_mcap
-            yield (*key, "topic"), has_topic, f"{self.format} has no topics; remove"
 
     def _without_truth(self) -> Iterator[Rule]:
         if self.format not in TABLES or self.columns is not None:
@@ -294,24 +254,3 @@ class RecordingOptions(ReferenceTruth):
             for key in ("path", "time"):
                 message = "missing: without a truth, the observer has a file of its own"
                 yield ("ego", key), getattr(self.ego, key) is None, message
-
-
-def _of_mcap(data: Any) -> Any:
-    """The options with the names of columns that MCAP has; what is read besides is in the file of the truth."""
-
-    def completed(entry: Any, **more: Any) -> Any:
-        return {**more, **entry} if isinstance(entry, dict) else entry
-
-    path = data.get("path")
-    readings = completed(data.get("readings", {}))
-    result = {**data, "readings": readings}
-    if isinstance(readings, dict):
-        result["readings"] = {name: completed(entry, path=path, time="time") for name, entry in readings.items()}
-    if path is not None:
-        columns = completed(data.get("columns", {}), **BOX_COLUMNS)
-        if isinstance(columns, dict) and "observer" in columns:
-            columns["observer"] = completed(columns["observer"], path=path, **FRAME_COLUMNS)
-        result["columns"] = columns
-    if "ego" in data:
-        result["ego"] = completed(data["ego"], **FRAME_COLUMNS)
-    return result

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Positive
-from trackbench.base.errors import InputError, counted
+from trackbench.base.errors import InputError
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth.recorded.rows import Rows, rows_of_columns
@@ -88,7 +88,6 @@ class Kitti(TrafficFormat):
         dont_care = np.array([kind == NO_OBJECT for kind in kinds], dtype=bool)
         if dont_care.all():
             raise InputError("there is no object in this file", file=file)
-        left_out = f"left out {counted(int(in_picture.sum()), 'DontCare row')} without a place on the ground"
         frame, x, z, turn, length, width = _lengths(rows, FRAME, X, Z, ROTATION, LENGTH, WIDTH)
         # The camera's x points right, y down and z forward; its angle turns from x over -z.
         return TrackRows(
@@ -101,5 +100,4 @@ class Kitti(TrafficFormat):
             width=width,
             kind=[kind.lower() for kind in kinds],
             dont_care=dont_care,
-            notes=(left_out,) if in_picture.any() else (),
         )

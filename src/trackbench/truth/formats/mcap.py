@@ -1,50 +1,45 @@
-"""MCAP: tracks and boxes as JSON, and messages of OSI."""
+"""MCAP: tracks and boxes as JSON, and messages of OSI.
+
+Sources: MCAP format specification; Foxglove schemas, ``foxglove.SceneUpdate`` and ``foxglove.FrameTransforms``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
+from trackbench.base.errors import InputError, counted, nearest_choices, shortened_text
+from trackbench.base.files import require_regular
+from trackbench.base.plugins import one_line
 from trackbench.truth.formats import osi
 from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
-from trackbench.truth.recorded import foxglove
-from trackbench.truth.recorded.mcap import LogPart, Message, decoded, messages_of, of_topic
 from trackbench.truth.recorded.rows import rows_of_columns
-from trackbench.truth.tracks import TrackRows, TrafficFormat
+from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
+
+#: Names of schemas.
+BOXES, TRANSFORMS, POINTS = "foxglove.SceneUpdate", "foxglove.FrameTransforms", "foxglove.PointCloud"
+TRACKS, SCAN = "trackbench.Tracks", "trackbench.Scan"
+#: Metadata of a box, by the column that it is.
+VELOCITY = {"vx": "vx_mps", "vy": "vy_mps"}
+OF_RUN = ("scene", "run", "fingerprint")
+
+Row = dict[str, Any]
 
 
-def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
-    kind = next(kind for kind in osi.KINDS if messages[0].schema == f"osi3.{kind}")
-    return osi.moving_objects(file, kind, [memoryview(message.data) for message in messages])
+class Message(NamedTuple):
+    """One message of a file."""
 
-
-def _tracks(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
-    return _rows(foxglove.columns_of_tracks(decoded(messages, file), file), file)
-
-
-def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message]) -> TrackRows:
-    columns = foxglove.columns_of_boxes(decoded(messages, file), decoded(transforms, file), file)
-    named = dict(zip(foxglove.VELOCITY, ("vx", "vy"), strict=True))
-    if any(None in columns.get(key, [None]) for key in named):
-        named = dict.fromkeys(named, "")
-    return _rows({named.get(name, name): values for name, values in columns.items()}, file)
-
-
-def _rows(columns: Mapping[str, Sequence[Any]], file: Path) -> TrackRows:
-    columns_of_keys = {name: name for name in QUANTITIES if name in columns}
-    layout = ColumnLayout(columns_of_keys, {})
-    return table_rows(rows_of_columns(file, columns), layout, dict.fromkeys(QUANTITIES, 1.0))
-
-
-#: What has tracks, by schema; of those in a file the first is read.
-READERS: dict[str, Callable[[Sequence[Message], Path, Sequence[Message]], TrackRows]] = {
-    foxglove.TRACKS: _tracks,
-    foxglove.BOXES: _boxes,
-    **dict.fromkeys((f"osi3.{kind}" for kind in osi.KINDS), _osi),
-}
+    topic: str
+    schema: str
+    encoding: str
+    """Such as ``json``."""
+    data: bytes
 
 
 class Mcap(TrafficFormat):
@@ -56,7 +51,143 @@ class Mcap(TrafficFormat):
     )
 
     def rows(self, file: Path) -> TrackRows:
-        messages = messages_of(file, {*READERS, foxglove.TRANSFORMS})
-        own = of_topic(messages, READERS, LogPart("tracks", self.topic), file)
-        transforms = [message for message in messages if message.schema == foxglove.TRANSFORMS]
-        return READERS[own[0].schema](own, file, transforms)
+        messages = messages_of(file, {*READERS, TRANSFORMS})
+        schemas = {message.topic: message.schema for message in messages if message.schema in READERS}
+        if self.topic is None:
+            first = next((schema for schema in READERS if schema in schemas.values()), None)
+            schemas = {topic: schema for topic, schema in schemas.items() if schema == first}
+        topic = chosen_topic(schemas, READERS, self.topic, file)
+        own = [message for message in messages if message.topic == topic]
+        return READERS[schemas[topic]](own, file, [item for item in messages if item.schema == TRANSFORMS])
+
+
+def messages_of(file: Path, schemas: set[str]) -> list[Message]:
+    """Return the messages of some schemas, in the order of their log time.
+
+    Raises:
+        InputError: the file cannot be read, or the package is missing.
+    """
+    try:
+        from mcap.reader import make_reader
+    except ImportError:
+        raise InputError("MCAP needs one more package: pip install 'trackbench[mcap]'", file=file) from None
+    require_regular(file)
+    try:
+        with file.open("rb") as stream:
+            return [
+                Message(channel.topic, schema.name, channel.message_encoding, message.data)
+                for schema, channel, message in make_reader(stream).iter_messages()
+                if schema is not None and schema.name in schemas
+            ]
+    except Exception as error:  # The reader of MCAP lets whatever a damaged length leads to through.
+        raise InputError(f"not an MCAP file that can be read: {shortened_text(one_line(error))}", file=file) from None
+
+
+def chosen_topic(topics: Mapping[str, str], schemas: Iterable[str], topic: str | None, file: Path) -> str:
+    """Return the topic that is named, or the only one.
+
+    Args:
+        topics: the type of the messages of each topic with tracks.
+        schemas: types that are known.
+        topic: the name that the scenario states; None for the only topic.
+        file: for error messages.
+
+    Raises:
+        InputError: there are none, or several topics have such messages and none is named.
+    """
+    if topic is not None and topic not in topics:
+        raise InputError(f"there is no topic {topic!r} with tracks; {nearest_choices(topic, topics)}", file=file)
+    if not topics:
+        raise InputError(f"there are no tracks in this file; known are messages of {', '.join(schemas)}", file=file)
+    if topic is None and len(topics) > 1:
+        names = ", ".join(shortened_text(name, 40) for name in sorted(topics)[:5])
+        have = f"{counted(len(topics), 'topic')} have {next(iter(topics.values()))}"
+        raise InputError(f"{have}: name one in topic: {names}", file=file)
+    return topic or next(iter(topics))
+
+
+def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
+    kind = next(kind for kind in osi.KINDS if messages[0].schema == f"osi3.{kind}")
+    return osi.moving_objects(file, kind, [memoryview(message.data) for message in messages])
+
+
+def _tracks(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
+    return _table(_parsed(messages, _tracks_in, file), file)
+
+
+def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message]) -> TrackRows:
+    rows = _parsed(messages, _boxes_in, file)
+    moved = {child for row in _parsed(transforms, _children_in, file) for child in row}
+    frames = {row.pop("frame") for row in rows}
+    if len(frames) > 1 or frames & moved:
+        names = ", ".join(shortened_text(str(name), 40) for name in sorted(frames)[:5])
+        raise InputError(f"one frame that is fixed to the ground is needed, and boxes are in {names}", file=file)
+    if not all(key in row for row in rows for key in VELOCITY):
+        rows = [{key: value for key, value in row.items() if key not in VELOCITY} for row in rows]
+    return _table(rows, file)
+
+
+def _table(rows: Sequence[Row], file: Path) -> TrackRows:
+    if not rows:
+        raise InputError("there is no track in this file", file=file)
+    names = [name for name in QUANTITIES if any(name in row for row in rows)]
+    table = rows_of_columns(file, {name: [row.get(name) for row in rows] for name in names})
+    return table_rows(table, ColumnLayout({name: name for name in names}, {}), dict.fromkeys(QUANTITIES, 1.0))
+
+
+def _parsed(messages: Sequence[Message], rows_in: Callable[[Any], Iterator[Row]], file: Path) -> list[Row]:
+    rows: list[Row] = []
+    for number, message in enumerate(messages, 1):
+        if message.encoding != "json":
+            problem = f"{message.topic} has {message.schema} in the encoding {message.encoding!r}; only json is read"
+            raise InputError(problem, file=file)
+        try:
+            rows += rows_in(json.loads(message.data))
+        except (TypeError, LookupError, AttributeError, ValueError, ArithmeticError, RecursionError) as error:
+            problem = f"message {number} of {message.schema} is damaged: {one_line(error)}"
+            raise InputError(problem, file=file) from None
+    return rows
+
+
+def _tracks_in(message: Any) -> Iterator[Row]:
+    common = {"time": message["time_s"], **{key: message[key] for key in OF_RUN if key in message}}
+    for track in message["tracks"]:
+        mean = dict(zip(("x", "y", "vx", "vy"), track["mean"], strict=True))
+        row = {**common, "id": track["id"], **mean}
+        if track.get("existence") is not None:
+            row["existence"] = track["existence"]
+        if track.get("covariance") is not None:
+            row |= {name: track["covariance"][a][b] for name, (a, b) in COVARIANCE.items()}
+        yield row
+
+
+def _boxes_in(message: Any) -> Iterator[Row]:
+    for entity in message["entities"]:
+        for cube in entity.get("cubes", []):
+            position, turn, size = cube["pose"]["position"], cube["pose"]["orientation"], cube["size"]
+            stated = {pair["key"]: pair["value"] for pair in entity.get("metadata", [])}
+            yield {
+                "time": Decimal(int(entity["timestamp"]["sec"])) + Decimal(int(entity["timestamp"]["nsec"])).scaleb(-9),
+                "id": entity["id"],
+                "frame": str(entity["frame_id"]),
+                "x": position["x"],
+                "y": position["y"],
+                "heading": math.atan2(
+                    2 * (turn["w"] * turn["z"] + turn["x"] * turn["y"]), 1 - 2 * (turn["y"] ** 2 + turn["z"] ** 2)
+                ),
+                "length": size["x"],
+                "width": size["y"],
+                **{key: stated[name] for key, name in VELOCITY.items() if name in stated},
+            }
+
+
+def _children_in(message: Any) -> Iterator[Row]:
+    yield {str(transform["child_frame_id"]): None for transform in message["transforms"]}
+
+
+#: What has tracks, by schema; of those in a file the first is read.
+READERS: dict[str, Callable[[Sequence[Message], Path, Sequence[Message]], TrackRows]] = {
+    TRACKS: _tracks,
+    BOXES: _boxes,
+    **dict.fromkeys((f"osi3.{kind}" for kind in osi.KINDS), _osi),
+}

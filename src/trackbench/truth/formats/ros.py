@@ -15,12 +15,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.errors import InputError, nearest_choices, shortened_text
+from trackbench.base.errors import InputError, shortened_text
 from trackbench.base.files import require_regular
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
 from trackbench.truth.config.logs import BAG
-from trackbench.truth.recorded.mcap import LogPart, chosen_topic
+from trackbench.truth.formats.mcap import chosen_topic
 from trackbench.truth.recorded.rows import FROM_ZERO_S
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
@@ -106,27 +106,24 @@ class RosBag(TrafficFormat):
     topic: str | None = Field(
         None, min_length=1, description="The topic with the tracks; needed only where several have some."
     )
-    typestore: str | None = Field(
-        None,
-        description="The version of ROS whose definitions of messages are meant, such as ros2_humble, where the bag "
-        "has none of its own.",
-    )
 
     def rows(self, file: Path) -> TrackRows:
         try:
             from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_typestore
         except ImportError:
             raise InputError("ROS bags need one more package: pip install 'trackbench[ros]'", file=file) from None
         named = file / BAG if file.is_dir() else file
         require_regular(named)
-        default = self._default_types(file)
+        # Bags that were recorded with ROS 2 Humble or before have no definitions of their own.
+        default = get_typestore(Stores.ROS2_HUMBLE)
         try:
             with AnyReader([named.parent if named.name == BAG else file], default_typestore=default) as bag:
                 types = {item.topic: item.msgtype for item in bag.connections if item.msgtype in READERS}
-                topic = chosen_topic(types, READERS, LogPart("tracks", self.topic), file)
+                topic = chosen_topic(types, READERS, self.topic, file)
                 own = [item for item in bag.connections if item.topic == topic]
                 if types[topic] not in bag.typestore.types:
-                    message = f"the definitions of {self.typestore} have no {types[topic]}, and the bag has none"
+                    message = f"the bag has no definition of {types[topic]}, nor has ROS 2 Humble"
                     raise InputError(message, file=file)
                 read = READERS[types[topic]]
                 every = (bag.deserialize(raw, item.msgtype) for item, _, raw in bag.messages(connections=own))
@@ -134,22 +131,7 @@ class RosBag(TrafficFormat):
         except InputError:
             raise
         except Exception as error:  # The reader of bags lets whatever a damaged file leads to through.
-            if "no type definitions" in str(error):
-                message = "the bag has no definitions of its messages: name a version of ROS, typestore: ros2_humble"
-                raise InputError(message, file=file) from None
             raise InputError(f"not a ROS bag that can be read: {shortened_text(one_line(error))}", file=file) from None
-
-    def _default_types(self, file: Path) -> Any:
-        from rosbags.typesys import Stores, get_typestore
-
-        if self.typestore is None:
-            return None
-        stores = {store.value: store for store in Stores}
-        if self.typestore not in stores:
-            raise InputError(
-                f"there is no typestore {self.typestore!r}; {nearest_choices(self.typestore, stores)}", file=file
-            )
-        return get_typestore(stores[self.typestore])
 
 
 def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:

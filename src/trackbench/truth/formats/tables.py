@@ -1,12 +1,8 @@
-"""Tables of recorded traffic: CSV and Parquet of one's own, and I-80, which comes with the package.
-
-Which column is what is told by usual names and shown; what they leave in doubt is asked for.
-"""
+"""Tables of recorded traffic: CSV and Parquet of one's own, and I-80, which comes with the package."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -43,50 +39,17 @@ QUANTITIES: dict[str, str | None] = {
 }
 REQUIRED = ("time", "id", "x", "y")
 
-#: Names of a position along an axis.
-PLACES = ("{}", "p{}", "pos{}", "position{}", "{}pos", "center{}", "centre{}", "{}center", "{}centre", "c{}")
-
-
-def _pairs(row: int, column: int) -> set[str]:
-    """How an entry of a covariance is called: ``xvy``, ``vyx``."""
-    a, b = (("x", "y", "vx", "vy")[place] for place in (row, column))
-    return {a + b, b + a}
-
-
-#: Names in lower case, without what stands between their parts and without a unit at their end.
-NAMES: dict[str, tuple[str, ...]] = {
-    "time": ("time", "t", "timestamp", "stamp", "timesec", "epoch"),
-    "id": ("id", "track", "trackid", "tid", "object", "objectid", "objid", "trackuuid", "uuid", "targetid"),
-    **{
-        axis: (*(word.format(axis) for word in PLACES), compass)
-        for axis, compass in (("x", "easting"), ("y", "northing"))
-    },
-    **{f"v{axis}": (f"v{axis}", f"vel{axis}", f"velocity{axis}", f"{axis}velocity", f"speed{axis}") for axis in "xy"},
-    "heading": ("heading", "yaw", "psi", "rotation", "orientation"),
-    "speed": ("speed", "v", "velocity"),
-    "length": ("length", "len", "l"),
-    "width": ("width", "w"),
-    "class": ("class", "type", "label", "category", "objectclass", "objecttype", "kind"),
-    "existence": ("existence", "existenceprobability", "probabilityofexistence", "pexist"),
-    **{key: (key,) for key in ("scene", "run", "fingerprint")},
-    **{
-        name: (name.replace("_", ""), *(f"{word}{pair}" for word in ("cov", "p") for pair in _pairs(*places)))
-        for name, places in COVARIANCE.items()
-    },
+#: Names of columns beside the keys themselves, without a unit at their end.
+NAMES = {
+    "t": "time",
+    "timestamp": "time",
+    **dict.fromkeys(("track", "track_id", "object", "object_id"), "id"),
+    **{name.format(axis): axis for axis in "xy" for name in ("p{}", "pos_{}")},
+    "yaw": "heading",
+    **{key: key for key in QUANTITIES},
 }
-#: Other ways to write a unit.
-UNIT_WORDS = {"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "nsec": "ns", "kmh": "kmph", "kph": "kmph"}
-
-
-#: Words of the names of columns of degrees, and what may stand beside them there.
-LATITUDE, LONGITUDE = {"lat", "latitude"}, {"lon", "lng", "long", "longitude"}
-DEGREES = {"x": LONGITUDE, "y": LATITUDE}
-BESIDE = {"deg", "degrees", "gps", "wgs84", "pos", "position"}
-
-
-def _is_degrees(name: str, words: set[str]) -> bool:
-    parts = {*_parts(name)}
-    return bool(parts & words) and parts <= words | BESIDE
+#: How the names of columns of degrees begin.
+LONGITUDE, LATITUDE = ("lon", "long", "longitude"), ("lat", "latitude")
 
 
 class ColumnLayout(NamedTuple):
@@ -97,92 +60,62 @@ class ColumnLayout(NamedTuple):
     units: Mapping[str, str]
     """By key the unit that the name of its column ends in, or that was stated."""
 
-    @property
-    def lines(self) -> list[str]:
-        """What is read from where: ``time <- timestamp_ns (ns)``."""
-        return [
-            f"{key} \N{LEFTWARDS ARROW} {name}" + (f" ({self.units[key]})" if key in self.units else "")
-            for key, name in self.columns.items()
-            if key != name
-        ]
-
     def factor(self, key: str, default: float) -> float:
-        """What a column is multiplied by; ``default`` where its unit is not known from its name."""
+        """Return what a column is multiplied by; ``default`` where its unit is not known from its name."""
         quantity = QUANTITIES[key]
         return default if quantity is None or key not in self.units else UNITS[quantity][self.units[key]]
 
 
-def column_layout(header: Sequence[str], stated: Mapping[str, str], required: Iterable[str] = REQUIRED) -> ColumnLayout:
-    """The layout of a table with these columns.
+def column_layout(header: Sequence[str], stated: Mapping[str, str]) -> ColumnLayout:
+    """Return the layout of a table with these columns.
 
     Args:
         header: names of all columns.
         stated: the column of some keys, perhaps with its unit after a colon: ``timestamp:ns``.
-        required: keys that it must have.
 
     Raises:
         InputError: a key has several columns, or a required one none; names the candidates.
     """
-    columns, units = {}, {}
+    columns, units = dict[str, str](), dict[str, str]()
     for key in QUANTITIES:
+        candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
         if key in stated:
-            name, unit = _named(key, stated[key], header)
-        else:
-            candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
-            if not candidates and key in DEGREES:
-                candidates = [(name, None) for name in header if _is_degrees(name, DEGREES[key])]
-            if len(candidates) > 1:
-                names = " or ".join(repr(name) for name, _ in candidates)
-                raise InputError(f"{key} may be {names}: say which, such as {key}={candidates[0][0]}")
-            if not candidates:
-                continue
-            name, unit = candidates[0]
-        columns[key] = name
-        if unit is not None:
-            units[key] = unit
-    for key in required:
-        if key not in columns:
-            others = [name for name in header if name not in columns.values()]
-            none = f"there is no column {key!r}, nor a usual name of it ({', '.join(NAMES[key])})"
-            raise InputError(f"{none}; {nearest_choices(key, others or header)}")
+            candidates = [_named(key, stated[key], header)]
+        if len(candidates) > 1:
+            names = " or ".join(repr(name) for name, _ in candidates)
+            raise InputError(f"{key} may be {names}; say which")
+        if not candidates and key in REQUIRED:
+            raise InputError(f"there is no column {key!r}; {nearest_choices(key, header)}")
+        for name, unit in candidates:
+            columns[key] = name
+            units |= {key: unit} if unit is not None else {}
     return ColumnLayout(columns, units)
 
 
 def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | None]:
     name, colon, unit = stated.rpartition(":")
-    units = UNITS.get(QUANTITIES[key] or "", {})
     if stated in header or not colon:
-        if stated not in header:
-            raise InputError(f"there is no column {stated!r} for {key}; {nearest_choices(stated, header)}")
-        return stated, _unit(stated, key)
+        name, unit = stated, _unit(stated, key) or ""
     if name not in header:
         raise InputError(f"there is no column {name!r} for {key}; {nearest_choices(name, header)}")
-    if unit not in units:
+    units = UNITS.get(QUANTITIES[key] or "", {})
+    if unit and unit not in units:
         raise InputError(f"{unit!r} is no unit of {key}; {nearest_choices(unit, units)}")
-    return name, unit
-
-
-def _parts(name: str) -> list[str]:
-    words = name.lower().replace("m/s", "mps").replace("km/h", "kmph").replace("kmps", "kmph")
-    return [UNIT_WORDS.get(part, part) for part in re.split(r"[^a-z0-9]+", words) if part]
+    return name, unit or None
 
 
 def _unit(name: str, key: str) -> str | None:
     """The unit of its quantity in which the name of a column ends."""
-    parts, units = _parts(name), UNITS.get(QUANTITIES[key] or "", {})
-    return parts[-1] if len(parts) > 1 and parts[-1] in units else None
+    _, bar, unit = name.lower().rpartition("_")
+    return unit if bar and unit in UNITS.get(QUANTITIES[key] or "", {}) else None
 
 
 def _known(name: str) -> tuple[str | None, str | None]:
     """What a column of this name holds, and its unit; None where that is not known."""
-    parts = _parts(name)
-    for key, names in NAMES.items():
-        if "".join(parts) in names:
-            return key, None
-        unit = _unit(name, key)
-        if unit is not None and "".join(parts[:-1]) in names:
-            return key, unit
-    return None, None
+    word = name.lower()
+    key = NAMES.get(word) or NAMES.get(word.rpartition("_")[0])
+    unit = None if key is None or word in NAMES else _unit(word, key)
+    return (key, unit) if word in NAMES or unit is not None else (None, None)
 
 
 def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
@@ -236,7 +169,6 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
         kind=texts("class"),
         **named,
         start=clock.start,
-        notes=(*layout.lines, *clock.notes),
     )
 
 
@@ -247,9 +179,8 @@ class TableFormat(TrafficFormat):
     columns: dict[str, str] = Field(
         default_factory=dict,
         description="Names of columns that are not called as here: time, id, x, y, vx, vy, heading, speed, length, "
-        "width, class. The first four are required; x and y are of the centre of the body. Of tracks, columns are also "
-        "known by usual names; further keys are existence, p_00 to p_33 (covariance of x, y, vx, vy), scene, run and "
-        "fingerprint.",
+        "width, class. The first four are required; x and y are of the centre of the body. Further keys are existence, "
+        "p_00 to p_33 (covariance of x, y, vx, vy), scene, run and fingerprint.",
     )
     units: Units = Field(default_factory=Units, description="Units of the columns.")
     origin: GeographicOrigin | None = Field(
@@ -269,20 +200,20 @@ class TableFormat(TrafficFormat):
         except InputError as error:
             raise error.located(file=file, line=None) from None
         factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        x, y = layout.columns["x"], layout.columns["y"]
-        degrees = _is_degrees(x, LONGITUDE), _is_degrees(y, LATITUDE)
-        if _is_degrees(x, LATITUDE) or _is_degrees(y, LONGITUDE) or degrees[0] != degrees[1]:
-            message = f"x is {x!r} and y is {y!r}: x is the longitude (east) and y the latitude (north), or neither is"
-            raise InputError(message, file=file)
-        if all(degrees):
-            factors |= {"x": 1.0, "y": 1.0}
-        rows = table_rows(read_table(file, self.form, layout.columns.values()), layout, factors)
-        if not all(degrees):
-            return rows
+        table = read_table(file, self.form, layout.columns.values())
+        x, y = (layout.columns[key].lower().split("_")[0] for key in ("x", "y"))
+        if x in LATITUDE or y in LONGITUDE:
+            raise InputError(f"x is {x!r}: x is the longitude (east) and y the latitude (north)", file=file)
         if self.origin is None:
-            here = f"{{lat_deg: {rows.py[0]:.3f}, lon_deg: {rows.px[0]:.3f}}}"
-            message = f"{x!r} and {y!r} are degrees, and metres are scored: state a point nearby as origin, such as "
-            raise InputError(f"{message}origin: {here} (score: --origin {rows.py[0]:.3f} {rows.px[0]:.3f})", file=file)
+            if x in LONGITUDE or y in LATITUDE:
+                message = (
+                    f"{x!r} and {y!r} are degrees, and metres are scored: state a point nearby as origin, such as "
+                )
+                raise InputError(
+                    f"{message}origin: {{lat_deg: 48.1, lon_deg: 11.6}} (score: --origin 48.1 11.6)", file=file
+                )
+            return table_rows(table, layout, factors)
+        rows = table_rows(table, layout, {**factors, "x": 1.0, "y": 1.0})
         east, north = self.origin.plane(rows.py, rows.px)
         return replace(rows, px=east, py=north)
 

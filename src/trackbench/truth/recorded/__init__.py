@@ -77,7 +77,7 @@ def _on_grid(config: RecordingOptions, drive: Drive, kinds: Mapping[str, str]) -
         name: measurements_on_grid(log, kinds[name], looked[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }
-    lines = [*dict.fromkeys(drive.notes), *notes(drive, counts)]
+    lines = [*notes(drive, counts)]
     detections = drive.detections
     if config.hidden and drive.has_truth:
         truth = with_scored_region(truth, config.reference, clipped)

@@ -117,8 +117,6 @@ class Drive:
 
     start: Decimal = Decimal(0)
     """s of the files' clock at 0 s."""
-    notes: tuple[str, ...] = ()
-    """What has to be said of how the files were read, a line each."""
 
     @property
     def has_truth(self) -> bool:

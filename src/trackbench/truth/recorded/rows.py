@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_FLOOR, Decimal
@@ -19,12 +19,9 @@ from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
 
-#: How a time stamp of ISO 8601 begins, and how it ends where it states its zone.
-STAMP, _ZONE = r"^\d{4}-?\d\d-?\d\d[T ]\d\d", r"[T ].*(Z|[+-]\d\d(:?\d\d)?)$"
+#: How a time stamp of ISO 8601 begins.
+STAMP = r"^\d{4}-?\d\d-?\d\d[Tt ]\d\d"
 PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-#: Kinds of cells of a column of times.
-_NUMBER, _WITH_ZONE, _WITHOUT_ZONE = 0, 1, 2
-_KINDS = ("a number", "a time stamp with a zone", "a time stamp without a zone")
 #: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
 FROM_ZERO_S = 1e7
 
@@ -35,9 +32,7 @@ class TimeColumn(NamedTuple):
     seconds: Array
     """``(rows,)`` s after ``start``."""
     start: Decimal = Decimal(0)
-    """Whole seconds of the file's clock; time stamps of ISO 8601 count from 1970."""
-    notes: tuple[str, ...] = ()
-    """A line that says that the time stamps have no zone."""
+    """Whole seconds of the file's clock; time stamps of ISO 8601 count from 1970, in UTC where they state no zone."""
 
     @property
     def first(self) -> Decimal:
@@ -128,19 +123,15 @@ class Rows:
             factor: from the unit of numbers: one over a power of ten.
 
         Raises:
-            InputError: a cell is no time, or the column mixes numbers, time stamps with a zone and without.
+            InputError: a cell is no time.
         """
         cells, per_second = self.table[column], round(1 / factor)
-        kinds, stamps = self._time_stamps(column)
-        if len({*kinds.tolist()}) > 1:
-            row = int(np.argmax(kinds != kinds[0]))
-            if kinds[row] == _NUMBER:
-                self._require_number(row, column)
-            message = f"{column} is {_KINDS[kinds[row]]}, {self.cell(row, column)}, where the rows before have "
-            raise self.error(row, message + _KINDS[kinds[0]])
-        if stamps is not None:
-            no_zone = f"{self.file.name}: {column} states no zone, so it is taken as UTC"
-            return stamps._replace(notes=(no_zone,)) if kinds[0] == _WITHOUT_ZONE else stamps
+        if types.is_timestamp(cells.type):
+            if cells.null_count:
+                raise self._no_number(int(np.argmax(cells.is_null().to_numpy())), column)
+            return _exact_times(cells.cast(pa.int64()).to_numpy(), PER_SECOND[cells.type.unit])
+        if _is_text(cells.type) and re.match(STAMP, cells[0].as_py()):
+            return self._time_stamps(column)
         values = self.numbers(column, 1.0, "time") / per_second
         if np.abs(values).max() <= FROM_ZERO_S:
             return TimeColumn(values)
@@ -199,39 +190,20 @@ class Rows:
         unknown = pc.is_in(pc.utf8_lower(self._as_text(column)), pa.array(["", "nan"]))
         return np.asarray(unknown.to_numpy(), dtype=bool)
 
-    def _require_number(self, row: int, column: str) -> None:
-        if not math.isfinite(stated_number(self.texts(column)[row])):
-            raise self._no_number(row, column)
-
     def _no_number(self, row: int, column: str) -> InputError:
         if not self.texts(column)[row]:
             return self.error(row, f"{column} is empty, where a number is expected")
         return self.error(row, f"{column} is not a finite number: {self.cell(row, column)}")
 
-    def _time_stamps(self, column: str) -> tuple[Indices, TimeColumn | None]:
-        """``(rows,)`` the kind of each cell of a column of times, and the times where all are time stamps."""
-        cells = self.table[column]
-        if types.is_timestamp(cells.type):
-            if cells.null_count:
-                raise self._no_number(int(np.argmax(cells.is_null().to_numpy())), column)
-            kind = _WITHOUT_ZONE if cells.type.tz is None else _WITH_ZONE
-            stamps = _exact_times(cells.cast(pa.int64()).to_numpy(), PER_SECOND[cells.type.unit])
-            return np.full(len(cells), kind), stamps
-        if not _is_text(cells.type):
-            return np.zeros(len(cells), dtype=np.intp), None
-        texts = pc.replace_substring_regex(pc.utf8_upper(cells), r"\s?UTC$", "Z")
-        is_stamp, has_zone = (pc.match_substring_regex(texts, pattern).to_numpy() for pattern in (STAMP, _ZONE))
-        kinds = np.where(is_stamp, np.where(has_zone, _WITH_ZONE, _WITHOUT_ZONE), _NUMBER)
-        if not is_stamp.all():
-            return kinds, None
+    def _time_stamps(self, column: str) -> TimeColumn:
         import pandas as pd
 
-        texts = pc.replace_substring(texts, ",", ".").to_pandas()
+        texts = pc.replace_substring_regex(pc.utf8_upper(self.table[column]), r"\s?UTC$", "Z").to_pandas()
         times = pd.to_datetime(texts, format="ISO8601", utc=True, errors="coerce")
         if times.isna().any():
             row = int(np.argmax(times.isna()))
             raise self.error(row, f"{column} is no time of ISO 8601: {self.cell(row, column)}")
-        return kinds, _exact_times(times.astype("int64").to_numpy(), PER_SECOND[times.dt.unit])
+        return _exact_times(times.astype("int64").to_numpy(), PER_SECOND[times.dt.unit])
 
 
 def _exact_times(stamps: Indices, per_second: int) -> TimeColumn:
@@ -278,17 +250,12 @@ def rows_of_columns(file: Path, columns: Mapping[str, Sequence[Any]], lines: Seq
 
 def plain_column(name: str, column: pa.Array | pa.ChunkedArray, file: Path) -> pa.Array | pa.ChunkedArray:
     """Return a column of numbers, time stamps or texts: a truth value or a list would be read as another."""
-    stated = column.type
-    if types.is_dictionary(stated):
-        column = column.cast(stated.value_type)
-    if types.is_large_string(column.type) or types.is_string_view(column.type):
-        column = column.cast(pa.string())
+    if types.is_dictionary(column.type):
+        column = column.cast(column.type.value_type)
     kind = column.type
-    others = types.is_boolean, types.is_nested, types.is_binary, types.is_large_binary, types.is_fixed_size_binary
-    if any(is_other(kind) for is_other in others):
-        raise InputError(f"{name} is a column of {stated}, where numbers or texts are expected", file=file)
     if types.is_integer(kind) or types.is_floating(kind) or types.is_timestamp(kind):
         return column
-    if not types.is_string(kind):
-        column = pa.array((None if value is None else str(value) for value in column.to_pylist()), pa.string())
-    return pc.utf8_trim_whitespace(column.fill_null(""))
+    others = types.is_boolean, types.is_nested, types.is_binary, types.is_large_binary, types.is_fixed_size_binary
+    if types.is_duration(kind) or any(is_other(kind) for is_other in others):
+        raise InputError(f"{name} is a column of {kind}, where numbers or texts are expected", file=file)
+    return pc.utf8_trim_whitespace(column.cast(pa.string()).fill_null(""))

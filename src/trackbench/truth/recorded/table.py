@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.errors import nearest_choices
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
@@ -33,15 +33,14 @@ from trackbench.truth.recorded.drive import (
     rows_of_each,
     slope,
 )
-from trackbench.truth.recorded.mcap import LogPart, log_columns
-from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
-from trackbench.truth.recorded.rows import Labels, Rows, require_rows, rows_of_columns
+from trackbench.truth.recorded.reference import LARGEST_M
+from trackbench.truth.recorded.rows import Labels, Rows
 from trackbench.truth.recorded.scans import (
     column_measurements,
     columns_of,
     scans_of,
 )
-from trackbench.truth.recorded.table_files import read_table, require_columns
+from trackbench.truth.recorded.table_files import read_table
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
@@ -56,40 +55,33 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     assert config.columns is not None
     assert config.path is not None
     columns, units = config.columns, config.units
-    observer, ignore = columns.observer, config.reference.ignore
+    observer = columns.observer
     inside = [entry for entry in config.measurements.values() if entry.path is None]
     wanted = [columns.time, columns.object, *columns.stated.values()]
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
-    wanted += [columns.kind, *ignore, *(observer.stated.values() if observer is not None and not observer.path else ())]
+    wanted += [columns.kind, *(observer.stated.values() if observer is not None and not observer.path else ())]
     file = find_log(config.path, folder, "truth.path")
-    table = read_log(file, config.format, wanted, LogPart("boxes", columns.topic))
+    table = read_table(file, config.format, wanted)
     clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
-    start, zones = clock.first, [*clock.notes]
+    start = clock.first
     seconds = clock.since(start)
     _require_not_long(table, columns.time, seconds)
-    dropped = ignored_rows(table, ignore)
-    if dropped.all():
-        raise InputError("every row is a don't-care box, so there is no object", key="truth.reference.ignore")
-    own = table.only(~dropped) if dropped.any() else table
-    motions, order = _motions(own, columns, seconds[~dropped], config)
-    boxes = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
+    motions, order = _motions(table, columns, seconds, config)
     moving = None
     if observer is not None and observer.path is not None:
-        moving, added = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
-        zones += added
+        moving = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
     elif observer is not None:
         _require_one_pose_a_time(table, observer, seconds)
         moving = observer_motion(table, observer, seconds, units)
     logs: dict[str, Log] = {}
     detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
-        source, unlabelled = own, config.unlabelled(name)
+        source, unlabelled = table, config.unlabelled(name)
         if entry.path is not None:
             needed = columns_of(entry) if unlabelled else _own(entry, columns)
             source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
         unit = entry.units.get("time", columns.units.get("time"))
         measured = source.times(entry.time or columns.time, units.factor("time", unit))
-        zones += measured.notes if entry.path is not None else ()
         times = measured.since(start) + entry.time_offset_s
         if unlabelled:
             detections[name] = scans_of(source, entry, times, units, kinds[name])
@@ -99,13 +91,12 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
     classes: dict[str, str] = {}
     if columns.kind is not None:
-        names, number = _objects(own, columns)
+        names, number = _objects(table, columns)
         first = np.unique(number, return_index=True)[1].tolist()
-        kinds_of_rows = own.labels(columns.kind, optional=True)
+        kinds_of_rows = table.labels(columns.kind, optional=True)
         classes = {name: kinds_of_rows.names[kinds_of_rows.number[row]] for name, row in zip(names, first, strict=True)}
     read = {"file": table.file.name, "rows": len(table)}
-    frames = np.unique(seconds)
-    return Drive(motions, order, moving, logs, read, detections, frames, boxes, classes, start, tuple(zones))
+    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), kinds=classes, start=start)
 
 
 def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
@@ -118,7 +109,6 @@ def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: 
     for name, entry in config.measurements.items():
         tables[name] = _detections_of_file(name, entry, columns_of(entry), config, folder)
         clocks[name] = tables[name].times(entry.time or "", config.units.factor("time", entry.units.get("time")))
-    zones = [note for clock in clocks.values() for note in clock.notes]
     start, moving = min(clock.first for clock in clocks.values()), None
     detections = {}
     for name, entry in config.measurements.items():
@@ -126,41 +116,26 @@ def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: 
         _require_not_long(tables[name], entry.time or "", seconds)
         detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, config.units, kinds[name])
     if config.ego is not None:
-        moving, added = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
-        zones += added
-    return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections, notes=tuple(zones))
-
-
-def read_log(file: Path, form: str, wanted: Sequence[str | None], part: LogPart) -> Rows:
-    """Return the columns of a file that are wanted; of MCAP those of a part.
-
-    Raises:
-        InputError: the file cannot be read or has no such column, or no row.
-    """
-    if form != "mcap":
-        return read_table(file, form, wanted)
-    columns = log_columns(file, part)
-    names = [name for name in dict.fromkeys(wanted) if name is not None]
-    require_columns(names, list(columns), file, None)
-    return require_rows(rows_of_columns(file, {name: columns[name] for name in names}))
+        moving = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
+    return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections)
 
 
 def _detections_of_file(
     name: str, entry: MeasurementColumns, columns: Sequence[str | None], config: RecordingOptions, folder: Path
 ) -> Rows:
     file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
-    return read_log(file, config.format, columns, LogPart("detections", entry.topic))
+    return read_table(file, config.format, columns)
 
 
 def _observer_of_file(
     columns: ObserverColumns, time: str, config: RecordingOptions, folder: Path, start: Decimal
-) -> tuple[Motion, list[str]]:
-    """The observer's motion from a file of its own, whose column of times is ``time``, and lines about these times."""
+) -> Motion:
+    """The observer's motion from a file of its own, whose column of times is ``time``."""
     key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
     file = find_log(columns.path or "", folder, key)
-    table = read_log(file, config.format, [time, *columns.stated.values()], LogPart("frame", columns.frame))
+    table = read_table(file, config.format, [time, *columns.stated.values()])
     clock = table.times(time, config.units.factor("time", columns.units.get("time")))
-    return observer_motion(table, columns, clock.since(start), config.units), [*clock.notes]
+    return observer_motion(table, columns, clock.since(start), config.units)
 
 
 def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
@@ -204,10 +179,7 @@ def _motions(
     kept, order = row_order(seconds, owner)
     members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
     value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
-    motions = {
-        name: moved_to_centre(Motion(seconds[own], **{key: v[own] for key, v in value.items()}), config)
-        for name, own in members.items()
-    }
+    motions = {name: Motion(seconds[own], **{key: v[own] for key, v in value.items()}) for name, own in members.items()}
     if columns.without_velocity:
         motions = {name: _by_displacement(motion) for name, motion in motions.items()}
     return motions, order

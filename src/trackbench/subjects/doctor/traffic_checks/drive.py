@@ -14,7 +14,8 @@ from trackbench.metrics.traffic.set_distances import gospa_of_sets
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
 from trackbench.subjects.doctor.traffic import DETECTION, Make, MultiObjectSession, Site, moved_objects
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.multi import MultiObjectTracker, build_multi
+from trackbench.trackers.late import LateScans
+from trackbench.trackers.multi import build_multi
 
 #: Length of the drive, time at its start that is not judged, and period of the scans, s.
 LENGTH, SETTLED, PERIOD = 8.0, 1.5, 0.1
@@ -66,7 +67,7 @@ def gospa_of(tracks: Sequence[Tracks], scans: Sequence[Scan]) -> float:
     return float(np.mean(np.sqrt(gospa_of_sets(objects, places, CUTOFF).total)))
 
 
-def _reference() -> MultiObjectTracker:
+def _reference() -> LateScans:
     """A global nearest neighbour with extended Kalman filters."""
     options = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": "gnn"}}
     return build_multi(FilterConfig.model_validate(options))

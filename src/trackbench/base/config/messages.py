@@ -1,0 +1,173 @@
+"""Messages about an invalid configuration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from trackbench.base.config.key_units import convert, show, split_key
+from trackbench.base.config.problems import PROBLEM, KeyPath, Problem
+from trackbench.base.errors import nearest_choices, similar_names
+
+#: Errors of one file that are shown.
+MOST_ERRORS = 50
+Fields = Mapping[str, FieldInfo | None]
+_TAG = re.compile(r"<.+>")
+#: The part of a location by which pydantic says that the key of a mapping is at fault, not its value.
+_KEY = "[key]"
+
+#: The value that is needed, by the type of an error of pydantic.
+_NEEDED = {
+    **dict.fromkeys(("float_type", "float_parsing", "finite_number"), "a number"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
+    **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
+    "string_type": "text",
+    "list_type": "a list",
+}
+#: The name of a limit in the context of an error, and how it is said, by the type of the error.
+_LIMITS = {
+    "greater_than": ("gt", "above"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "below"),
+    "less_than_equal": ("le", "at most"),
+}
+
+
+def keyed_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a class by their keys in the file."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def explain(invalid: ValidationError, fields: Fields) -> list[Problem]:
+    """Return what is wrong with the data of a class, with the nearest valid choice.
+
+    Args:
+        invalid: what pydantic says of the data; errors of a :class:`Config` within it are explained already.
+        fields: those that the data may have, by their keys.
+    """
+    errors = invalid.errors(include_url=False)
+    unknown = [error for error in errors if error["type"] == "extra_forbidden" and len(error["loc"]) == 1]
+    meant = {_meant(str(error["loc"][0]), fields) for error in unknown[:MOST_ERRORS]}
+    problems = []
+    for index, error in enumerate(errors):
+        path = tuple(part for part in error["loc"] if not _TAG.fullmatch(str(part)) and part != _KEY)
+        near = _fields_within(fields, path[:-1])
+        # A key under a wrong name is one mistake: that the right one is missing follows from it.
+        if error["type"] != "missing" or path not in {(key,) for key in meant}:
+            problems.append(Problem(path, _message(error, path, near) if index < MOST_ERRORS else "not valid"))
+    return problems
+
+
+def _fields_within(fields: Fields, path: KeyPath) -> Fields:
+    """Return the fields of the plain pydantic class that a user's own options have at a path."""
+    for part in path:
+        model = getattr(fields.get(str(part)), "annotation", None)
+        fields = keyed_fields(model) if isinstance(model, type) and issubclass(model, BaseModel) else {}
+    return fields
+
+
+def advise(key: str, value: Any, fields: Fields) -> str:
+    """Return what to write in place of an unknown key: that of its quantity, the value converted, or the nearest."""
+    unit, meant = split_key(key)[1], _meant(key, fields)
+    own = split_key(meant)[1] if meant else None
+    if meant and (own or unit):
+        use = f"unknown key; use {meant}" + (f" ({own.words})" if own else "")
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        converted = convert(value, unit, own) if is_number and unit and own else None
+        return use if converted is None else f"{use}: {show(converted)}"
+    if {"use", "options"} <= {*fields} and not get_close_matches(key, fields, 1, 0.8):
+        return "unknown key; options of a class go under options"
+    # Where no key measures the quantity, one that is spelt alike would mislead.
+    hint = f"choose from: {', '.join(fields)}" if unit else nearest_choices(key, fields)
+    return f"unknown key; {hint}"
+
+
+def _meant(key: str, fields: Fields) -> str | None:
+    """The key of the same quantity, else the one that is spelt most alike."""
+    stem, unit = split_key(key)
+    if unit is not None and stem in fields:
+        return stem
+    measured = {name: own for name in fields if (own := split_key(name)[1])}
+    stems = {split_key(name)[0]: name for name, own in measured.items() if not unit or unit.quantity == own.quantity}
+    if same := get_close_matches(stem, stems, 1, 0.8 if unit else 0.9):
+        return stems[same[0]]
+    return next(iter(similar_names(key, fields, cutoff=0.7)), None) if unit is None else None
+
+
+def _message(error: ErrorDetails, path: KeyPath, fields: Fields) -> str:
+    kind, value, context = error["type"], error["input"], error.get("ctx", {})
+    match kind:
+        case _ if kind == PROBLEM:
+            return error["msg"]
+        case _ if _KEY in error["loc"]:
+            return "a name starts with a letter and has only letters, digits, _ and -, at most 64"
+        case "extra_forbidden":
+            return advise(str(path[-1]), value, fields)
+        case "missing":
+            field = fields.get(str(path[-1]))
+            meaning = (field and field.description) or "it is required"
+            return f"missing; {meaning[0].lower()}{meaning[1:].rstrip('.')}"
+        case "literal_error" | "union_tag_invalid":
+            choices = re.findall(r"'([^']*)'", context.get("expected") or context["expected_tags"])
+            word = context.get("tag", value)
+            return unknown_word(word, choices)
+        case "value_error" | "assertion_error":
+            return " ".join(str(context["error"]).split()) or f"{shown(value)} is not possible"
+        case _ if kind in _NEEDED:
+            unit = split_key(str(path[-1]))[1] if "number" in _NEEDED[kind] and path else None
+            needed = f"{_NEEDED[kind]}{f' in {unit.words}' if unit else ''}"
+            return f"{needed} is needed, not {value if isinstance(value, float) else shown(value)}"
+        case "dict_type" | "model_type" | "model_attributes_type":
+            return mapping_needed(value, _fields_within(fields, path[-1:]))
+        case "string_pattern_mismatch":
+            return f"{shown(value)} is not possible: only a to z, 0 to 9, _ and -"
+        case "too_short" | "string_too_short" if context["min_length"] == 1:
+            return "must not be empty"
+        case "too_short" | "too_long":
+            least, most = context.get("min_length"), context.get("max_length")
+            limit = f"at least {least}" if most is None else f"at most {most}"
+            return f"{limit} entries are needed, not {context['actual_length']}"
+        case "string_too_long":
+            return f"too long: at most {context['max_length']} characters"
+        case _ if kind in _LIMITS:
+            name, word = _LIMITS[kind]
+            return f"{shown(value)} is not possible: it must be {word} {show(context[name])}"
+        case _:
+            return error["msg"][0].lower() + error["msg"][1:]
+
+
+def unknown_word(value: Any, choices: list[str]) -> str:
+    """Return what is said of a value that is none of some words, with the nearest of them."""
+    if isinstance(value, str):
+        return f"{shown(value)} is not known; {nearest_choices(value, choices)}"
+    return f"must be a word, not {shown(value)}; choose from: {', '.join(choices)}"
+
+
+def mapping_needed(value: Any, keys: Iterable[str] = ()) -> str:
+    """Return what is said of a value that is no mapping, with the keys that one has."""
+    listed = f" (keys: {', '.join(keys)})" if keys else ""
+    return f"a mapping of keys to values is needed, not {shown(value)}{listed}"
+
+
+def shown(value: Any) -> str:
+    """Return a value as it is named in a message."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return str(value).lower()
+        case str():
+            return repr(value if len(value) <= 40 else f"{value[:37]}...")
+        case int() | float():
+            return "so large a number" if abs(value) >= 1e15 else f"{value:g}"
+        case list():
+            return "a list"
+        case dict():
+            return "a mapping"
+    return type(value).__name__

@@ -1,0 +1,18 @@
+"""Scores without their pages, which take most of the time of a small one."""
+
+from __future__ import annotations
+
+import pytest
+
+from trackbench.api import run as api_run
+
+
+@pytest.fixture
+def pages() -> None:
+    """The pages of a result are written, as for a user."""
+
+
+@pytest.fixture(autouse=True)
+def _without_pages(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "pages" not in request.fixturenames:
+        monkeypatch.setattr(api_run, "pages", lambda result: {})
