@@ -67,6 +67,8 @@ REMOVED: dict[str, str] = {
     "*steps.parquet:position_p90_m": "a column that no page showed",
     "*siap_*": "metrics that stood beside GOSPA, HOTA and MOTA and said the same",
     "*ospa2*": "a metric that stood beside T-GOSPA and said the same",
+    "*start_delay*": "a run with score.settle_s of 0 tells how tracks begin",
+    "*start_position_rmse*": "a run with score.settle_s of 0 tells how tracks begin",
     "*tgospa_half*": "T-GOSPA at another cost of a switch: set score.switch_costs_s",
     "*tgospa_twice*": "T-GOSPA at another cost of a switch: set score.switch_costs_s",
     "*track_breaks*": "a count against the sensor's own tracks, which are no truth",

@@ -44,7 +44,6 @@ _EFFECTS = ",".join(
         "signal_to_noise": '"half_range_m":120,"stated_at_m":60,"side_db":5',
         "correlated_errors": '"share":0.7,"time_s":0.5',
         "bias": '"sigmas":{{"azimuth_deg":0.2}}',
-        "azimuth_ripple": '"amplitude_deg":0.4,"period_deg":10',
         "interference": '"per_minute":20,"duration_s":1,"alarms_per_scan":3',
         "ghosts": '"wall":[[-1000,6],[1000,6]],"probability":0.4',
         "quantised": '"steps":{{"range_m":0.2}}',

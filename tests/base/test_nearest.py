@@ -8,7 +8,7 @@ from trackbench.base.errors import similar_names
 
 FILTERS = ["ckf", "ekf", "kf", "ukf"]
 MOTION = ["bicycle", "ca", "ct", "cv", "singer"]
-METRICS = ["nees.mean", "nis.roof.mean", "position_rmse", "rmse.vx", "rmse.vy", "start_position_rmse", "velocity_rmse"]
+METRICS = ["nees.mean", "nis.roof.mean", "position_rmse", "rmse.vx", "rmse.vy", "velocity_rmse"]
 LIMITS = ["above", "below", "better_than", "is", "metric", "tracker", "worlds"]
 FUNCTIONS = ["emergency_braking", "forward_collision_warning", "lane_change"]
 

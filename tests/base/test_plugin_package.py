@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import jsonschema
 import pytest
 from tests.support.places import ROOT
 
@@ -177,6 +178,29 @@ def test_they_are_listed(many: Many, tmp_path: Path) -> None:
 
 
 PAGES = "from trackbench.scenario.docs import scenario_pages; print(*scenario_pages().values())"
+
+
+def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Path) -> None:
+    schema = json.loads(installed("schema").stdout)
+    assert schema["$defs"]["Sonar"]["properties"]["bearing_sigma_deg"]["maximum"] == 90
+    assert "time_constant_s" in schema["$defs"]["FilterConfig"]["properties"]
+    assert "amplitude_m" in schema["$defs"]["Weave"]["properties"]
+    metrics = {**schema["$defs"]["Score"]["properties"]["metrics"], "$defs": schema["$defs"]}
+    good = ["largest_error", {"use": "largest_error", "options": {"after_s": 1}}, {"use": "own:Metric", "options": {}}]
+    jsonschema.validate(good, metrics)
+    for bad in ("largest_eror", {"use": "largest_error", "options": {"after": 1}}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate([bad], metrics)
+    env = {**os.environ, "PYTHONPATH": str(site)}
+    page = subprocess.run([sys.executable, "-c", PAGES], env=env, capture_output=True, text=True, check=True).stdout
+    for text in (
+        "`type: sonar`",
+        "`source: weave`",
+        "`motion: correlated`",
+        "| `nearest_position` | `alpha`, `beta` |",
+        "| `largest_error` | m |",
+    ):
+        assert text in page
 
 
 #: A text of the scenario, a wrong one in its place, and how the message begins.

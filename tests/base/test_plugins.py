@@ -22,7 +22,7 @@ class Mine:
     def step(self, state, scan):
         return state, None
 """
-BUILT_IN = {"raw", "kf", "ekf", "ukf", "ckf"}
+BUILT_IN = {"raw", "kf", "ekf", "iekf", "ukf", "ckf"}
 
 
 def test_the_built_in_trackers_are_published() -> None:

@@ -42,7 +42,7 @@ def outcome(content: bytes, batched: bool) -> str:
             return "refused"
         several = message["type"] == "tracks"
         answer = message_answer(message, several)
-        if not several and not batched and plain_estimate([answer]):
+        if not several and not batched and plain_estimate([answer], ()):
             return "accepted"
         if several:
             checked_tracks(answer, SEVERAL)

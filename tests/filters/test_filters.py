@@ -10,6 +10,7 @@ from trackbench.filters import (
     CUBATURE,
     Belief,
     ExtendedKalmanFilter,
+    IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
     SymmetricSet,
@@ -208,3 +209,21 @@ def test_the_keys_of_a_scenario_choose_the_rule():
     assert made.rule == SymmetricSet(1.0, 0.0, None)
     assert not made.augmented
     assert tracker(filter="ckf", motion="ca", **NOISE["ca"]).filter == SigmaPointFilter(MODELS["ca"], CUBATURE, False)
+
+
+@every_model
+def test_iterated_filter_finds_the_most_probable_state(motion):
+    belief = start(motion)
+    x, p = belief.mean, belief.covariance * 0.1
+    h, slope = observation(motion, "radar")
+    measurement = h(x) + np.array([0.8, 0.03, -0.6])
+    expected = reference.most_probable(x, p, measurement, h, RADAR_NOISE, reference.residual((1,)))
+    seen = scan("radar", 0.1, measurement, pose=POSE, velocity=OWN)
+    found = IteratedExtendedKalmanFilter(motion, 50).update(Belief(x, p), seen)
+    np.testing.assert_allclose(reference.residual(motion.angular)(found.belief.mean, expected), 0, atol=1e-6)
+    # Its covariance is that of the linearisation at the estimate, its innovation that of the prediction.
+    _, covariance, _ = reference.update(x, p, np.zeros(3), slope(expected), RADAR_NOISE)
+    np.testing.assert_allclose(found.belief.covariance, covariance, atol=1e-5)
+    first = ExtendedKalmanFilter(motion).update(Belief(x, p), seen)
+    np.testing.assert_allclose(found.innovation, first.innovation, atol=1e-12)
+    np.testing.assert_allclose(found.innovation_covariance, first.innovation_covariance, atol=1e-12)

@@ -167,3 +167,25 @@ def test_sigma_points_on_nearly_noiseless_measurements_err_in_second_order_only(
         noise = np.eye(3) * 1e-6
         state, estimate = made.step(state, scan("radar", 0.1 * k, exact, noise=noise, pose=POSE, velocity=OWN))
         np.testing.assert_allclose(estimate.mean, target, atol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ekf-cv", "ekf-ctra", "ukf-ctrv", "ckf-ctra"])
+def test_thousands_of_steps_leave_the_filter_as_sound_as_ever(name):
+    made = tracker(**TRACKERS[name], initial="first_measurement")
+    random = np.random.default_rng(1)
+    state, dt = None, 0.1
+    target = np.stack([50 * np.ones(4), np.zeros(4), np.zeros(4), 10 * np.ones(4)])
+    for k in range(4_000):
+        angle = 0.2 * dt * k
+        c, s = np.cos(angle), np.sin(angle)
+        target = np.array([[50 * c], [50 * s], [-10 * s], [10 * c]])
+        kind, noise = ("radar", RADAR_NOISE) if k % 2 else ("lidar", LIDAR_NOISE)
+        exact = SENSOR_MODELS[kind].measure(target, np.zeros(3), np.zeros(2))
+        sigma = np.sqrt(np.diag(noise))[:, None]
+        state, estimate = made.step(state, scan(kind, k * dt, exact + sigma * random.normal(size=(len(noise), 4))))
+    covariance = estimate.state_covariance
+    np.testing.assert_allclose(covariance, np.swapaxes(covariance, 0, 1), rtol=1e-12, atol=1e-14)
+    assert np.all(smallest_eigenvalue(covariance) > 0)
+    assert np.all(np.hypot(*(estimate.mean - target)[:2]) < 1.5)
+    assert estimate.repaired is None

@@ -11,8 +11,8 @@ from trackbench.metrics import Interval, evaluate
 from trackbench.metrics.built_in.basic import PositionRmse
 from trackbench.metrics.differences import tracker_differences
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.evaluate import independent_scores, stretch_numbers
-from trackbench.metrics.sums import ERROR, merge
+from trackbench.metrics.evaluate import independent_scores
+from trackbench.metrics.sums import ERROR, merge, stretch_numbers
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
 from trackbench.results import MetricValue
@@ -96,7 +96,7 @@ def test_scenes_are_what_is_independent():
         assert interval.influence.shape == (3,)
         assert interval.influence.sum() == pytest.approx(0.0, abs=1e-12)
         total = np.stack(
-            [found.evaluations[name].scores.of_runs.per_run[:, 4 * k : 4 * k + 4].sum(axis=1) for k in range(3)], axis=1
+            [found.evaluations[name].scores.per_run[:, 4 * k : 4 * k + 4].sum(axis=1) for k in range(3)], axis=1
         )
         expected = np.sqrt(total[1:3].sum() / total[0].sum())
         assert found.evaluations[name].values["position_rmse"].value == pytest.approx(expected, rel=1e-12)
@@ -188,10 +188,10 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     stretch = stretch_numbers(len(whole.scenes[0].instants()), 10.0)
     expected = np.bincount(stretch, scores.per_step[ERROR["px"]])
     np.testing.assert_allclose(parts.per_part[ERROR["px"]], expected, rtol=1e-12)
-    assert parts.classes.total[0, 0] == scores.per_run[0, 0]
+    assert parts.classes[0][1].total[0, 0] == scores.per_run[0, 0]
     # The moments over stretches are those of the sums themselves.
     position = parts.per_part[ERROR["px"]] + parts.per_part[ERROR["py"]]
-    assert parts.classes.square[2, 0] == pytest.approx((position**2).sum(), rel=1e-12)
+    assert parts.classes[0][1].square[2, 0] == pytest.approx((position**2).sum(), rel=1e-12)
     found = evaluate({ESTIMATES.name: scores}, np.zeros(1, dtype=np.intp), SHARED).values
     low, high = found["position_rmse"].ci95
     assert low < found["position_rmse"].value < high

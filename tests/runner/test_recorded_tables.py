@@ -84,17 +84,6 @@ def test_measurements_of_a_second_file_at_times_of_their_own(file: Path) -> None
     np.testing.assert_array_equal(found.valid, [[1, 0], [0, 1]])
 
 
-def test_the_sensors_carrier_may_move(file: Path) -> None:
-    head = [*HEAD, "ex", "ey", "eyaw", "evx", "evy"]
-    poses = [(0.0, 0, 350, 36, 0), (0.0003, 0, 0, 36, 0), (0.0003, 0, 0, 36, 0), (0.001, 0, 10, 36, 0)]
-    write(file, [[*row, *pose] for row, pose in zip(ROWS, [*poses, (0.0025, 0, 20, 36, 0)], strict=True)], head)
-    carrier = {"px": "ex", "py": "ey", "yaw": "eyaw", "vx": "evx", "vy": "evy"}
-    observer = load(file, columns={**COLUMNS, "observer": carrier}).truth.observer
-    np.testing.assert_allclose(observer.px, [0, 0.3, 1, 2.5])
-    np.testing.assert_allclose(np.rad2deg(observer.yaw), [350, 360, 370, 380])
-    np.testing.assert_allclose(observer.vx, 10)
-
-
 def test_nanoseconds_since_1970_keep_their_differences(file: Path) -> None:
     start = 1_477_010_443_000_000_000
     write(file, [[start + 10 * k, "a", 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0] for k in range(3)])
@@ -140,7 +129,7 @@ def test_damaged_row_is_refused_with_its_number(file: Path, name: str) -> None:
     [
         ("", None, "empty"),
         ("t_ms,who\n1,a,7\n", 2, "3 columns, where the header has 2"),
-        ('t_ms,who\n1,"a\n', 2, "not valid CSV"),
+        ('t_ms,who\n1,"a\n', None, "not valid CSV"),
         ("t_ms,t_ms\n1,2\n", 1, "2 columns 't_ms'"),
         ("t_ms,who\n1,a\n\n1x,a\n", 4, "not a finite number: '1x'"),
         ("t_ms,who\n1,a\n1_0,a\n", 3, "not a finite number: '1_0'"),
@@ -158,7 +147,7 @@ def test_damaged_csv_is_refused_with_its_line(tmp_path: Path, text: str, line: i
 @pytest.mark.parametrize(
     ("rows", "line", "message"),
     [
-        ([[900, "a", 1.0, 2.0]], None, "only 0 of 1 measurements of roof .* lie within the time of its object's truth"),
+        ([[900, "a", 1.0, 2.0]], None, "only 0 of 1 measurements of roof .* lie within the time of the truth"),
         ([[1200, "a", 1.0, 2.0]], None, r"from 0 to 0.25 s\): check the units of time"),
         ([[1010, "c", 1.0, 2.0]], 2, "the truth has no object 'c'; choose from: a, b"),
     ],
@@ -180,8 +169,8 @@ def test_what_lies_outside_the_truth_is_left_out_and_counted(file: Path) -> None
     rows = [[999.982, "a", 9.0, 9.0], [1010, "a", 1.0, 2.0], [1200, "a", 9.0, 9.0], [1300, "b", 9.0, 9.0]]
     write(other, rows, ["t_ms", "who", "fore", "left"])
     loaded = load(file, readings={"roof": {"path": other.name, "x": "fore", "y": "left"}})
-    assert loaded.truth.source["left_out"] == {"roof": {"outside_truth": 3}}
-    assert loaded.notes[1:] == ("roof: of 4 rows, 3 outside the time of the truth (left out)",)
+    assert loaded.truth.source["left_out"] == {"roof": {"outside the time of the truth": 3}}
+    assert loaded.notes[1:] == ("roof: left out 3 rows outside the time of the truth",)
     found = loaded.measurements["roof"].measurement
     assert found[np.isfinite(found)].tolist() == [1000, 2000]
 
@@ -193,7 +182,7 @@ def test_rows_out_of_order_are_sorted_and_doubles_left_out(file: Path) -> None:
     mixed = load(file)
     np.testing.assert_allclose(mixed.truth.time, plain.truth.time)
     assert plain.notes == ("no observer is stated: the sensors stand at x = 0, y = 0 with yaw 0",)
-    assert mixed.notes[1] == ("truth: of 6 rows, 1 of an object and a time that came before (left out)")
+    assert mixed.notes[1] == "truth: left out 1 rows of an object and a time that came before"
     of = {name: i for i, name in enumerate(mixed.truth.ids)}
     for i, name in enumerate(plain.truth.ids):
         np.testing.assert_allclose(mixed.truth.px[:, of[name]], plain.truth.px[:, i])
@@ -218,7 +207,7 @@ def test_a_known_bias_is_subtracted_and_late_stamps_are_put_right(file: Path) ->
     entry = {**MEASUREMENTS["front"], "bias": {"range": 0.001}, "time_offset_s": -0.02}
     loaded = load(file, readings={"front": entry})
     # The first measurement of a, 20 ms earlier, lies before the truth.
-    assert loaded.truth.source["left_out"] == {"front": {"outside_truth": 2}}
+    assert loaded.truth.source["left_out"] == {"front": {"outside the time of the truth": 2}}
     found = loaded.measurements["front"]
     np.testing.assert_allclose(loaded.truth.time[found.steps[found.valid.any(axis=1)]], [0.08])
     assert np.nanmax(found.measurement[0]) == pytest.approx(21)
@@ -231,7 +220,7 @@ def test_the_observer_may_have_a_file_of_its_own(file: Path) -> None:
     write(other, poses, ["stamp", "east", "north", "yaw"])
     observer = {"path": other.name, "time": "stamp", "px": "east", "py": "north", "yaw": "yaw"}
     units = {"units": {"time": "us", "px": "m", "py": "m", "yaw": "deg"}}
-    truth = load(file, columns={**COLUMNS, "observer": {**observer, **units}}).truth
+    truth = load(file, ego={**observer, **units}).truth
     np.testing.assert_allclose(truth.time, [0, 0.03, 0.1, 0.25])
     np.testing.assert_allclose(truth.observer.px, 10 * truth.time, atol=1e-9)
     np.testing.assert_allclose(truth.observer.vx, 10)
@@ -244,12 +233,15 @@ def test_what_lies_outside_the_observers_time_is_left_out(file: Path) -> None:
     other = file.with_name(f"ego{file.suffix}")
     write(other, [[1020, 0.0, 0.0, 0.0], [1260, 0.001, 0.0, 0.0]], ["t_ms", "east", "north", "yaw"])
     observer = {"path": other.name, "px": "east", "py": "north", "yaw": "yaw"}
-    loaded = load(file, columns={**COLUMNS, "observer": observer})
+    loaded = load(file, ego=observer)
     np.testing.assert_allclose(loaded.truth.time, [0.03, 0.1, 0.25])
-    assert loaded.truth.source["left_out"] == {"truth": {"outside_observer": 1}, "front": {"outside_truth": 1}}
+    assert loaded.truth.source["left_out"] == {
+        "truth": {"outside the time of the observer": 1},
+        "front": {"outside the time of the truth": 1},
+    }
     write(other, [[1020000, 0.0, 0.0, 0.0], [1260000, 0.001, 0.0, 0.0]], ["t_ms", "east", "north", "yaw"])
     with pytest.raises(InputError, match="check the units of time"):
-        load(file, columns={**COLUMNS, "observer": observer})
+        load(file, ego=observer)
 
 
 def cars(folder: Path, period: float, keep: list[int]) -> LoadedTruth:

@@ -354,7 +354,7 @@ def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
             assert (item.better, item.verdict, item.p_value) == (None, None, None)
     found = {(i.a, i.b): i.verdict for i in result.differences if i.metric == "position_rmse"}
     compared = ["position_rmse", "velocity_rmse", "course_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy"]
-    compared += ["position_p95", "velocity_p95", "start_delay", "start_position_rmse"]
+    compared += ["position_p95", "velocity_p95"]
     assert list(dict.fromkeys(item.metric for item in result.differences)) == compared
     assert found["raw", "ekf"] == "ekf better"
     assert result.json()["ranking"][-1] == "raw"

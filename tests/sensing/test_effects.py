@@ -333,17 +333,6 @@ def test_a_bias_is_drawn_once_a_run():
     assert low < np.mean(azimuth[0] ** 2) / 0.25 < high
 
 
-def test_a_ripple_has_its_amplitude_and_period():
-    effects = [{"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10.0}]
-    sensor = ideal(Radar(effects=effects, **EXACT), position=(50.0, -50.0), velocity=(0.0, 5.0), steps=200)
-    true = np.rad2deg(np.arctan2(-50 + 0.5 * np.arange(200), 50.0))
-    error = np.rad2deg(runs(sensor, 1)[1, :, 0]) - true
-    basis = np.stack([np.sin(2 * np.pi * true / 10), np.cos(2 * np.pi * true / 10)], axis=1)
-    weights, *_ = np.linalg.lstsq(basis, error, rcond=None)
-    np.testing.assert_allclose(basis @ weights, error, atol=1e-5)
-    assert np.hypot(*weights) == pytest.approx(0.4, abs=1e-5)
-
-
 def test_quantised_measurements_are_whole_steps():
     effects = [{"type": "quantised", "steps": {"range_m": 0.25, "azimuth_deg": 0.5}}]
     values = runs(ideal(Radar(effects=effects, **RADAR)), 2)
@@ -451,7 +440,6 @@ EVERY = [
     {"type": "signal_to_noise", "half_range_m": 60.0, "stated_at_m": 50.0, "side_db": 5.0},
     {"type": "correlated_errors", "share": 0.7, "time_s": 0.5},
     {"type": "bias", "sigmas": {"azimuth_deg": 0.2}},
-    {"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10.0},
     {"type": "interference", "per_minute": 20.0, "duration_s": 1.0, "detection_factor": 0.3, "alarms_per_scan": 3.0},
     {"type": "ghosts", "wall": [[-50.0, 6.0], [50.0, 6.0]], "probability": 0.4},
     {"type": "quantised", "steps": {"range_m": 0.2}},

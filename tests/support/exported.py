@@ -52,9 +52,8 @@ COLUMNS = {
     "heading": "yaw",
     "length": "length",
     "width": "width",
-    "observer": {"path": "ego.csv", **{key: key.removeprefix("p") for key in ("px", "py")}}
-    | {key: key for key in ("vx", "vy", "yaw", "yaw_rate")},
 }
+OBSERVER = {key: key.removeprefix("p") for key in ("px", "py", "vx", "vy")} | {key: key for key in ("yaw", "yaw_rate")}
 #: Keys of a sensor that a recording does not have.
 SYNTHETIC = ("rate_hz", "detection_probability", "clutter", "phase_s")
 
@@ -81,15 +80,17 @@ def write_scenes(folder: Path, loaded: Scenario, *, labelled: bool = False, **ch
         sensors_left[name] = {key: value for key, value in sensor.items() if key not in SYNTHETIC}
         sensors_left[name]["states"] = {**states, **sensor.get("states", {})}
         components = {component: component for component in type(config.sensors[name]).components}
-        readings[name] = {"path": f"*_{name}.csv", **components, **({"object": "who"} if labelled else {})}
-    columns = {**COLUMNS, "observer": {**COLUMNS["observer"], "path": "*_ego.csv"}}  # type: ignore[dict-item]
+        paths = [f"{scene:02}_{name}.csv" for scene in range(len(truths))]
+        readings[name] = {"path": paths, **components, **({"object": "who"} if labelled else {})}
+    paths = [f"{scene:02}_ego.csv" for scene in range(len(truths))]
     content = {
         "name": config.name,
         "truth": {
             "source": "recording",
             "format": "csv",
-            "path": "*_boxes.csv",
-            "columns": columns,
+            "path": [f"{scene:02}_boxes.csv" for scene in range(len(truths))],
+            "columns": COLUMNS,
+            "ego": {**OBSERVER, "path": paths},
             "readings": readings,
             "reference": {"classes": ["car"]},
             **changes,

@@ -88,7 +88,7 @@ def test_boxes_have_the_time_of_their_entity_and_of_the_clock(tmp_path: Path) ->
 
 def test_boxes_in_several_frames_or_in_a_moving_one_are_refused(tmp_path: Path) -> None:
     for other in (boxes(entity(0, frame_id="odom")), move(0, "odom", "map", 1, 0, 0)):
-        with pytest.raises(InputError, match="one frame that is fixed to the ground is needed, and boxes are in map"):
+        with pytest.raises(InputError, match="one frame that is fixed to the ground is needed, and tracks are in map"):
             Mcap().rows(file_of(tmp_path, [boxes(entity(0)), other]))
 
 

@@ -132,15 +132,15 @@ def test_of_an_object_listed_twice_the_older_slot_is_kept(tmp_path: Path) -> Non
     np.testing.assert_array_equal(np.bincount(found.scan), np.full(200, 2))
     assert set(found.own_track.tolist()) == {found.own_tracks.index("8-1"), found.own_tracks.index("9-1")}
     assert truths_of(load_scenario(file))[0].notes == (
-        "radar: of 500 rows, 100 copies of another of their cycle (left out)",
+        "radar: left out 100 rows that are copies of another of their cycle",
     )
 
 
 def test_a_repeated_row_and_those_outside_the_observers_time_are_left_out_and_counted(tmp_path: Path) -> None:
     rows = [*drive(), drive()[0], "10.3,8,20,2,0,0", "10.35,8,20,2,0,0"]
     assert truths_of(load_scenario(write(tmp_path, scenario(), rows)))[0].notes == (
-        "radar: of 403 rows, 1 of a slot and a time that came before (left out)",
-        "radar: of 403 rows, 2 outside the time of the observer (left out)",
+        "radar: left out 1 rows of a slot and a time that came before",
+        "radar: left out 2 rows outside the time of the observer",
     )
 
 
@@ -158,7 +158,7 @@ def test_a_repeated_row_and_those_outside_the_observers_time_are_left_out_and_co
 )
 def test_a_damaged_row_is_named(tmp_path: Path, rows: list[str], message: str) -> None:
     if not message:
-        message = "truth.ego: only 0 of 2 measurements (from 0 to 0.05 s) lie within the time of the observer "
+        message = "truth.ego: only 0 of 2 measurements (from 0 to 0.05 s) lie within the time of the truth or observer "
         message += "(from -500 to -489.9 s): check the units of time"
     assert message in refused(write(tmp_path, scenario(), rows))
 

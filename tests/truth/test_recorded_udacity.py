@@ -103,17 +103,21 @@ def cell(line: int, column: int, value: str) -> list[str]:
 
 
 DAMAGED = {
-    "truncated": ([*LINES[:3], LINES[3][:30]], 4, "the R line ends before"),
-    "no truth": ([LINES[0].rsplit("\t", 4)[0]], 1, "ends before the truth (px, py, vx, vy)"),
-    "NaN": (cell(2, 1, "nan"), 3, "px is not a finite number: 'nan'"),
+    "truncated": ([*LINES[:3], LINES[3][:30]], 4, "the R line has"),
+    "no truth": (
+        [LINES[0].rsplit("\t", 4)[0]],
+        1,
+        "the L line has 3 columns after its letter",
+    ),
+    "NaN": (cell(2, 1, "nan"), 3, "px is not a finite number that can be meant: 'nan'"),
     "infinite": (cell(1, 3, "1e999"), 2, "range rate is not a finite number"),
-    "not a number": (cell(1, 2, "north"), 2, "azimuth is not a finite number: 'north'"),
+    "not a number": (cell(1, 2, "north"), 2, "azimuth is not a finite number that can be meant: 'north'"),
     "true NaN": (cell(1, -1, "NaN"), 2, "true vy is not a finite number"),
     "letter": (["X" + LINES[0][1:]], 1, "a line begins with L (lidar) or R (radar), not 'X'"),
     "backwards": (swapped(LINES, 4, 5), 6, "time runs backwards"),
     "twice": ([LINES[0], LINES[0]], 2, "a second lidar line at"),
     "time": (cell(0, 3, "1.5"), 1, "a whole number of microseconds, not '1.5'"),
-    "columns": ([LINES[0] + "\t1\t2\t3"], 1, "has 11 columns, where 10 are the most"),
+    "columns": ([LINES[0] + "\t1\t2\t3"], 1, "the L line has 10 columns after its letter"),
 }
 
 

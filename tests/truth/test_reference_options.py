@@ -165,7 +165,7 @@ def test_a_blank_object_is_left_out_where_identities_are_known(tmp_path: Path) -
     radar = [*detections(), [5.0, "", 50, 0.5, 3]]
     file = write(tmp_path, radar=radar, sensing={"identities": "known"}, trackers={"raw": {"use": "raw"}}, reference={})
     (read,) = truths_of(load_scenario(file))
-    assert read.notes[1:] == ("radar: of 102 rows, 1 of no object (left out)",)
+    assert read.notes[1:] == ("radar: left out 1 rows of no object",)
     assert read.measurements is not None
     measurements = read.measurements["radar"]
     assert isinstance(measurements, RecordedMeasurements)
@@ -259,9 +259,7 @@ def test_a_damaged_box_is_named(tmp_path: Path, row: list[Any], message: str) ->
 
 def test_times_of_another_epoch_are_said(tmp_path: Path) -> None:
     late = [[row[0] + 5000, *row[1:]] for row in detections()]
-    with pytest.raises(
-        InputError, match=r"only 0 of \d+ measurements of radar \(from 5000 to 5010 s\) lie within the time of"
-    ):
+    with pytest.raises(InputError, match=r"only 0 of \d+ measurements of radar \(from 5000 to 5010 s\) lie"):
         truth_in(write(tmp_path, radar=late))
 
 

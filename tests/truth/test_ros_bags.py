@@ -79,12 +79,15 @@ def test_what_cannot_be_meant_is_named(tmp_path: Path) -> None:
             ("/a", make.odometry(0)),
             ("/b", make.odometry(0)),
         ],
-        "several frames.*: map, odom": [("/a", make.odometry(0)), ("/a", make.odometry(1, "odom"))],
+        "one frame .* is needed, and tracks are in map, odom": [
+            ("/a", make.odometry(0)),
+            ("/a", make.odometry(1, "odom")),
+        ],
         "there are no tracks in this file; known are messages of nav_msgs": [("/a", make.header(0, "map"))],
         "a detection has no id": [("/a", make.detections(0, name=""))],
-        "vehicle .car.: px at 0 s: it is not a finite number": [("/a", make.odometry(0))],
+        "row 1: x is not a finite number": [("/a", make.odometry(0))],
     }
-    cases["vehicle .car.: px at 0 s: it is not a finite number"][0][1].pose.pose.position.x = np.nan
+    cases["row 1: x is not a finite number"][0][1].pose.pose.position.x = np.nan
     for number, (message, messages) in enumerate(cases.items()):
         file = write_bag(tmp_path, messages, name=f"bag{number}")
         with pytest.raises(InputError, match=message):

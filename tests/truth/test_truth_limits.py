@@ -10,8 +10,6 @@ from tests.runner.test_recorded_tables import HEAD, ROWS, load, write
 from tests.support.udacity import synthetic_lines
 
 from trackbench.base.errors import InputError
-from trackbench.truth import Draw
-from trackbench.truth.config import ScriptedObserver
 from trackbench.truth.recorded.udacity import parse_line
 from trackbench.truth.sources import ScriptedTruth
 
@@ -52,7 +50,7 @@ def test_a_line_of_the_simulator() -> None:
     for column in (1, 4, 5):
         cells = synthetic_lines(1)[0].split()
         cells[column if column == 1 else column + 1] = "1e30"
-        with pytest.raises(InputError, match="can be meant: check its unit"):
+        with pytest.raises(InputError, match="not a finite number that can be meant"):
             parse_line(" ".join(cells))
 
 
@@ -77,14 +75,9 @@ def script(**body: object) -> ScriptedTruth:
     return ScriptedTruth.model_validate(truth)
 
 
-def test_a_script_that_leaves_the_earth() -> None:
-    found = script(start={"speed_mps": 9e4}, pieces=[{"acceleration_mps2": 200000}])
-    with pytest.raises(InputError, match=r"speed of car becomes 1.1e\+05 m/s at 0.1 s; at most 1e\+05 is possible"):
-        found.load(Draw(0, "test", 1), folder=Path())
-    observer = ScriptedObserver.model_validate({"pieces": [{"acceleration_mps2": 1e300}]})
-    found = script().model_copy(update={"observer": observer})
-    with pytest.raises(InputError, match=r"speed of the observer becomes 1e\+299 m/s at 0.1 s"):
-        found.load(Draw(0, "test", 1), folder=Path())
+def test_an_acceleration_that_cannot_be_meant() -> None:
+    with pytest.raises(ValueError, match="less than or equal to 1000"):
+        script(pieces=[{"acceleration_mps2": 200000}])
 
 
 @pytest.mark.parametrize("start", [{"x": 1e300}, {"speed_mps": 1e6}, {"vx_mps": -1e308}])

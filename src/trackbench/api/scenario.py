@@ -13,7 +13,7 @@ from trackbench.base.notebook_classes import reference_to
 from trackbench.base.types import Scan, Truth, scan_of_run
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.load import in_worlds, scenario_of, select_trackers
-from trackbench.scenario.recorded_checks import same_every_run
+from trackbench.scenario.validate import same_every_run
 
 #: A file, a name such as ``highway``, the text of a scenario file, or its keys and values.
 Named = Path | str | Mapping[str, Any]

@@ -76,8 +76,7 @@ class Executor:
         self, sent: deque[Future[Any]], waiting: deque[Any], function: Callable[..., Any], folder: Any, observers: Any
     ) -> Iterator[Any]:
         while sent or waiting:
-            sent = sent or self._sent(function, waiting, folder)
-            if sent:
+            if sent := sent or self._sent(function, waiting, folder):
                 with _deaths_explained():
                     result = sent.popleft().result()
             else:
@@ -97,7 +96,7 @@ class Executor:
             log.info("this process makes what cannot be sent to another one: %s", one_line(error))
             return deque()
         place = (folder, Path.cwd()), self._command
-        with _deaths_explained(), _unheard_interrupts():
+        with _deaths_explained():
             submit = self._start()
             sent = deque(submit(_make_call, contents[id(call[0])], call[1:], *place) for call in waiting)
         waiting.clear()
@@ -165,8 +164,7 @@ def executor(workers: int | None = 1, cluster: str | None = None) -> Iterator[Ex
         raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
     with one_blas_thread(), ExitStack() as stack:
         if cluster is not None:
-            with _unheard_interrupts():
-                submit = _cluster(cluster, stack)
+            submit = _cluster(cluster, stack)
             yield Executor(lambda: submit)
         else:
             start = partial(_processes, workers, stack)
@@ -188,7 +186,8 @@ def _processes(number: int | None, stack: ExitStack) -> Submit:
 
 
 def _watch_parent(parent: int) -> None:
-    """End this process soon after the one that started it."""
+    """End this process soon after the one that started it, for which Ctrl-C is."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -196,19 +195,6 @@ def _watch_parent(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def _unheard_interrupts() -> Iterator[None]:
-    """Ignore Ctrl-C, also in processes that start meanwhile, for good: each would print a traceback."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _cluster(address: str, stack: ExitStack) -> Submit:

@@ -22,7 +22,7 @@ from trackbench.metrics.sums import SHORTEST
 from trackbench.results import Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
-from trackbench.scenario.recorded_checks import same_every_run
+from trackbench.scenario.validate import same_every_run
 
 #: What a comparison does not read of a scenario, and may be code that is not here.
 LEFT_OUT = ("score.metrics=[]", "expect=[]", "recording.scene=0")

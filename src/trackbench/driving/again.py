@@ -1,15 +1,15 @@
 """Trackers that are asked again: what one says of a member must not depend on the other members.
 
-A batched tracker may read, by intent or by a wrong axis, what only the other members of its batch were given. So a
-fresh one, in a process of its own, is given the same scans with half of the members replaced by those of other scenes
-and all of them permuted. Instances of any other may share a value; so fresh ones are given two runs in another order.
+A batched tracker may read, by a wrong axis, what only the other members of its batch were given. So a fresh one, in a
+process of its own, is given the same scans with half of the members replaced by those of other scenes and all of them
+permuted. Instances of any other may share a value; so fresh ones are given two runs in another order.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -35,16 +35,8 @@ CAUSES = {
 RANDOM = "a tracker that draws random numbers says random = True"
 
 
-class Disagreement(NamedTuple):
-    """Difference between two drives of a tracker, and the scan at which it shows."""
-
-    fault: TrackFault
-    scan: Scan
-
-
 class AskedAgain:
-    """A tracker whose answers are kept, and compared with those of a second drive in which its members have others
-    beside them.
+    """A tracker whose answers are compared with those of a second drive, in which its members have others beside them.
 
     Args:
         tracker: the tracker of the first drive.
@@ -58,7 +50,10 @@ class AskedAgain:
     def __init__(
         self, tracker: Any, start: Callable[[], Any], order: Indices, members: int, others: Sequence[Scan]
     ) -> None:
-        self._tracker, self._start, self._order, self._count, self._others = tracker, start, order, members, others
+        self._tracker, self._start, self._order, self._count = tracker, start, order, members
+        self._others = defaultdict[tuple[float, str], list[Scan]](list)
+        for other in reversed(others):
+            self._others[other.time, other.sensor].append(other)
         self._columns = np.flatnonzero(order < members)[:COMPARED]
         self._members = order[self._columns]
         self._kept: list[tuple[Scan, dict[str, Array]]] = []
@@ -69,64 +64,62 @@ class AskedAgain:
         self._kept.append((scan, _parts(answer, self._members)))
         return state, answer
 
-    def disagreement(self) -> Disagreement | None:
-        """Return where the second drive first differs from the first, or where it fails."""
-        others = defaultdict[tuple[float, str], list[Scan]](list)
-        for other in reversed(self._others):
-            others[other.time, other.sensor].append(other)
-        batched, state, before = self._tracker.batched, None, None
+    def disagreement(self) -> tuple[TrackFault, Scan] | None:
+        """Return how the second drive first differs from the first, or how it fails, and at which scan."""
+        how, state = HOW[self._tracker.batched], None
+        before: dict[str, Array] = {}
+        parts_before: dict[str, Array] = {}
         try:
             with ending(self._start()) as tracker:
                 for scan, kept in self._kept:
-                    beside = others[scan.time, scan.sensor].pop() if scan.valid.any() else None
-                    state, answer = tracker.step(state, self._scan(scan, beside))
+                    state, answer = tracker.step(state, self._scan(scan))
                     parts = _parts(answer, self._columns)
-                    difference = _difference(kept, parts) or _renamed(before, (kept, parts))
-                    before = kept, parts
+                    difference = _difference(kept, parts) or _renamed(before, kept, parts_before, parts)
                     if difference is not None:
                         member, what = difference
-                        text = f"{HOW[batched]}, it gives another estimate: {what}; {CAUSES[batched]}; {RANDOM}"
-                        return Disagreement(TrackFault(text, "answer", member=int(self._members[member])), scan)
+                        text = f"{how}, it gives another estimate: {what}; {CAUSES[self._tracker.batched]}; {RANDOM}"
+                        return TrackFault(text, "answer", member=int(self._members[member])), scan
+                    before, parts_before = kept, parts
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             fault = fault_of(error)
-            if fault.member is not None:
-                member = int(self._order[fault.member])
-                fault.member = member if member < self._count else None
-            fault.cause = f"{HOW[batched]}, it fails: {fault.cause}"
-            return Disagreement(fault, scan)
+            member = self._count if fault.member is None else int(self._order[fault.member])
+            fault.member = member if member < self._count else None
+            fault.cause = f"{how}, it fails: {fault.cause}"
+            return fault, scan
         return None
 
-    def _scan(self, scan: Scan, other: Scan | None) -> Scan:
-        """Return the scan of the second drive; without measurements where there are none of the others."""
-        if other is None:
-            return scan_of_columns(scan, self._order % self._count)
-        if scan.valid.ndim == 2:
-            most = max(len(scan.valid), len(other.valid))
-            scan, other = _padded(scan, most), _padded(other, most)
-        measurement = np.concatenate([scan.measurement, other.measurement], axis=-1)
-        valid = np.concatenate([scan.valid, other.valid], axis=-1)
-        return scan_of_columns(scan._replace(measurement=measurement, valid=valid), self._order)
+    def _scan(self, scan: Scan) -> Scan:
+        """Return the scan of the second drive, without columns of detections that none of its members has."""
+        measurement: Any = scan.measurement
+        valid: Any = scan.valid
+        order = self._order % self._count
+        if valid.any():
+            other, order = self._others[scan.time, scan.sensor].pop(), self._order
+            parts = zip((measurement, valid), (other.measurement, other.valid), (np.nan, False), strict=True)
+            measurement, valid = (_beside(part, beside, fill) for part, beside, fill in parts)
+        measurement, valid = measurement[..., order], valid[..., order]
+        if valid.ndim == 2:
+            most = int(valid.sum(axis=0).max(initial=0))
+            measurement, valid = measurement[:, :most], valid[:most]
+        measurement, valid = np.ascontiguousarray(measurement), np.ascontiguousarray(valid)
+        for shared in (measurement, valid):
+            shared.setflags(write=False)
+        return scan._replace(measurement=measurement, valid=valid)
 
 
-def scan_of_columns(scan: Scan, order: Indices) -> Scan:
-    """Return the scan with these members, without columns of detections that none of them has."""
-    measurement, valid = scan.measurement[..., order], scan.valid[..., order]
-    if valid.ndim == 2:
-        most = int(valid.sum(axis=0).max(initial=0))
-        measurement, valid = measurement[:, :most], valid[:most]
-    measurement, valid = np.ascontiguousarray(measurement), np.ascontiguousarray(valid)
-    for shared in (measurement, valid):
-        shared.setflags(write=False)
-    return scan._replace(measurement=measurement, valid=valid)
+def _beside(part: Any, other: Any, fill: float) -> Any:
+    """Join arrays along their last axis, that of members; the axis before it is padded where they differ there."""
+    if part.ndim > 1:
+        most = max(part.shape[-2], other.shape[-2])
+        part, other = (_padded(each, most, fill) for each in (part, other))
+    return np.concatenate([part, other], axis=-1)
 
 
-def _padded(scan: Scan, most: int) -> Scan:
-    """Return a scan with as many columns of detections."""
-    missing = most - len(scan.valid)
-    measurement = np.pad(scan.measurement, ((0, 0), (0, missing), (0, 0)), constant_values=np.nan)
-    return scan._replace(measurement=measurement, valid=np.pad(scan.valid, ((0, missing), (0, 0))))
+def _padded(part: Array, most: int, fill: float = np.nan) -> Array:
+    missing = [(0, 0)] * (part.ndim - 2) + [(0, most - part.shape[-2]), (0, 0)]
+    return np.pad(part, missing, constant_values=fill)
 
 
 def _parts(answer: Any, columns: Indices) -> dict[str, Array]:
@@ -136,24 +129,20 @@ def _parts(answer: Any, columns: Indices) -> dict[str, Array]:
         return {"mean": np.full((4, len(columns)), np.nan), "covariance": np.full((4, 4, len(columns)), np.nan)}
     if not isinstance(answer, Tracks):
         return {"mean": answer.mean[..., columns], "covariance": answer.covariance[..., columns]}
-    ids = np.where(answer.ids == NO_TRACK, np.nan, answer.ids)[:, columns]
+    parts = {name: part[..., columns] for name, part in zip(Tracks._fields, answer, strict=True) if part is not None}
+    ids = parts["ids"] = np.where(parts["ids"] == NO_TRACK, np.nan, parts["ids"])
     order = np.argsort(ids, axis=0, kind="stable")[: int(np.isfinite(ids).sum(axis=0).max(initial=0))]
-    named = zip(Tracks._fields, (ids, *answer[1:]), strict=True)
-    parts = {name: part[..., columns] if name != "ids" else ids for name, part in named if part is not None}
     parts = {name: part[..., order, np.arange(len(columns))] for name, part in parts.items()}
     return {name: np.where(np.isnan(parts["ids"]), np.nan, part) for name, part in parts.items()}
 
 
-def _difference(kept: dict[str, Array], again: dict[str, Array]) -> tuple[int, str] | None:
+def _difference(kept: Mapping[str, Array], again: Mapping[str, Array]) -> tuple[int, str] | None:
     """Return the member whose estimate differs most, and how; None where none does."""
     for what in kept:
         if what == "ids" or what not in again:
             continue
-        value, other = kept[what], again[what]
-        if value.shape != other.shape:
-            # Of tracks, one drive has fewer.
-            most = max(value.shape[-2], other.shape[-2])
-            value, other = (_with_tracks(part, most) for part in (value, other))
+        most = max(kept[what].shape[-2], again[what].shape[-2])
+        value, other = _padded(kept[what], most), _padded(again[what], most)
         axes = tuple(range(value.ndim - 1))
         is_same = (value == other) | (np.isnan(value) & np.isnan(other))
         if is_same.all():
@@ -171,15 +160,10 @@ def _difference(kept: dict[str, Array], again: dict[str, Array]) -> tuple[int, s
     return None
 
 
-def _with_tracks(part: Array, most: int) -> Array:
-    missing = [(0, 0)] * (part.ndim - 2) + [(0, most - part.shape[-2]), (0, 0)]
-    return np.pad(part, missing, constant_values=np.nan)
-
-
-def _renamed(before: Any, now: tuple[dict[str, Array], dict[str, Array]]) -> tuple[int, str] | None:
-    """Return the member of which a track goes on from the scan before in one drive and not in the other."""
-    if before is None or "ids" not in now[0] or "ids" not in before[0]:
+def _renamed(*parts: Mapping[str, Array]) -> tuple[int, str] | None:
+    """Return the member of which a track goes on in one drive and not in the other: parts before and now, of either."""
+    if not all("ids" in each for each in parts):
         return None
-    goes_on, other_goes_on = (then["ids"][:, None] == those["ids"] for then, those in zip(now, before, strict=True))
-    renamed = (goes_on != other_goes_on).any(axis=(0, 1))
+    before, now, other_before, other_now = (each["ids"] for each in parts)
+    renamed = ((before[:, None] == now) != (other_before[:, None] == other_now)).any(axis=(0, 1))
     return (int(np.argmax(renamed)), "a track goes on under another id") if renamed.any() else None

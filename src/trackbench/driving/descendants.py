@@ -1,11 +1,11 @@
-"""The processes that descend from this one, on Linux. Elsewhere none are known, and these functions do nothing."""
+"""Processes that descend from another one, on Linux. Elsewhere none are known, and these functions do nothing."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def end_with_parent(parent: int, number: signal.Signals) -> None:
 
 
 def children(process: int) -> list[int]:
-    """The processes that one has started or adopted, those that ended and were not waited for among them."""
+    """Return the processes that one has started or adopted, also those that ended and were not waited for."""
     numbers: list[int] = []
     # The process may end meanwhile, or one of its threads.
     with suppress(OSError):
@@ -42,7 +42,7 @@ def children(process: int) -> list[int]:
 
 
 def descendants(process: int) -> Iterator[int]:
-    """The children of a process, theirs, and so on."""
+    """Yield the children of a process, their children, and so on."""
     for child in children(process):
         yield child
         yield from descendants(child)
@@ -65,17 +65,12 @@ def end_marked(mark: str) -> None:
 def end_descendants() -> None:
     """Kill all that descends from this process, which adopts orphans, and wait for it."""
     while processes := children(os.getpid()):
-        end_children(processes, signal.SIGKILL)
-
-
-def end_children(processes: Collection[int], number: signal.Signals) -> None:
-    """Send children of this process a signal to end, and wait for them."""
-    for process in processes:
-        with suppress(ProcessLookupError):
-            os.kill(process, number)
-    for process in processes:
-        with suppress(ChildProcessError):
-            os.waitpid(process, 0)
+        for process in processes:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        for process in processes:
+            with suppress(ChildProcessError):
+                os.waitpid(process, 0)
 
 
 def _resident(process: int) -> int:

@@ -14,17 +14,17 @@ Answer = TypeVar("Answer")
 
 
 class Delivery(NamedTuple):
-    """What a tracker is given."""
+    """Scan that a tracker is given."""
 
     scan: Scan
     number: int | None
-    """Of the scan, in the order in which they were taken; None where an estimate is asked for."""
+    """Index of the scan in acquisition order; None if only an estimate is asked for."""
     read: bool
-    """Whether it is a scan as it is, of a sensor that the tracker reads."""
+    """Whether the scan is of a sensor that the tracker reads."""
 
 
 def empty_scan(scan: Scan) -> Scan:
-    """The scan of a sensor that the tracker does not read: it tells the time, at which an estimate is asked for.
+    """Return a scan without detections, for a sensor that the tracker does not read: it asks for an estimate.
 
     With hidden identities it has no columns, and states that the sensor could have detected nothing.
     """
@@ -38,16 +38,16 @@ def empty_scan(scan: Scan) -> Scan:
 def deliveries(
     scans: Sequence[Scan], sensors: Collection[str] | None = None, each_measurement: bool = False
 ) -> Iterator[list[Delivery]]:
-    """For each instant at which a sensor measures, what a tracker gets from the one before until then.
+    """Yield the scans that arrive by each instant at which a sensor measures, and after the instant before it.
 
-    A tracker is scored at each instant by its answer to the last of them. Where no scan that was taken at the instant
-    has arrived, that is an empty one which asks for the estimate. Without latency each scan is given at its instant.
+    A tracker is scored at each instant by its answer to the last of these scans. Where no scan that was taken at the
+    instant has arrived, an empty one asks for the estimate. Without latency each scan arrives at its instant.
 
     Args:
         scans: in the order in which they were taken.
-        sensors: names of those that the tracker reads; None: all.
+        sensors: names of the sensors that the tracker reads; None for all.
         each_measurement: whether each scan is an instant of its own, also where several are taken at one time. Where
-            some are late, the first of them is when all that has arrived is given.
+            some are late, all that has arrived is given at the first of them.
     """
     late = any(scan.arrival_time > scan.time for scan in scans)
     # Stable: what arrives together stays in the order in which it was taken.
@@ -70,21 +70,27 @@ def deliveries(
 
 
 def scans_read(scans: Iterable[Scan], sensors: Collection[str] | None) -> Iterator[Scan]:
-    """The scans, those of sensors that a tracker does not read empty; ``sensors``: names of those that it reads."""
+    """Return the scans, without detections those of sensors that a tracker does not read.
+
+    Args:
+        scans: in the order in which they were taken.
+        sensors: names of the sensors that the tracker reads; None for all.
+    """
     return (scan if sensors is None or scan.sensor in sensors else empty_scan(scan) for scan in scans)
 
 
 class DriveStep(NamedTuple, Generic[Answer]):
-    """One step of a tracker."""
+    """Step of a tracker."""
 
     instant: int
-    """Number of the instant at which it is taken, from 0."""
+    """Index of the instant at which the step is taken."""
     scan: Scan
     number: int | None
-    """As of ``Delivery``, as the next."""
+    """Index of the scan in acquisition order; None if only an estimate is asked for."""
     read: bool
+    """Whether the scan is of a sensor that the tracker reads."""
     answer: Answer
     seconds: float
-    """It took, without the making of kernels; NaN of a smoother, which does not work step by step."""
+    """Duration without the making of kernels, s; NaN of a smoother, which does not work step by step."""
     last: bool
     """Whether the tracker is scored at this instant by this answer."""

@@ -1,4 +1,4 @@
-"""Why a tracker cannot go on, and where in its code."""
+"""Faults of trackers: the cause, and the place in the code of the tracker."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class TrackFault(Exception):
 
 
 def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
-    """An error in a tracker as a fault."""
+    """Return an error in a tracker as a fault; ``member`` is the member of the batch, where it is known."""
     if isinstance(error, TrackFault):
         return error
     kind: Kind = "raised"

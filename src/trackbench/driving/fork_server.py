@@ -17,7 +17,7 @@ from typing import NoReturn
 from trackbench.driving import host
 from trackbench.driving.descendants import adopt_orphans, end_descendants, end_with_parent
 from trackbench.driving.frames import LENGTH, frame_message, message_frame
-from trackbench.driving.process import HOST, NUMBER, Launch
+from trackbench.driving.process import HOST, NUMBER
 
 #: Bytes of a launch that are read at once, and period at which the server looks whether the bench is still there, s.
 LAUNCH_BYTES, ORPHANED = 1 << 16, 2.0
@@ -67,7 +67,7 @@ def serve(descriptor: int) -> None:
             if process == 0:
                 for other in (control.detach(), report, *reports.values()):
                     os.close(other)
-                _become_tracker(own, Launch(**frame_message(request[LENGTH.size :])), streams)
+                _become_tracker(own, streams, **frame_message(request[LENGTH.size :]))
             reports[process] = report
             for stream in streams:
                 os.close(stream)
@@ -77,7 +77,9 @@ def serve(descriptor: int) -> None:
     end_descendants()
 
 
-def _become_tracker(server: int, launch: Launch, streams: Sequence[int]) -> NoReturn:
+def _become_tracker(
+    server: int, streams: Sequence[int], command: list[str], folder: str, path: list[str], environment: dict[str, str]
+) -> NoReturn:
     """Become the process that the bench asks for, in a session of its own."""
     # A group of its own, which a tracker may kill.
     os.setsid()
@@ -90,17 +92,17 @@ def _become_tracker(server: int, launch: Launch, streams: Sequence[int]) -> NoRe
         os.close(descriptor)
     with suppress(OSError):
         # The folder may have been deleted.
-        os.chdir(launch.folder)
-    if launch.command[: len(HOST)] == HOST:
+        os.chdir(folder)
+    if command[: len(HOST)] == HOST:
         os.environ.clear()
-        os.environ.update(launch.environment)
-        sys.path[:] = launch.path
-        host.serve_tracker(launch.command[len(HOST) :])
+        os.environ.update(environment)
+        sys.path[:] = path
+        host.serve_tracker(command[len(HOST) :])
     # What Python ignores.
     for number in (signal.SIGPIPE, signal.SIGXFSZ):
         signal.signal(number, signal.SIG_DFL)
     try:
-        os.execve(launch.command[0], launch.command, launch.environment)
+        os.execve(command[0], command, environment)
     except (OSError, ValueError) as error:
         os.write(1, message_frame({"type": "error", "message": f"it cannot be started: {error}"}))
         # The bench speaks first; a pipe that nobody reads would hide the reason.

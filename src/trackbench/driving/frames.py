@@ -26,10 +26,18 @@ FLOAT = np.dtype("<f8")
 ANY_TEXT = "surrogatepass"
 #: Arrays of a scan in a message: those of one tracker, and those that all trackers are given.
 OWN_ARRAYS, SHARED_ARRAYS = ("measurement", "valid"), ("noise_covariance", "sensor_pose", "sensor_velocity")
-#: Arrays of an answer that a tracker may leave out.
-OPTIONAL = {
-    "estimate": ("innovation", "innovation_covariance", "mode_probabilities", "repaired", "state"),
-    "tracks": ("existence", "used"),
+#: Arrays of an answer; all after the covariance may be left out.
+ARRAYS = {
+    "estimate": (
+        "mean",
+        "covariance",
+        "innovation",
+        "innovation_covariance",
+        "mode_probabilities",
+        "repaired",
+        "state",
+    ),
+    "tracks": ("ids", "mean", "covariance", "existence", "used"),
 }
 
 
@@ -51,7 +59,7 @@ def _packable(value: Any) -> Any:
     raise TypeError(f"{str(value)[:40]} ({type(value).__name__}) is no value of MessagePack")
 
 
-_pack = msgpack.Packer(default=_packable, unicode_errors=ANY_TEXT).pack
+_pack = msgpack.Packer(default=_packable).pack
 
 
 def message_frame(message: Mapping[str, Any]) -> bytes:
@@ -60,7 +68,11 @@ def message_frame(message: Mapping[str, Any]) -> bytes:
     Raises:
         TypeError, ValueError, OverflowError: MessagePack does not know a value of the message.
     """
-    content: bytes = _pack(message)
+    try:
+        content: bytes = _pack(message)
+    except UnicodeEncodeError:
+        # To allow any text takes twice the time.
+        content = msgpack.packb(message, default=_packable, unicode_errors=ANY_TEXT)
     return LENGTH.pack(len(content)) + content
 
 
@@ -71,7 +83,10 @@ def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
         NotAFrame: the content is no MessagePack map.
     """
     try:
-        message = msgpack.unpackb(content, strict_map_key=False, unicode_errors=ANY_TEXT)
+        try:
+            message = msgpack.unpackb(content, strict_map_key=False)
+        except UnicodeDecodeError:
+            message = msgpack.unpackb(content, strict_map_key=False, unicode_errors=ANY_TEXT)
     except Exception as error:
         raise NotAFrame(f"no MessagePack ({type(error).__name__})") from error
     if type(message) is not dict:
@@ -135,22 +150,35 @@ def message_scan(message: Mapping[str, Any]) -> Scan:
     return Scan(**parts)
 
 
-def answer_frame(number: int, answer: Estimate | Tracks | None) -> bytes:
-    """Return the frame of a tracker's answer to a scan."""
+def is_plain(answer: Any) -> bool:
+    """Whether an answer is a mean and a covariance alone, both arrays of float64, whatever their shapes."""
+    if not isinstance(answer, tuple) or len(answer) < 2 or any(part is not None for part in answer[2:]):
+        return False
+    mean, covariance = answer[:2]
+    return type(mean) is type(covariance) is np.ndarray and mean.dtype == covariance.dtype == FLOAT
+
+
+def answer_frame(number: int, answer: Any) -> bytes:
+    """Return the frame of a tracker's answer to a scan: a plain one, an estimate, tracks or None."""
     if answer is None:
         return message_frame({"type": "none", "id": number})
     kind = "tracks" if isinstance(answer, Tracks) else "estimate"
-    message: dict[str, Any] = {"type": kind, "id": number}
-    message |= {"mean": packed_array(answer.mean), "covariance": packed_array(answer.covariance)}
-    for name in OPTIONAL[kind] if kind == "estimate" else ("ids", *OPTIONAL[kind]):
-        if (value := getattr(answer, name)) is not None:
-            try:
-                message[name] = packed_array(value)
-            except (TypeError, ValueError):
-                # A state of another form is the tracker's own affair.
-                if name != "state":
-                    raise
-    return message_frame(message)
+    if is_plain(answer):
+        mean, covariance = answer[:2]
+        arrays = {"mean": packed_array(mean), "covariance": packed_array(covariance)}
+    else:
+        named = ((name, getattr(answer, name)) for name in ARRAYS[kind])
+        # A state of another form is the tracker's own affair.
+        arrays = {
+            name: packed_array(value)
+            for name, value in named
+            if value is not None and (name != "state" or _is_numeric(value))
+        }
+    return message_frame({"type": kind, "id": number, **arrays})
+
+
+def _is_numeric(value: Any) -> bool:
+    return np.asarray(value).dtype.kind in "fiub"
 
 
 def message_answer(message: Mapping[str, Any], several: bool) -> Estimate | tuple[Array, Array] | Tracks | None:
@@ -170,10 +198,11 @@ def message_answer(message: Mapping[str, Any], several: bool) -> Estimate | tupl
         raise TrackerFault(OF_ONE if several else OF_SEVERAL)
     if len(message) == 4:
         return _array(message, "mean"), _array(message, "covariance")
-    names = ("mean", "covariance", *(name for name in OPTIONAL[kind] if message.get(name) is not None))
+    required = 3 if several else 2
+    names = [name for place, name in enumerate(ARRAYS[kind]) if place < required or message.get(name) is not None]
     parts = {name: _array(message, name) for name in names}
     if several:
-        return Tracks(ids=_array(message, "ids"), **parts)
+        return Tracks(**parts)
     if "repaired" in parts:
         parts["repaired"] = parts["repaired"] != 0
     return Estimate(**parts)

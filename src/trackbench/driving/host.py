@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 from trackbench.base import notebook_classes
 from trackbench.base.errors import TrackbenchError
 from trackbench.driving.faults import error_message
-from trackbench.driving.frames import VERSION, answer_frame, message_frame, message_scan, read_message
+from trackbench.driving.frames import VERSION, answer_frame, is_plain, message_frame, message_scan, read_message
 from trackbench.driving.steppers import refuse_truth
 from trackbench.trackers.answers import TRACKS, checked_tracks, is_random, shaped_estimate, unpack
 from trackbench.trackers.published import check_tracker_options, create
@@ -71,7 +71,9 @@ class Host:
             tracker = self._make()
         state, answer = unpack(tracker.step(state, scan), TRACKS if self._several else "estimate")
         self._trackers[number] = tracker, state
-        return answer_frame(number, (checked_tracks if self._several else shaped_estimate)(answer, scan))
+        if self._several:
+            return answer_frame(number, checked_tracks(answer, scan))
+        return answer_frame(number, answer if is_plain(answer) else shaped_estimate(answer, scan))
 
     def _greet(self, hello: Mapping[str, Any]) -> bytes:
         self._several = hello["identities"] == "hidden"

@@ -1,4 +1,4 @@
-"""Which trackers get a process of their own."""
+"""The trackers that get a process of their own, and the limits of it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import os
 import platform
 import signal
 import socket
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 from trackbench.base.errors import InputError
@@ -17,10 +15,8 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import Command
 from trackbench.trackers.published import built_in
 
-#: A day, s.
-LONGEST = 86_400.0
-#: Of the memory of the container, unless another number of bytes is stated.
-SHARE = 0.25
+#: Longest time for an answer, s, and share of the container's memory that a tracker may take unless it is stated.
+LONGEST, SHARE = 86_400.0, 0.25
 GIGABYTE = 10**9
 
 
@@ -39,11 +35,11 @@ class Isolation:
     """How trackers that are not built in are kept apart from the bench."""
 
     in_process: bool = False
-    """Whether they are not: for a debugger."""
+    """Whether such trackers run in the process of the bench, for a debugger."""
     timeout: float = 300.0
-    """The longest that one may take for a step, s."""
+    """Longest time for a step, s."""
     memory: float | None = None
-    """The most that one may take, GB, resident and with all that it starts; a quarter of the container's unless set."""
+    """Most resident memory of a tracker with all that it starts, GB; a quarter of the container's unless set."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= LONGEST:
@@ -57,7 +53,7 @@ class Isolation:
         return is_program(config) or (plugged_in(config) and not self.in_process and not lacking())
 
     def missing(self, name: str, config: FilterConfig | PluginConfig) -> str:
-        """A line where this system cannot give a tracker the process of its own that it should have; else empty."""
+        """Return a line where this system cannot give a tracker the process that it should have; else an empty one."""
         if self.in_process or not plugged_in(config) or is_program(config) or not lacking():
             return ""
         return (
@@ -67,35 +63,23 @@ class Isolation:
 
     @property
     def bytes(self) -> int:
-        """The most memory that one may take on this machine."""
+        """Most memory of a tracker on this machine, bytes."""
         return int(SHARE * container_memory() if self.memory is None else self.memory * GIGABYTE)
 
 
 def lacking() -> str:
-    """What this system lacks for processes of trackers, such as "os.fork"; empty where it has all, as Linux has."""
+    """Return what this system lacks for processes of trackers, such as "os.fork"; empty where it lacks nothing."""
     needed = [(os, "fork"), (os, "setsid"), (signal, "SIGKILL"), (signal, "pthread_sigmask"), (socket, "send_fds")]
-    names = [f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)]
-    return " or ".join([*names[:1], *(["resource"] if not names and find_spec("resource") is None else [])])
+    return next((f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)), "")
 
 
 def container_memory() -> int:
-    """Memory of the container, or of the machine where none is limited, bytes."""
-    return min([os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), *_group_limits()])
-
-
-def _group_limits() -> Iterator[int]:
-    """The limits of the control groups in which this process is, of either version, bytes."""
-    with suppress(OSError):
-        for line in Path("/proc/self/cgroup").read_text().splitlines():
-            _, controllers, group = line.split(":", 2)
-            if controllers not in ("", "memory"):
-                continue
-            mounted = Path("/sys/fs/cgroup", controllers)
-            place = mounted / group.lstrip("/")
-            # In a container the path may be that of the host, which is not seen here.
-            for folder in [place, *(parent for parent in place.parents if parent.is_relative_to(mounted))]:
-                with suppress(OSError, ValueError):
-                    yield int((folder / ("memory.limit_in_bytes" if controllers else "memory.max")).read_text())
+    """Return the memory of the container, or of the machine where none is limited, bytes."""
+    limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")]
+    for file in ("memory.max", "memory/memory.limit_in_bytes"):
+        with suppress(OSError, ValueError):
+            limits.append(int(Path("/sys/fs/cgroup", file).read_text()))
+    return min(limits)
 
 
 ISOLATED = Isolation()

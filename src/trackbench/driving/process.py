@@ -15,7 +15,7 @@ import time
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 from uuid import uuid4
 
 from trackbench.base import notebook_classes
@@ -28,10 +28,8 @@ from trackbench.driving.faults import Kind, TrackFault, reported_error
 from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, frame_message, message_frame
 from trackbench.driving.isolation import GIGABYTE, Isolation
 
-#: Variable in the environment of every tracker's process.
-INSIDE = "TRACKBENCH_TRACKER_PROCESS"
-#: Variables of the environment that a tracker is not told.
-UNTOLD = ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
+#: Variable in the environment of every tracker's process, and variables that a tracker is not told.
+INSIDE, UNTOLD = "TRACKBENCH_TRACKER_PROCESS", ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
 #: Start of the command of a tracker in Python.
 HOST = [sys.executable, "-m", "trackbench.driving.host"]
 #: What the bench is told of a process: its number and, once it has ended, its status as ``os.waitpid`` gives it.
@@ -43,24 +41,10 @@ GLANCE = 0.1
 DUMPING, STARTING, ENDING = 1.0, 60.0, 10.0
 #: Bytes that are read at once. For more, each read gets its memory from the system, which takes 20 us.
 READ = 1 << 16
-#: First bytes of a MessagePack map.
-MAPS = frozenset([*range(0x80, 0x90), 0xDE, 0xDF])
-#: Characters that are shown of an answer that is no frame.
-SHOWN = 60
+#: First bytes of a MessagePack map, and characters that are shown of an answer that is no frame.
+MAPS, SHOWN = frozenset([*range(0x80, 0x90), 0xDE, 0xDF]), 60
 #: What Python's faulthandler writes of each call, and the most bytes of it that are read.
 DUMPED, LONGEST_DUMP = b'  File "', 1 << 20
-
-
-class Launch(NamedTuple):
-    """Process of a tracker that is to be started."""
-
-    command: list[str]
-    """Program and arguments."""
-    folder: str
-    """Working directory."""
-    path: list[str]
-    """Module path of a tracker in Python."""
-    environment: dict[str, str]
 
 
 class ForkServer:
@@ -72,9 +56,9 @@ class ForkServer:
         serve = f"from trackbench.driving.fork_server import serve; serve({theirs.fileno()})"
         output = 2 if os.path.exists("/dev/fd/2") else subprocess.DEVNULL
         with theirs:
-            self._process = subprocess.Popen(
+            self.process = subprocess.Popen(
                 [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path}; {serve}"],
-                env=self.environment(),
+                env=self._environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
@@ -82,15 +66,7 @@ class ForkServer:
                 # Ctrl-C is for the bench, which ends the trackers.
                 start_new_session=True,
             )
-
-    @property
-    def has_ended(self) -> bool:
-        """Whether the server was killed."""
-        return self._process.poll() is not None
-
-    def environment(self) -> dict[str, str]:
-        """Return the environment of trackers."""
-        return {name: value for name, value in os.environ.items() if name not in UNTOLD} | dict([self._mark.split("=")])
+        atexit.register(self._close)
 
     def start(self, command: list[str], folder: str, descriptors: Sequence[int]) -> None:
         """Start the process of a tracker.
@@ -103,20 +79,22 @@ class ForkServer:
         Raises:
             TrackbenchError: the server does not take it.
         """
-        launch = Launch(command, folder, sys.path, self.environment())
+        launch = {"command": command, "folder": folder, "path": sys.path, "environment": self._environment()}
         try:
-            socket.send_fds(self._control, [message_frame(launch._asdict())], [*descriptors, *_outputs[-1:]])
+            socket.send_fds(self._control, [message_frame(launch)], [*descriptors, *_outputs[-1:]])
         except OSError as error:
             raise TrackbenchError(NOT_STARTED) from error
 
-    def close(self) -> None:
-        """End the server, with all that its processes have left behind."""
+    def _environment(self) -> dict[str, str]:
+        return {name: value for name, value in os.environ.items() if name not in UNTOLD} | dict([self._mark.split("=")])
+
+    def _close(self) -> None:
         self._control.close()
         try:
-            self._process.wait(ENDING)
+            self.process.wait(ENDING)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-        if self._process.wait() < 0:
+            self.process.kill()
+        if self.process.wait() < 0:
             # What the processes of a killed server have left behind is known by the mark in the environment.
             end_marked(self._mark)
 
@@ -128,11 +106,10 @@ _outputs: list[int] = []
 
 def fork_server() -> ForkServer:
     """Return the server of this process, which may itself be a copy of one that has a server."""
-    own = os.getpid()
-    if own not in _fork_servers or _fork_servers[own].has_ended:
-        _fork_servers[own] = ForkServer()
-        atexit.register(_fork_servers[own].close)
-    return _fork_servers[own]
+    server = _fork_servers.get(os.getpid())
+    if server is None or server.process.poll() is not None:
+        server = _fork_servers[os.getpid()] = ForkServer()
+    return server
 
 
 @contextmanager
@@ -242,8 +219,8 @@ class TrackerProcess:
             TrackFault: the process has ended, is late, or wrote what is no answer.
             InputError: the tracker cannot be found or does not take its options.
         """
-        request = {"type": "work", "function": function, "arguments": arguments}
-        self.send(message_frame(request | {"classes": notebook_classes.dumps(None)}))
+        classes = notebook_classes.dumps(None)
+        self.send(message_frame({"type": "work", "function": function, "arguments": arguments, "classes": classes}))
         while (answer := self.receive()).get("type") == "progress":
             progress(answer["done"], answer["expected"])
         return pickle.loads(answer["pickled"])
@@ -279,12 +256,11 @@ class TrackerProcess:
                 raise self._late()
 
     def _late(self) -> TrackFault:
-        stray = f"; it wrote {_text(self._received)}" if self._received else ""
         # So Python writes down where it is.
         with suppress(ProcessLookupError, PermissionError):
             os.kill(self._number, signal.SIGABRT)
         self._ended_within(DUMPING)
-        cause = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout){stray}"
+        cause = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
         return self.failed(cause, "died", self._place())
 
     def _ended(self) -> TrackFault:

@@ -11,6 +11,7 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.faults import fault_of
+from trackbench.driving.frames import is_plain
 from trackbench.driving.program import ProgramTracker
 from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import (
@@ -102,10 +103,11 @@ class ForeignTracker:
         else:
             scans = [(scan_of_run if self._several else scan_of_member)(scan, member) for member in members]
         answers = self._answers(members, scans)
-        plain = None if self.batched or self._several else plain_estimate(answers)
+        batch = scan.valid.shape if self.batched else ()
+        plain = None if self._several else plain_estimate(answers, batch)
         if plain is None:
             return KEPT_THERE, self._checked(members, scans, answers)
-        if len(members) == self._batch:
+        if len(members) == len(self._trackers):
             self._has_answered[:] = True
             return KEPT_THERE, plain
         self._has_answered[members] = True
@@ -153,26 +155,28 @@ class ForeignTracker:
         return joined_tracks(checked) if self._several else joined_estimates(checked)
 
 
-def plain_estimate(answers: Sequence[Any]) -> Estimate | None:
-    """Return the estimate ``(4, n)`` of n answers that are right and have a mean and a covariance alone.
+def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate | None:
+    """Return one estimate of all members, where all answers are right and are a mean and a covariance alone.
 
     None where an answer needs a closer look. Many answers are checked at once in less time than each by itself.
+
+    Args:
+        answers: of members, or one of a batch.
+        batch: trailing axes of each answer.
     """
     for answer in answers:
-        if not isinstance(answer, tuple) or len(answer) < 2 or any(part is not None for part in answer[2:]):
+        if not is_plain(answer) or answer[0].shape != (4, *batch) or answer[1].shape != (4, 4, *batch):
             return None
-        if type(answer[0]) is not np.ndarray or type(answer[1]) is not np.ndarray:
-            return None
-    try:
+    if not answers:
+        return None
+    if batch:
+        mean, covariance = answers[0][:2]
+    elif len(answers) == 1:
+        mean, covariance = answers[0][0].reshape(4, 1), answers[0][1].reshape(4, 4, 1)
+    else:
         mean = np.array([answer[0] for answer in answers]).T.copy()
         covariance = np.array([answer[1] for answer in answers]).transpose(1, 2, 0).copy()
-    except ValueError:
-        return None
-    if mean.shape != (4, len(answers)) or covariance.shape != (4, 4, len(answers)):
-        return None
-    if mean.dtype != float or covariance.dtype != float:
-        return None
-    if not math.isfinite(np.add.reduce(mean, axis=None) + np.add.reduce(covariance, axis=None)):
+    if not math.isfinite(np.vdot(mean, mean) + np.vdot(covariance, covariance)):
         return None
     mirrored = covariance.swapaxes(0, 1)
     # Bytes are compared in less time than numbers.

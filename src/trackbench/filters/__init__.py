@@ -23,6 +23,7 @@ from trackbench.filters.imm import InteractingMultipleModel
 from trackbench.filters.kalman import (
     CUBATURE,
     ExtendedKalmanFilter,
+    IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
     SymmetricSet,
@@ -36,6 +37,7 @@ __all__ = [
     "ExtendedKalmanFilter",
     "Filter",
     "InteractingMultipleModel",
+    "IteratedExtendedKalmanFilter",
     "KalmanFilter",
     "Measured",
     "MotionWithErrors",

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
-from trackbench.models.motion.base import SensorErrors
+from trackbench.models.motion.base import SensorErrors, WrappedMotion
 from trackbench.models.sensors import SENSOR_MODELS
 
 
@@ -39,7 +39,7 @@ class ErrorState:
         return f"{self.sensor} {self.component} {'error' if self.rate else 'bias'}"
 
 
-class MotionWithErrors(MotionModel):
+class MotionWithErrors(WrappedMotion):
     """A motion model whose state also has errors of sensors: ``z = h(x) + E e + w`` with white ``w``.
 
     Each error has ``e_k+1 = a e_k + sqrt(1 - a^2) v_k`` with ``a = exp(-dt rate)`` and white ``v`` of unit variance.
@@ -47,7 +47,6 @@ class MotionWithErrors(MotionModel):
     state; a constant error is the limit of an infinite time constant.
     """
 
-    motion: MotionModel
     errors: tuple[ErrorState, ...]
 
     def model_post_init(self, context: Any) -> None:
@@ -77,18 +76,9 @@ class MotionWithErrors(MotionModel):
         columns = moving[:, [bool(error.rate) for error in self.errors]]
         return _block_diagonal(self.motion.noise_gain(self._own(x), dt), columns, pushes)
 
-    def to_cartesian(self, x: Array) -> Array:
-        return self.motion.to_cartesian(self._own(x))
-
     def cartesian_jacobian(self, x: Array) -> Array:
-        slope = self.motion.cartesian_jacobian(self._own(x))
+        slope = super().cartesian_jacobian(x)
         return np.concatenate([slope, np.zeros((4, len(self.errors), *slope.shape[2:]))], axis=1)
-
-    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
-        return self.motion.cartesian_belief(self._own_belief(belief))
-
-    def cartesian_moments(self, belief: Gaussian) -> Gaussian:
-        return self.motion.cartesian_moments(self._own_belief(belief))
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         return self.padded(self.motion.from_cartesian(belief, sigmas))
@@ -160,16 +150,6 @@ class MotionWithErrors(MotionModel):
             slopes.append((above.mean - below.mean) / (2.0 * step[i]))
         slope = np.stack(slopes, axis=1)
         return self.padded(state_of(self.motion, scan), -linalg.matmul(slope, linalg.expand(gain, slope)))
-
-    @property
-    def _size(self) -> int:
-        return len(self.motion.components)
-
-    def _own(self, x: Array) -> Array:
-        return x[: self._size]
-
-    def _own_belief(self, belief: Gaussian) -> Gaussian:
-        return Gaussian(belief.mean[: self._size], belief.covariance[: self._size, : self._size])
 
     def _decays(self, dt: float) -> list[Any]:
         return [np.exp(-error.rate * dt) if error.rate else 1.0 for error in self.errors]

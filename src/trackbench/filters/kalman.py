@@ -1,4 +1,4 @@
-"""Kalman filters: linear, extended, and of sigma points."""
+"""Kalman filters: linear, extended, iterated, and of sigma points."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from trackbench.filters.base import (
     Remainder,
     SingleModelFilter,
     Update,
+    correct,
     guarded,
     linear_update,
     square_root,
@@ -97,6 +98,38 @@ class ExtendedKalmanFilter(LinearisedFilter):
 
     Source: Särkkä (2013), "Bayesian Filtering and Smoothing", algorithm 5.4.
     """
+
+
+@dataclass(frozen=True)
+class IteratedExtendedKalmanFilter(LinearisedFilter):
+    """The extended Kalman filter, its measurement linearised again at each corrected state (Gauss-Newton).
+
+    Source: Bell and Cathey (1993), "The iterated Kalman filter update as a Gauss-Newton method", equation 22.
+    """
+
+    iterations: int = 5
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
+        sensor, angular, belief = SENSOR_MODELS[scan.kind], self.motion.angular, guarded(belief)
+        noise = self.measured(scan).noise
+        at, factor = belief.mean, factor_of(belief)
+        first: Update[Belief] | None = None
+        for number in range(self.iterations):
+            expected, h = observe(self.motion, sensor, at, scan)
+            back = difference(belief.mean, at, angular)
+            innovation = difference(scan.measurement, expected, sensor.angular) - linalg.matvec(h, back)
+            seen = linalg.matmul(h, factor)
+            cross, spread = linalg.matmul_transposed(seen, factor), linalg.matmul_transposed(seen, seen)
+            s = spread + linalg.expand(noise, cross)
+            # The covariance is that of the last linearisation.
+            last = number == self.iterations - 1
+            remainder = square_root(factor, seen, noise) if last else lambda _: belief.covariance
+            update = correct(belief, innovation, s, cross, scan.valid, angular, remainder)
+            # What the measurement said is judged against the prediction, which is the first linearisation.
+            first = first or update
+            at = update.belief.mean
+        assert first is not None
+        return first._replace(belief=update.belief)
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:

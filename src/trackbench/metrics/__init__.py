@@ -6,7 +6,7 @@ from trackbench.metrics.evaluate import Evaluation, MetricSums, evaluate, health
 from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled_interval
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
 from trackbench.metrics.scorer import Scorer
-from trackbench.metrics.sums import BlockScores, Scores
+from trackbench.metrics.sums import BlockScores
 
 __all__ = [
     "BUILT_IN",
@@ -22,7 +22,6 @@ __all__ = [
     "MetricSums",
     "Scope",
     "Scorer",
-    "Scores",
     "Target",
     "clustered",
     "evaluate",

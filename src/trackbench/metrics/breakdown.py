@@ -13,7 +13,7 @@ from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEU
 from trackbench.metrics.consistency import BEYOND, DIRECTIONS
 from trackbench.metrics.count_intervals import effective_number, share_interval
 from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
-from trackbench.metrics.sums import ERROR_FIELDS, ClassSums, Scores
+from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
@@ -89,9 +89,9 @@ def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | Non
     return moments(by_scene)
 
 
-def breakdown(scores: Scores) -> Breakdown:
+def breakdown(scores: BlockScores) -> Breakdown:
     """The scores of one tracker by condition; what did not occur is left out."""
-    sums, scenes = scores.classes, scores.scenes
+    ((_, sums),), scenes = scores.classes, scores.scenes
     if not sums.total[0, 0]:
         return Breakdown(all=ConditionScores(count=0, given=0, runs=0), manoeuvre={}, range={}, age={}, jump={})
     occurred = np.flatnonzero(sums.total[0])

@@ -94,24 +94,24 @@ def _scores(values: Values) -> Values:
     mean, covariance, truth = (values[name] for name in ("mean", "covariance", "truth"))
     rows, definite = _rows(mean, covariance, truth, values["reference"], np.ones((), dtype=bool))
     squares = linalg.vector([rows[1] + rows[2], rows[3] + rows[4]])
-    bounded = ~values["expected"] | (rows.max(axis=0) < OVERFLOW)
+    bounded = ~values["due"] | (rows.max(axis=0) < OVERFLOW)
     rows = np.where(values["due"], rows, 0.0)
     beyond = [np.where(rows[ERROR["nees"]] > point, 1.0, 0.0) for point in beyond_points(4)]
     return {
         "per_step": rows,
         "by_class": np.concatenate([rows, linalg.vector(beyond)]),
-        "squares": np.where(values["expected"], squares, 0.0),
+        "squares": np.where(values["due"], squares, 0.0),
         "definite": definite & np.isfinite(mean.sum(axis=0)),
         "bounded": bounded,
     }
 
 
 #: Of an estimate that is finite, in a sequence of calls: what is added to the sums where it is ``due``, those of its
-#: class with the points that its NEES is beyond; the squared errors of position and velocity where it is ``expected``.
+#: class with the points that its NEES is beyond; and the squared errors of position and velocity.
 SCORES = Equations(
     "scores of an estimate",
     _scores,
-    {"mean": 1, "covariance": 2, "truth": 1, "reference": 1, "due": 0, "expected": 0},
+    {"mean": 1, "covariance": 2, "truth": 1, "reference": 1, "due": 0},
     frozenset({"covariance"}),
     modes={"per_step": SUMMED, "by_class": ADDED},
 )

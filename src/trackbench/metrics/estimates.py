@@ -12,7 +12,7 @@ from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.consistency import BEYOND, beyond_points
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.protocol import Chunk, Scope, SquaredErrors
-from trackbench.metrics.sums import ERROR, ERROR_FIELDS, BlockScores, merge, stretch_numbers
+from trackbench.metrics.sums import ERROR, ERROR_FIELDS, BlockScores, added, merge, stretch_numbers
 
 if TYPE_CHECKING:
     from trackbench.metrics.score_sequence import ScoreSequence
@@ -49,9 +49,9 @@ class _Summing:
         # Of a single run, each stretch of time has classes of its own.
         time = self._target.time
         instants, objects = self._target.alive.shape
-        self._duration = float(time[-1] - time[0])
-        stretch = stretch_numbers(instants, self._duration) if scope.single else np.zeros(instants, dtype=np.intp)
-        self._stretches = int(stretch[-1]) + 1
+        duration = float(time[-1] - time[0])
+        stretch = stretch_numbers(instants, duration) if scope.single else np.zeros(instants, dtype=np.intp)
+        self._stretch, self._stretches = stretch, int(stretch[-1]) + 1
         classes = scope.classes.astype(np.intp) * self._stretches + stretch[:, None, None]
         self._codes, place = np.unique(classes, return_inverse=True)
         self._class = place.reshape(scope.classes.shape)
@@ -76,8 +76,6 @@ class _Summing:
         self._repaired += chunk.repaired
         here, scored, values = chunk.instants, chunk.scored, chunk.values
         self._note_divergence(chunk.squares[0], scored & chunk.given)
-        if (chunk.starting & ~scored).any():
-            values = np.where(scored, values, 0.0)
         self._per_step[:, here] = values.sum(axis=-1)
         self._add_by_class(values, self._class[here])
         self._count_beyond(values[ERROR["nees"]], self._class[here])
@@ -121,21 +119,23 @@ class _Summing:
         """The sums of everything added."""
         errors, beyond = self._per_class, np.cumsum(self._passed[::-1], axis=0)[::-1]
         codes, stretch = divmod(self._codes, self._stretches)
-        if self._scope.single:
+        per_run = per_part = errors.sum(axis=1)
+        charged, single = self._charged_per_run, self._scope.single
+        if single:
             part = stretch[:, None] == np.arange(self._stretches)
             errors, beyond = errors * part, beyond * part
+            per_part, charged = (added(sums, self._stretch) for sums in (self._per_step, self._charged_per_step))
         return BlockScores(
             per_step=self._per_step,
-            per_run=self._per_class.sum(axis=1),
-            charged_per_step=self._charged_per_step,
-            charged_per_run=self._charged_per_run,
+            per_run=per_run,
+            per_part=per_part,
+            charged=charged,
             due=self._by_run(self._target.each(self._target.due).sum(axis=0)),
             diverged=self._diverged.astype(float),
             repaired=self._repaired,
-            nis={name: item.scores() for name, item in self._innovations.items()},
+            nis={name: item.scores(self._stretches * single) for name, item in self._innovations.items()},
             classes=[(self._scope.runs, class_sums(codes, errors, beyond))],
-            duration=self._duration,
-            single_runs=() if self._scope.single else None,
+            stretches=[self._stretches] if single else None,
         )
 
     def _by_run(self, batch: Array) -> Array:

@@ -8,8 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from trackbench.base.answers import require, require_array
 from trackbench.base.plugins import one_line
 from trackbench.base.types import EXACT, Array, Indices, RecordedNoise
@@ -18,7 +16,7 @@ from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.protocol import Accumulator, Metric, Outcome, run_column
-from trackbench.metrics.sums import BlockScores, Scores, stretch_numbers
+from trackbench.metrics.sums import BlockScores, added
 from trackbench.results import Health, MetricValue
 
 log = logging.getLogger(__name__)
@@ -43,9 +41,9 @@ class Evaluation:
     """By name, why a metric has no value: what its ``finish`` raised."""
 
     @property
-    def scores(self) -> Scores:
-        """What the built-in metrics of estimates are made of."""
-        scores: Scores = self.sums[ESTIMATES.name]
+    def scores(self) -> BlockScores:
+        """The sums of which the built-in metrics of estimates are made."""
+        scores: BlockScores = self.sums[ESTIMATES.name]
         return scores
 
 
@@ -94,7 +92,7 @@ def evaluate(
                 if not by_part:
                     interval = clustered(interval, scene, in_time=in_time)
                     value = interval.as_value(metric.unit)
-                elif blocks.single_runs is not None:
+                elif blocks.stretches is not None:
                     interval = interval._replace(of_stretches=True)
                 if noise != EXACT and (axes := metric.reference_axes(path, own_sums)):
                     sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps
@@ -119,8 +117,8 @@ def carrying(error: MetricValue, variance: float) -> MetricValue:
     return error.model_copy(update={"ci95": ends})
 
 
-def independent_scores(merged: BlockScores, scene: Indices) -> Scores:
-    """What the metrics of a tracker are made of.
+def independent_scores(merged: BlockScores, scene: Indices) -> BlockScores:
+    """Return the sums within parts that are independent of each other.
 
     Runs of one scene share its traffic, so that with several scenes these are what is independent. A single run, and
     each of few logs, is cut into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the analysis of
@@ -130,31 +128,16 @@ def independent_scores(merged: BlockScores, scene: Indices) -> Scores:
         merged: its sums over all runs.
         scene: ``(runs,)`` number of the scene of each run.
     """
-    over_scenes = bool(scene[-1] > 0) and merged.single_runs is None
-    per_part, charged, nis = merged.per_run, merged.charged_per_run, merged.nis
-    if merged.single_runs is not None:
-        runs = merged.single_runs or (merged,)
-        per_part, charged = (
-            np.concatenate([_added(getattr(run, name), run.stretch) for run in runs], axis=1)
-            for name in ("per_step", "charged_per_step")
-        )
-        nis = {name: replace(item, per_run=_nis_in_stretches(runs, name)) for name, item in nis.items()}
-    elif over_scenes:
-        per_part, charged = _added(per_part, scene), _added(charged, scene)
-        nis = {name: replace(item, per_run=_added(item.per_run, scene)) for name, item in nis.items()}
-    classes = joined_classes(merged.classes, scene if over_scenes else None)
-    return Scores(merged, per_part, charged, nis, classes, over_scenes)
-
-
-def _nis_in_stretches(runs: Sequence[BlockScores], sensor: str) -> Array:
-    """``(7, stretches)`` sums over the innovations of a sensor in single runs."""
-    each = [(run.nis[sensor].per_step, run.duration) for run in runs]
-    return np.concatenate([_added(sums, stretch_numbers(sums.shape[1], duration)) for sums, duration in each], axis=1)
-
-
-def _added(sums: Array, part: Indices) -> Array:
-    """``(rows, parts)`` sums ``(rows, ...)`` added up within each part."""
-    return np.stack([np.bincount(part, row) for row in sums])
+    if scene[-1] == 0 or merged.stretches is not None:
+        return replace(merged, classes=[(len(scene), joined_classes(merged.classes, None))])
+    return replace(
+        merged,
+        per_part=added(merged.per_part, scene),
+        charged=added(merged.charged, scene),
+        nis={name: replace(item, per_part=added(item.per_part, scene)) for name, item in merged.nis.items()},
+        classes=[(len(scene), joined_classes(merged.classes, scene))],
+        scenes=True,
+    )
 
 
 def no_metrics(reason: str, metrics: Iterable[Metric] = BUILT_IN) -> dict[str, MetricValue]:

@@ -114,12 +114,10 @@ class Chunk:
     covariance: Array
     """``(4, 4, instants, batch)``, of estimates that were given."""
     values: Array
-    """``(17, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where neither scored nor
-    starting."""
+    """``(17, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where not scored."""
     scored: Mask
-    """``(instants, batch)`` where an estimate is due, and the error counts."""
-    starting: Mask
-    """``(instants, batch)`` the first second after a detection. Where neither, the other arrays may hold anything."""
+    """``(instants, batch)`` where an estimate is due, and the error counts. Elsewhere, what other arrays hold means
+    nothing."""
     given: Mask
     """``(instants, batch)`` where the tracker gave an estimate. What is made of covariances counts there alone."""
     innovations: Mapping[str, Sequence[Innovation]]
@@ -180,7 +178,6 @@ class SquaredErrors(NamedTuple):
     instants: slice
     squares: Array
     scored: Mask
-    starting: Mask
     given: Mask
     runs: int
     seconds: float

@@ -1,4 +1,4 @@
-"""The recorded run out of its tables: what there is at a time, and when each tracker was worst."""
+"""The estimates of the recorded run out of its tables: those at a time, and when each tracker was worst."""
 
 from __future__ import annotations
 
@@ -17,33 +17,7 @@ if TYPE_CHECKING:
 
 #: Two moments of one object are told apart if they lie farther apart than this, s.
 APART = 1.0
-
-
-@dataclass(frozen=True)
-class VehicleMoment:
-    """The true motion of the observer or of a target."""
-
-    name: str
-    role: str
-    px_m: float
-    py_m: float
-    vx_mps: float
-    vy_mps: float
-    speed_mps: float
-    course_rad: float
-    acceleration_mps2: float
-    yaw_rate_radps: float
-
-
-@dataclass(frozen=True)
-class MeasurementMoment:
-    """Where a sensor has seen an object."""
-
-    sensor: str
-    object: str
-    time_s: float
-    x_m: float
-    y_m: float
+STATE = ["px_m", "py_m", "vx_mps", "vy_mps"]
 
 
 @dataclass(frozen=True)
@@ -64,19 +38,9 @@ class EstimateMoment:
     """Whether the track starts: the object is known for less than a second."""
 
 
-@dataclass(frozen=True)
-class SceneMoment:
-    """Everything at a time."""
-
-    time_s: float
-    vehicles: list[VehicleMoment]
-    measurements: list[MeasurementMoment]
-    estimates: list[EstimateMoment]
-
-
 def recorded_estimates(result: Result) -> pd.DataFrame:
     """Return the table of estimates, with a column ``starting``; without rows where there are none."""
-    frame = _frame(result.tables.estimates, "due", *EstimateMoment.__dataclass_fields__)
+    frame = table_frame(result.tables.estimates, "due", *EstimateMoment.__dataclass_fields__)
     of_track, due = [frame["tracker"], frame["object"]], frame["due"] > 0
     begins = due & ~due.groupby(of_track).shift(fill_value=False)
     since = frame["time_s"].where(begins).groupby(of_track).ffill()
@@ -84,25 +48,9 @@ def recorded_estimates(result: Result) -> pd.DataFrame:
     return frame.assign(starting=due & (frame["time_s"] - since < start_s * (1 - ROUNDING)))
 
 
-def scene_at(result: Result, time: float) -> SceneMoment:
-    """Return vehicles, measurements and estimates as a viewer shows them at a time: the latest of each up to then.
-
-    Raises:
-        InputError: the recording does not have that time.
-    """
-    truth = _frame(result.tables.truth)
-    require_time(truth["time_s"].min(), truth["time_s"].max(), time)
-    present = _latest(truth, time, "role", "object").query("alive > 0")
-    measurements = _frame(result.tables.measurements, "valid", *MeasurementMoment.__dataclass_fields__)
-    measured = _latest(measurements, time, "sensor", "object").query("valid > 0")
-    estimates = _latest(recorded_estimates(result), time, "tracker", "object")
-    estimates = estimates[estimates["object"].isin(present["object"])]
-    return SceneMoment(
-        time_s=float(truth["time_s"][truth["time_s"] <= time + 1e-9].max()),
-        vehicles=_moments(VehicleMoment, present.rename(columns={"object": "name"})),
-        measurements=_moments(MeasurementMoment, measured),
-        estimates=_moments(EstimateMoment, estimates.dropna(subset=["px_m", "py_m", "vx_mps", "vy_mps"])),
-    )
+def estimates_at(result: Result, time: float) -> list[EstimateMoment]:
+    """Return the latest estimate of each tracker and object up to a time, of those that there are."""
+    return _moments(latest_rows(recorded_estimates(result), time, "tracker", "object").dropna(subset=STATE))
 
 
 def require_time(first: float, last: float, time: float) -> None:
@@ -156,22 +104,22 @@ def worst(
         tops.append(rows.index[0])
         peak = rows.iloc[0]
         rows = rows[(rows["object"] != peak["object"]) | ((rows["time_s"] - peak["time_s"]).abs() > APART)]
-    return _moments(EstimateMoment, estimates.loc[tops])
+    return _moments(estimates.loc[tops])
 
 
-def _frame(table: pa.Table, *required: str) -> pd.DataFrame:
+def table_frame(table: pa.Table, *required: str) -> pd.DataFrame:
     """Return a table as a data frame, whose names are text, with columns that it has none of where it has no rows."""
     frame: pd.DataFrame = table.to_pandas(ignore_metadata=True)
     columns = dict.fromkeys([*frame.columns, *required])
     return frame.astype(dict.fromkeys(frame.select_dtypes("category").columns, object)).reindex(columns=list(columns))
 
 
-def _latest(frame: pd.DataFrame, time: float, *keys: str) -> pd.DataFrame:
-    """Return the last row of each series up to a time, up to rounding."""
+def latest_rows(frame: pd.DataFrame, time: float, *keys: str) -> pd.DataFrame:
+    """Return the last row of each series up to a time, s, but for rounding."""
     return frame[frame["time_s"] <= time + 1e-9].groupby(list(keys), sort=False).tail(1)
 
 
-def _moments(kind: type[Any], rows: pd.DataFrame) -> list[Any]:
-    """Return an object of a class for each row, None where a number is not known."""
-    values = rows[list(kind.__dataclass_fields__)].astype(object)
-    return [kind(**row) for row in values.where(values.notna(), None).to_dict("records")]
+def _moments(rows: pd.DataFrame) -> list[EstimateMoment]:
+    """Return a moment for each row, with None where a number is not known."""
+    values = rows[list(EstimateMoment.__dataclass_fields__)].astype(object)
+    return [EstimateMoment(**row) for row in values.where(values.notna(), None).to_dict("records")]

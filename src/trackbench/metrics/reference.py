@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Indices, Mask, Truth
-from trackbench.engine.equations import Equations, Values
-from trackbench.engine.layout import Input
-from trackbench.engine.vector_code import WIDTH
+from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.models.motion import ConstantVelocity, process_noise_covariance
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
-
-if TYPE_CHECKING:
-    from trackbench.engine.kernels import Kernels
 
 #: Standard deviation of the position before the first measurement, m: no information.
 UNKNOWN_POSITION = 1e4
@@ -99,7 +94,7 @@ def conditional_bound(
     start: BoundStart,
     instants: Indices,
     drawn: Indices | None = None,
-    kernels: Kernels | None = None,
+    compute: Compute = by_numpy,
 ) -> Array:
     """Bound of the errors of each run, given which of its measurements there are.
 
@@ -120,7 +115,7 @@ def conditional_bound(
             measurements.
         drawn: indices of the truth's steps at which the acceleration is drawn anew, among them those of all
             measurements, and constant in between; unless given, it is at each measurement of these sensors.
-        kernels: which compute it, if any.
+        compute: how equations are computed.
 
     Returns:
         ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each the sum
@@ -142,50 +137,37 @@ def conditional_bound(
         name: np.linalg.inv(np.linalg.inv(prior) + np.einsum("krio,krjo->koij", of.root, of.root)).transpose(0, 2, 3, 1)
         for name, of in sensors.items()
     }
-    steps: list[BoundStep] = []
+    result = np.zeros((2, len(instants), *shape))
+    covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, *shape))
     begun = np.zeros(shape, dtype=bool)
     latest = instants[0]
     for row, step in enumerate(instants):
-        passed = drawn[(drawn > latest) & (drawn <= step)]
-        if len(passed) > 0:
-            steps.append(BoundStep(row, begun, {"motion": _motion(motion, truth.time[[latest, *passed]])}))
-            latest = passed[-1]
+        moves, at_end = drawn[(drawn > latest) & (drawn <= step)], False
+        if len(moves) > 0:
+            values = {"covariance": covariance, "begun": begun, "motion": _motion(motion, truth.time[[latest, *moves]])}
+            covariance, result[:, row] = _step(compute, PREDICTION, values)
+            latest, at_end = moves[-1], True
         for name, of in sensors.items():
             k = int(np.searchsorted(of.steps, step))
             if k == len(of.steps) or of.steps[k] != step:
                 continue
             if start.position_sigma is not None:
                 begun = begun | truth.alive[step][:, None]
-            seen, root = masks[name][k], of.root[k]
-            values = {
-                "root": root[..., None],
-                "first": firsts[name][k][..., None],
-                "seen": np.broadcast_to(seen, shape),
-            }
-            steps.append(BoundStep(row, begun, values))
-            begun = begun | seen
-        if step != latest or not steps or steps[-1].row != row:
-            times = truth.time[[latest, step]]
-            steps.append(BoundStep(row, begun, {"motion": _motion(motion, times)}, kept=False))
-    bound = _bound_by_kernels(prior, steps, kernels) if kernels is not None and shape[1] >= WIDTH else None
-    return _bound_by_numpy(prior, steps) if bound is None else bound
+            values = {"root": of.root[k][..., None], "first": firsts[name][k][..., None]}
+            values |= {"covariance": covariance, "begun": begun, "seen": np.broadcast_to(masks[name][k], shape)}
+            covariance, result[:, row] = _step(compute, MEASUREMENT, values)
+            begun, at_end = begun | masks[name][k], True
+        if step != latest or not at_end:
+            # The recursion does not go on from it.
+            values = {"covariance": covariance, "begun": begun, "motion": _motion(motion, truth.time[[latest, step]])}
+            _, result[:, row] = _step(compute, PREDICTION, values)
+    return result
 
 
-class BoundStep(NamedTuple):
-    """One step of the recursion."""
-
-    row: int
-    """Number of the bound that is wanted; the last of its steps gives it."""
-    begun: Mask
-    """``(objects, runs)`` where something is known before it."""
-    values: dict[str, Any]
-    """As ``PREDICTION`` or ``MEASUREMENT`` has them."""
-    kept: bool = True
-    """Whether the recursion goes on from it."""
-
-    @property
-    def equations(self) -> Equations:
-        return PREDICTION if "motion" in self.values else MEASUREMENT
+def _step(compute: Compute, equations: Equations, values: Values) -> tuple[Array, Array]:
+    """Return the covariance and the bound after a step of the recursion."""
+    computed = compute(equations, values)
+    return computed["covariance"], computed["bound"]
 
 
 def _motion(motion: ConstantVelocity, times: Array) -> Array:
@@ -244,61 +226,6 @@ MEASUREMENT = Equations(
     {"covariance": 2, "begun": 0, "root": 2, "first": 2, "seen": 0},
     frozenset({"covariance", "first"}),
 )
-
-
-def _bound_by_numpy(prior: Array, steps: Sequence[BoundStep]) -> Array:
-    shape = steps[0].begun.shape
-    covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, *shape))
-    result = np.empty((2, 1 + steps[-1].row, *shape))
-    for step in steps:
-        values = step.equations.function({"covariance": covariance, "begun": step.begun, **step.values})
-        result[:, step.row] = values["bound"]
-        covariance = values["covariance"] if step.kept else covariance
-    return result
-
-
-def _bound_by_kernels(prior: Array, steps: Sequence[BoundStep], kernels: Kernels) -> Array | None:
-    """The same by one sequence of calls; None where it cannot be done."""
-    from trackbench.engine.sequences import ArrayPlace, CallSequence, place, place_of_each
-
-    objects, runs = steps[0].begun.shape
-    # The third is of what is not kept.
-    covariance = np.empty((4, 4, 3, objects, runs))
-    covariance[:, :, 0] = prior[:, :, None, None]
-    result = np.empty((2, 1 + steps[-1].row, objects, runs))
-    kept = np.array([step.kept for step in steps])
-    before = np.cumsum(kept) - kept
-    rows, into = np.array([step.row for step in steps]), np.where(kept, (before + 1) % 2, 2)
-    sequence = CallSequence(kernels, objects, runs, len(steps))
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for number, step in enumerate(steps):
-        form = [str(np.shape(value)) for value in step.values.values()]
-        groups.setdefault((step.equations.name, *form), []).append(number)
-    alive = []
-    for numbers in groups.values():
-        own, at = [steps[number] for number in numbers], np.array(numbers)
-        equations = own[0].equations
-        inputs = [Input("covariance", (4, 4), 1, "d"), Input("begun", (), 1, "?")]
-        places = {
-            "covariance": place(covariance, 2, before[at] % 2),
-            "begun": place_of_each([step.begun for step in own], 0, runs),
-        }
-        for name, value in own[0].values.items():
-            axes = equations.ranks[name]
-            arrays = np.ascontiguousarray(np.stack([step.values[name] for step in own], axis=axes))
-            alive.append(arrays)
-            kind = "?" if arrays.dtype == bool else "d"
-            inputs.append(Input(name, value.shape[:axes], int(value.ndim > axes), kind, shared=value.shape[-1] == 1))
-            places[name] = place(arrays, axes, np.arange(len(own)))
-        kernel = kernels.kernel(equations, inputs)
-        if kernel is None:
-            return None
-        outputs: dict[str, ArrayPlace] = {
-            "covariance": place(covariance, 2, into[at]),
-            "bound": place(result, 1, rows[at]),
-        }
-        sequence.call(kernel, at, places, outputs)
-    return result if sequence.run() else None
 
 
 def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:

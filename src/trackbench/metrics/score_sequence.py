@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.types import Array, Indices
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.layout import Input
 from trackbench.engine.sequences import ArrayPlace, CallSequence, place, total_of_vectors
@@ -21,19 +21,15 @@ class ScoreSequence:
     Args:
         kernels: of this process.
         target: what the estimates are held against.
-        expected: ``(instants, batch)`` where an estimate is due, or its object was detected a moment ago.
         classes: ``(instants, objects)`` number of the class of each object.
         count: how many classes there are.
         here: which instants.
     """
 
-    def __init__(
-        self, kernels: Kernels, target: Target, expected: Mask, classes: Indices, count: int, here: slice
-    ) -> None:
+    def __init__(self, kernels: Kernels, target: Target, classes: Indices, count: int, here: slice) -> None:
         self._kernels, self._target, self.here = kernels, target, here
         instants, objects, runs = here.stop - here.start, *target.due.shape[1:]
         self._shape = instants, objects, runs
-        self._expected = np.ascontiguousarray(expected).reshape(-1, objects, runs)
         self._classes = classes[here]
         self._per_step = np.zeros((len(ERROR_FIELDS), instants, WIDTH))
         self.by_class = np.zeros((len(ERROR_FIELDS) + len(BEYOND), count, runs))
@@ -50,7 +46,6 @@ class ScoreSequence:
             Input("truth", (4,), 1, "d", shared=state.shape[-1] == 1),
             Input("reference", (2,), 1, "d", shared=reference.shape[-1] == 1),
             Input("due", (), 1, "?"),
-            Input("expected", (), 1, "?"),
         )
         kernel = self._kernels.kernel(SCORES, inputs)
         if kernel is None:
@@ -63,7 +58,6 @@ class ScoreSequence:
             "truth": place(state, 1, instants),
             "reference": place(reference, 1, instants),
             "due": place(self._target.due, 0, instants),
-            "expected": place(self._expected, 0, instants),
         }
         outputs_at = {
             "per_step": place(self._per_step[..., None], 1, own)._replace(group=0),
@@ -87,5 +81,5 @@ class ScoreSequence:
 
     @property
     def squares(self) -> Array:
-        """``(2, instants, batch)`` squared errors of position and velocity where an estimate is expected; else 0."""
+        """``(2, instants, batch)`` squared errors of position and velocity where an estimate is due; else 0."""
         return self._squares.reshape(2, self._shape[0], -1)

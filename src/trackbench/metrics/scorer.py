@@ -90,8 +90,8 @@ class Scorer:
             single=single,
             compute=compute,
         )
-        self._due, self._starting = (scope.labelled.each(mask) for mask in (target.due, target.starting))
-        self._expected = self._due | self._starting
+        self._due = scope.labelled.each(target.due)
+        self._expected = self._due | scope.labelled.each(target.starting)
         self._classes = classes
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
@@ -179,7 +179,7 @@ class Scorer:
         kernels = self.kernels
         assert kernels is not None
         classes, count = self._sums[ESTIMATES.name].classes
-        return ScoreSequence(kernels, self._target, self._expected, classes[..., 0], count, here)
+        return ScoreSequence(kernels, self._target, classes[..., 0], count, here)
 
     def innovations(self, sensor: str) -> Innovations:
         """What sums the innovations of a sensor."""
@@ -204,7 +204,6 @@ class Scorer:
             here,
             scores.squares,
             due,
-            self._starting[here],
             np.broadcast_to(given, due.shape),
             self._runs,
             *spent,
@@ -243,7 +242,7 @@ class Scorer:
         """What waits, as a chunk."""
         here, estimates = self._waiting, self._estimates()
         self._filled, self._first = 0, here.stop
-        truth, expected = self._target.state[:, here], self._expected[here]
+        truth = self._target.state[:, here]
         finite, given = _masks(self._computed(GIVEN, estimates), "finite", "given")
         if not finite.all():
             raise_fault(NOT_FINITE, self._alive(here) & given & ~finite, here.start)
@@ -253,7 +252,7 @@ class Scorer:
             "truth": truth,
             "reference": self._target.reference[:, here],
             "finite": finite.reshape(shape),
-            "scored": expected.reshape(shape),
+            "scored": self._target.due[here],
         }
         errors = self._computed(ERRORS, {**estimates, **held_against})
         definite, bounded = _masks(errors, "definite", "bounded")
@@ -269,7 +268,6 @@ class Scorer:
             covariance=_read_only(estimates["covariance"].reshape(4, 4, *finite.shape)),
             values=_read_only(errors["rows"].reshape(-1, *finite.shape)),
             scored=_read_only(self._due[here]),
-            starting=_read_only(self._starting[here]),
             given=_read_only(finite),
             innovations=self._innovations,
             repaired=_read_only(self._repaired),

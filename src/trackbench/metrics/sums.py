@@ -59,6 +59,8 @@ class NisScores:
     """``(7, measurements)`` sums over objects and runs, rows ``NIS_FIELDS``."""
     per_run: Array
     """``(7, runs)`` sums over steps and objects, rows ``NIS_FIELDS``."""
+    per_part: Array
+    """``(7, parts)`` sums within the parts of ``BlockScores``."""
 
 
 @dataclass
@@ -80,16 +82,20 @@ class ClassSums:
 
 @dataclass
 class BlockScores:
-    """Sums over the estimates of one tracker in a block of runs; they merge exactly."""
+    """Sums over the estimates of one tracker in a block of runs, or in several that are merged.
+
+    Intervals rest on parts that are independent of each other. They are the runs, or the stretches of a single run;
+    once :func:`trackbench.metrics.evaluate.independent_scores` has seen several scenes, the scenes.
+    """
 
     per_step: Array
     """``(17, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
     """``(17, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
-    charged_per_step: Array
-    """Share of ``per_step`` that the tracker is charged with where it gave no estimate."""
-    charged_per_run: Array
-    """Share of ``per_run`` that the tracker is charged with where it gave no estimate."""
+    per_part: Array
+    """``(17, parts)`` rows ``ERROR_FIELDS``."""
+    charged: Array
+    """Share of ``per_part`` that the tracker is charged with where it gave no estimate."""
     due: Array
     """``(runs,)`` number of instants and objects at which there should be an estimate."""
     diverged: Array
@@ -99,17 +105,11 @@ class BlockScores:
     nis: dict[str, NisScores]
     """By sensor."""
     classes: list[tuple[int, ClassSums]]
-    """Of each block that was merged, its number of runs, and sums with the runs, or stretches of a single run, as
-    parts."""
-    duration: float
-    """From the first instant to the last, s."""
-    single_runs: tuple[BlockScores, ...] | None = None
-    """Each run by itself, where stretches of time stand for independent runs; of one that is not merged yet ``()``."""
-
-    @property
-    def stretch(self) -> Indices:
-        """``(instants,)`` number of the stretch of time of each instant of a single run."""
-        return stretch_numbers(self.per_step.shape[1], self.duration)
+    """Number of runs and sums by condition of each block that was merged; a single entry for independent parts."""
+    stretches: list[int] | None = None
+    """Number of stretches of each single run; None where the runs stand for themselves."""
+    scenes: bool = False
+    """Whether the parts are scenes."""
 
     @property
     def given(self) -> float:
@@ -123,50 +123,38 @@ class BlockScores:
         return self.given / due if due else float("nan")
 
 
-@dataclass
-class Scores:
-    """The sums of one tracker over all runs, and over parts that are independent of each other.
-
-    The parts are scenes; where there is one, runs; of a single run, and of few logs, the stretches of time.
-    """
-
-    of_runs: BlockScores
-    """Sums over all runs."""
-    per_part: Array
-    """``(17, parts)`` rows ``ERROR_FIELDS``."""
-    charged: Array
-    """Share of ``per_part`` that the tracker is charged with where it gave no estimate."""
-    nis: dict[str, NisScores]
-    """By sensor; with the parts in place of the runs."""
-    classes: ClassSums
-    """By condition."""
-    scenes: bool
-    """Whether the parts are scenes."""
-
-
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
     """Add the scores of consecutive blocks of runs in their order; later scenes may be shorter."""
     first = blocks[0]
     return BlockScores(
         per_step=_total([block.per_step for block in blocks]),
-        per_run=np.concatenate([block.per_run for block in blocks], axis=1),
-        charged_per_step=_total([block.charged_per_step for block in blocks]),
-        charged_per_run=np.concatenate([block.charged_per_run for block in blocks], axis=1),
-        due=np.concatenate([block.due for block in blocks]),
-        diverged=np.concatenate([block.diverged for block in blocks]),
-        repaired=np.concatenate([block.repaired for block in blocks]),
+        per_run=_joined([block.per_run for block in blocks]),
+        per_part=_joined([block.per_part for block in blocks]),
+        charged=_joined([block.charged for block in blocks]),
+        due=_joined([block.due for block in blocks]),
+        diverged=_joined([block.diverged for block in blocks]),
+        repaired=_joined([block.repaired for block in blocks]),
         nis={
             name: NisScores(
                 dof=max(block.nis[name].dof for block in blocks),
                 per_step=_total([block.nis[name].per_step for block in blocks]),
-                per_run=np.concatenate([block.nis[name].per_run for block in blocks], axis=1),
+                per_run=_joined([block.nis[name].per_run for block in blocks]),
+                per_part=_joined([block.nis[name].per_part for block in blocks]),
             )
             for name in first.nis
         },
         classes=[item for block in blocks for item in block.classes],
-        duration=max(block.duration for block in blocks),
-        single_runs=None if first.single_runs is None else tuple(blocks),
+        stretches=None if first.stretches is None else [item for block in blocks for item in block.stretches or ()],
     )
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate(parts, axis=-1)
+
+
+def added(sums: Array, part: Indices) -> Array:
+    """Return ``(rows, parts)`` sums ``(rows, ...)`` added up within each part."""
+    return np.stack([np.bincount(part, row) for row in sums])
 
 
 def _total(parts: Sequence[Array]) -> Array:

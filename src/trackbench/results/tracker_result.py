@@ -129,8 +129,6 @@ class TrackerResult(ResultModel):
         coverage: ClassVar[MetricValue]
         position_p95: ClassVar[MetricValue]
         velocity_p95: ClassVar[MetricValue]
-        start_delay: ClassVar[MetricValue]
-        start_position_rmse: ClassVar[MetricValue]
         step_time: ClassVar[MetricValue]
         tgospa: ClassVar[MetricValue]
         gospa: ClassVar[MetricValue]

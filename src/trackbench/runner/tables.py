@@ -163,7 +163,7 @@ def road_records(truth: Truth) -> list[Record]:
 
 def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
     """Errors at each instant over runs and objects, with the reference."""
-    sums = dict(zip(ERROR, evaluation.scores.of_runs.per_step, strict=True))
+    sums = dict(zip(ERROR, evaluation.scores.per_step, strict=True))
     return {"tracker": name, "time_s": time, **sums, **_bounds("nees", 4, sums["given"])}
 
 
@@ -194,7 +194,7 @@ def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Se
 def _stretch_record(name: str, evaluation: Evaluation, scores: BlockScores) -> Record:
     """Errors in each stretch of time of a single run, or of few logs."""
     sums = evaluation.scores.per_part
-    run = np.concatenate([[number] * (each.stretch[-1] + 1) for number, each in enumerate(scores.single_runs or ())])
+    run = np.concatenate([[number] * count for number, count in enumerate(scores.stretches or ())])
     keys = {"tracker": name, "run": run.astype(float), "stretch": np.arange(len(run), dtype=float)}
     return {**keys, **dict(zip(ERROR, sums, strict=True))}
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import SAME_TIME, Array, Indices, Mask, of_runs
 from trackbench.driving.drive import deliveries
-from trackbench.engine.choice import compute_by, kernels_of
+from trackbench.engine.choice import compute_by
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST, Classes, condition_classes, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
@@ -147,7 +147,7 @@ class Targets:
             start,
             steps,
             np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
-            kernels_of(compute_by(work.engine_here), len(self._piece.runs)),
+            compute_by(work.engine_here),
         )
         return bound if np.array_equal(number, np.arange(len(steps))) else bound[:, number]
 

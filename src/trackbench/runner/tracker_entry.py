@@ -86,7 +86,7 @@ def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
     if work.hidden:
         total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
         return total, count
-    sums = evaluation.scores.of_runs.per_run
+    sums = evaluation.scores.per_run
     return sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]]
 
 

@@ -9,13 +9,13 @@ from pydantic import Field, create_model
 
 from trackbench.base.config import Problem
 from trackbench.base.subjects import offered, resolve
-from trackbench.scenario import cross_checks
 from trackbench.scenario.keys import ScenarioKeys
+from trackbench.scenario.validate import validate
 
 
 class _CheckedKeys(ScenarioKeys):
     def problems(self) -> Iterator[Problem]:
-        yield from cross_checks.scenario_problems(self)
+        yield from validate(self)
 
 
 def _with_blocks() -> type[ScenarioKeys]:

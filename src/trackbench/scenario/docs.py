@@ -82,15 +82,17 @@ def _described(field: Schema, key: str, parts: Schema, described: set[str], page
             continue
         described.add(name)
         part = parts[name]
-        kind = next((f"{key} {field['const']}" for key, field in part["properties"].items() if "const" in field), None)
+        named = [
+            (key if "$comment" in item else own, item) for own, item in part["properties"].items() if "const" in item
+        ]
+        kind = next((f"{own}: {item['const']}" for own, item in named), None)
         usual = f"`{kind}`" if kind else f"Each of `{key}`" if several else f"`{key}`"
         if name in HEADINGS or key or kind:
             yield f"## {HEADINGS.get(name, usual)}"
         yield inspect.cleandoc(part["description"])
         if name in OTHER_EXAMPLES:
             yield _yaml(OTHER_EXAMPLES[name])
-        if part["properties"]:
-            yield _rows(part)
+        yield _rows(part)
         for inner, value in part["properties"].items():
             if "$comment" not in value and HOMES.get(inner, page) == page:
                 yield from _described(value, inner, parts, described, page)
@@ -129,7 +131,7 @@ def _rows(part: Schema, shown: dict[str, str] = {}) -> str:  # noqa: B006
             default = "required, or from the preset"
         name = shown.get(key, f"`{key}`")
         rows.append((name, _type(field), unit.words if unit else "", default, field.get("description", "")))
-    return _markdown(("key", "type", "unit", "default", "meaning"), rows)
+    return _markdown(("key", "type", "unit", "default", "meaning"), rows) if rows else ""
 
 
 def _type(field: Schema) -> str:

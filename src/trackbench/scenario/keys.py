@@ -62,8 +62,7 @@ class Score(Config):
 
     settle_s: NonNegative = Field(
         1,
-        description="Time after an object's first detection that is left out of the scores, s; start_delay and "
-        "start_position_rmse tell of its first second.",
+        description="Time after an object's first detection that is left out of the scores, s.",
     )
     each: Literal["instant", "measurement"] = Field(
         "instant",

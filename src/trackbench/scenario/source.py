@@ -132,78 +132,64 @@ for _tag, _pattern, _first in (
 
 
 class _Builder:
+    """Plain values of nodes, and where each was written."""
+
     def __init__(self, file: str) -> None:
         self.file = file
         self.origins: dict[KeyPath, Origin] = {}
         self.repeated: list[InputError] = []
-        self._open: set[int] = set()
+        self._open: list[yaml.Node] = []
         self._count = self._characters = 0
-        self._texts: dict[int, str] = {}
-        self._scalars: dict[int, Any] = {}
 
     def build(self, node: yaml.Node, path: KeyPath) -> Any:
-        self._count_value(node, path)
-        if id(node) in self._open:
+        self._require_bounds(node, path)
+        if any(node is outer for outer in self._open):
             raise self._error("an anchor that contains itself", node, path)
         if node.tag not in _TAGS[type(node)]:
             raise self._error(f"the tag {shortened_text(node.tag, 40)!r} is not known; remove it", node, path)
-        self._open.add(id(node))
-        try:
-            if isinstance(node, yaml.ScalarNode):
-                return self._scalar(node, self._text(node, path), path)
-            if isinstance(node, yaml.SequenceNode):
-                return [self._item(child, (*path, i), child) for i, child in enumerate(node.value)]
-            assert isinstance(node, yaml.MappingNode)
-            return self._mapping(node, path)
-        finally:
-            self._open.remove(id(node))
-
-    def _count_value(self, node: yaml.Node, path: KeyPath) -> None:
-        self._count += 1
-        if self._count > MAX_VALUES:
-            raise self._error(_TOO_MANY, node, path)
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node, path)
+        self._open.append(node)
+        if isinstance(node, yaml.SequenceNode):
+            value: Any = [self._item(child, (*path, i), child) for i, child in enumerate(node.value)]
+        else:
+            value = self._mapping(node, path)
+        self._open.pop()
+        return value
 
     def _item(self, node: yaml.Node, path: KeyPath, place: yaml.Node) -> Any:
         self.origins[path] = Origin(self.file, place.start_mark.line + 1)
         return self.build(node, path)
 
-    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
-        result: dict[str, Any] = {}
+    def _mapping(self, node: yaml.Node, path: KeyPath) -> dict[str, Any]:
         lines: dict[str, int] = {}
-        for key_node, value_node in self._merged(node, path):
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise self._error("a key must be a single word", key_node, path)
-            self._text(key_node, path)
-            result[key_node.value] = self._item(value_node, (*path, key_node.value), key_node)
-        for key_node, _ in node.value:
-            key = key_node.value
-            if key in lines and key_node.tag != _MERGE:
-                message = f"this key is given twice, first in line {lines[key]}; remove one"
-                self.repeated.append(self._error(message, key_node, (*path, key)))
-            lines.setdefault(key, key_node.start_mark.line + 1)
-        return result
+        for key, _ in node.value:
+            if key.value in lines and key.tag != _MERGE:
+                message = f"this key is given twice, first in line {lines[key.value]}; remove one"
+                self.repeated.append(self._error(message, key, (*path, key.value)))
+            if not isinstance(key, yaml.ScalarNode):
+                raise self._error("a key must be a single word", key, path)
+            lines.setdefault(key.value, key.start_mark.line + 1)
+        return {key.value: self._item(value, (*path, key.value), key) for key, value in self._merged(node, path)}
 
-    def _merged(self, node: yaml.MappingNode, path: KeyPath) -> Iterator[tuple[yaml.Node, yaml.Node]]:
-        """The entries of a mapping after those that it merges in, so that its own come last and win."""
-        for key_node, value_node in node.value:
-            if key_node.tag == _MERGE:
-                parts = value_node.value if isinstance(value_node, yaml.SequenceNode) else [value_node]
-                for part in reversed(parts):
-                    self._count_value(part, path)
-                    if not isinstance(part, yaml.MappingNode) or id(part) in self._open:
-                        raise self._error("<< needs a mapping that was given before", key_node, path)
-                    self._open.add(id(part))
+    def _merged(self, node: yaml.Node, path: KeyPath) -> Iterator[tuple[yaml.Node, yaml.Node]]:
+        """Yield the entries of a mapping after those that it merges in, so that its own come last and win."""
+        for key, value in node.value:
+            if key.tag == _MERGE:
+                for part in reversed(value.value if isinstance(value, yaml.SequenceNode) else [value]):
+                    self._require_bounds(part, path)
+                    if not isinstance(part, yaml.MappingNode) or part in self._open:
+                        raise self._error("<< needs a mapping that was given before", key, path)
+                    self._open.append(part)
                     yield from self._merged(part, path)
-                    self._open.remove(id(part))
-        yield from (entry for entry in node.value if entry[0].tag != _MERGE)
+                    self._open.remove(part)
+        for key, value in node.value:
+            if key.tag != _MERGE:
+                self._require_bounds(key, path)
+                yield key, value
 
-    def _scalar(self, node: yaml.ScalarNode, text: str, path: KeyPath) -> Any:
-        """The value of a node, which aliases share."""
-        if id(node) not in self._scalars:
-            self._scalars[id(node)] = self._value(node, text, path)
-        return self._scalars[id(node)]
-
-    def _value(self, node: yaml.ScalarNode, text: str, path: KeyPath) -> Any:
+    def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
+        text = node.value
         try:
             match node.tag.removeprefix(_PREFIX):
                 case "null":
@@ -218,16 +204,16 @@ class _Builder:
             raise self._error(f"{text[:40]!r} does not fit its tag or is too long", node, path) from None
         return text
 
-    def _text(self, node: yaml.ScalarNode, path: KeyPath) -> str:
-        """The text of a node; what YAML does not allow as it is, is not allowed as an escape either."""
-        self._characters += len(node.value)
+    def _require_bounds(self, node: yaml.Node, path: KeyPath) -> None:
+        """Refuse values and characters that only aliases make so many, and what YAML allows as an escape alone."""
+        self._count += 1
+        self._characters += len(node.value) if isinstance(node, yaml.ScalarNode) else 0
+        if self._count > 2 * MAX_VALUES:
+            raise self._error(_TOO_MANY, node, path)
         if self._characters > SCENARIO:
             raise self._error(_TOO_LONG, node, path)
-        if id(node) not in self._texts:
-            if yaml.reader.Reader.NON_PRINTABLE.search(node.value):
-                raise self._error(CONTROL, node, path)
-            self._texts[id(node)] = str(node.value)
-        return self._texts[id(node)]
+        if isinstance(node, yaml.ScalarNode) and yaml.reader.Reader.NON_PRINTABLE.search(node.value):
+            raise self._error(CONTROL, node, path)
 
     def _error(self, message: str, node: yaml.Node, path: KeyPath) -> InputError:
         return InputError(message, key=dotted(path) or None, file=self.file, line=node.start_mark.line + 1)
@@ -246,12 +232,18 @@ _TAGS = {
 _KEY_ALONE = re.compile(r"^( *)(?:- )?([\w.-]+) *(?:[{[]|\n\1 +[\w.-]+ *:)", re.MULTILINE)
 
 
+#: A key whose colon the value follows without a space.
+_NO_SPACE = re.compile(r"^ *(?:- )?([\w.-]+):[^\s/:]", re.MULTILINE)
+
+
 def _syntax(error: yaml.MarkedYAMLError, around: str) -> str:
     """What is wrong; ``around``: the line and its neighbours."""
     problem = error.problem or "syntax error"
     colon = "mapping values are not allowed" in problem or "could not find expected ':'" in problem
     if colon and (key := _KEY_ALONE.search(around)):
         return f"not valid YAML: a colon is missing after {key[2]!r}"
+    if colon and (key := _NO_SPACE.search(around)):
+        return f"not valid YAML: a space is missing after the colon of {key[1]!r}"
     if "'\\t'" in problem:
         return "a tab where YAML needs spaces"
     if "mapping values are not allowed" in problem:

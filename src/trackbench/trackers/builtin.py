@@ -12,6 +12,7 @@ from trackbench.filters import (
     ExtendedKalmanFilter,
     Filter,
     InteractingMultipleModel,
+    IteratedExtendedKalmanFilter,
     KalmanFilter,
     MotionWithErrors,
     SigmaPointFilter,
@@ -28,6 +29,7 @@ from trackbench.trackers.late import LateScans
 FILTERS = {
     "kf": "Kalman filter on positions (a radar measurement is converted, its range rate left out); motion cv or ca",
     "ekf": "extended Kalman filter of first order",
+    "iekf": "iterated extended Kalman filter, five times linearised",
     "ukf": "unscented Kalman filter, scaled or classic sigma points, augmented or not",
     "ckf": "cubature Kalman filter of third degree",
 }
@@ -54,6 +56,7 @@ def _factory(name: FilterName) -> Callable[..., LateScans]:
 
 kf = _factory("kf")
 ekf = _factory("ekf")
+iekf = _factory("iekf")
 ukf = _factory("ukf")
 ckf = _factory("ckf")
 
@@ -75,6 +78,8 @@ def filter_with(config: FilterConfig, motion: MotionModel) -> SingleModelFilter:
             return KalmanFilter(motion)
         case "ekf":
             return ExtendedKalmanFilter(motion)
+        case "iekf":
+            return IteratedExtendedKalmanFilter(motion)
         case "ckf":
             return SigmaPointFilter(motion, CUBATURE, augmented=False)
         case "ukf":

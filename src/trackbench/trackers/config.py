@@ -65,7 +65,7 @@ OneOrSeveralMotions = Annotated[
 ]
 
 
-FilterName = Literal["kf", "ekf", "ukf", "ckf"]
+FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
 LateMethod = Literal["drop", "as_new", "replay"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
@@ -346,7 +346,7 @@ def entry_kind(value: Any) -> str | None:
     return f"<{kinds[0]}>" if len(kinds) == 1 else None
 
 
-NO_KIND = "write filter (built in: kf, ekf, ukf, ckf) or use (your own), and not both"
+NO_KIND = "write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both"
 AnyTracker = Annotated[
     Annotated[FilterConfig, Tag("<filter>")] | Annotated[PluginConfig, Tag("<use>")],
     chosen_by(entry_kind, NO_KIND),

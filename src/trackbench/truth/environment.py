@@ -16,7 +16,9 @@ from trackbench.base.types import Array, Mask, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.truth.frames import Frames
 
-#: For ``action`` and ``observation``: the keys that each of their types takes.
+#: Kinds of values that do not stand for each other.
+KINDS: tuple[Any, ...] = (bool, int | float, str, list | tuple, Mapping)
+#: For ``action``: the keys that each of its types takes.
 Variants = Mapping[str, Mapping[str, Collection[str]]]
 
 
@@ -26,15 +28,24 @@ def complete(
     """``config`` with what it leaves out of a nested mapping filled in from ``defaults``.
 
     Raises:
-        InputError: an unknown key.
+        InputError: an unknown key, or a value of another kind than its default.
     """
     result: dict[str, Any] = {}
     for key, value in config.items():
         path = f"{at}.{key}"
         if key not in defaults:
             raise InputError(f"unknown key; {nearest_choices(str(key), defaults)}", key=path)
-        result[key] = _variant(value, defaults[key], key, variants, path) if key in variants else value
+        if key in variants:
+            result[key] = _variant(value, defaults[key], key, variants, path)
+            continue
+        if None not in (value, defaults[key]) and _kind(value) is not _kind(defaults[key]):
+            raise InputError(f"must be of the kind of the default, {defaults[key]!r}, and not {value!r}", key=path)
+        result[key] = value
     return result
+
+
+def _kind(value: Any) -> Any:
+    return next((kind for kind in KINDS if isinstance(value, kind)), None)
 
 
 def _variant(value: Any, default: Mapping[str, Any], name: str, variants: Variants, at: str) -> dict[str, Any]:

@@ -38,7 +38,6 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     import highway_env  # noqa: F401  (registers the environments)
     from highway_env import utils
     from highway_env.envs.common import action as actions
-    from highway_env.envs.common import observation as observations
     from highway_env.envs.common.abstract import AbstractEnv
     from highway_env.envs.lane_keeping_env import LaneKeepingEnv
     from highway_env.envs.parking_env import ParkingEnv
@@ -52,18 +51,6 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
 #: Observing costs half of a step, and nothing here looks at what the environment observes.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
 NOT_FOR_IDM = {ParkingEnv: "has no lanes to follow", LaneKeepingEnv: "needs its own dynamic vehicle"}
-OBSERVATIONS = {
-    "AttributesObservation": observations.AttributesObservation,
-    "ExitObservation": observations.ExitObservation,
-    "GrayscaleObservation": observations.GrayscaleObservation,
-    "Kinematics": observations.KinematicObservation,
-    "KinematicsGoal": observations.KinematicsGoalObservation,
-    "LidarObservation": observations.LidarObservation,
-    "MultiAgentObservation": observations.MultiAgentObservation,
-    "OccupancyGrid": observations.OccupancyGridObservation,
-    "TimeToCollision": observations.TimeToCollisionObservation,
-    "TupleObservation": observations.TupleObservation,
-}
 ACTIONS = {
     "ContinuousAction": actions.ContinuousAction,
     "DiscreteAction": actions.DiscreteAction,
@@ -111,11 +98,8 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
                 if terminated or truncated:
                     ended = _reason(env, bool(truncated))
         except Exception as error:
-            raise InputError(
-                f"{config.env} fails after {len(recorder.frames) / config.rate_hz:.2f} s: "
-                f"{type(error).__name__}: {error}",
-                key="truth",
-            ) from error
+            message = f"{config.env} fails after {len(recorder.frames) / config.rate_hz:.2f} s: {one_line(error)}"
+            raise InputError(message, key="truth") from error
         finally:
             env.close()
     frames = recorder.result(steps, 1.0 / config.rate_hz)
@@ -193,24 +177,17 @@ def prepare_env(config: HighwayOptions) -> AbstractEnv:
 
 
 def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any]:
-    variants = {
-        "action": {name: _parameters(cls) for name, cls in ACTIONS.items()},
-        "observation": {name: _parameters(cls) for name, cls in OBSERVATIONS.items()},
-    }
-    stated = complete(config.config, defaults, variants)
+    stated = complete(config.config, defaults, {"action": {name: _parameters(cls) for name, cls in ACTIONS.items()}})
     simulation = stated.get("simulation_frequency", config.rate_hz)
     if simulation != config.rate_hz:
         raise InputError(
             f"is set by truth.rate_hz ({config.rate_hz}); leave it out", key="truth.config.simulation_frequency"
         )
     policy = stated.get("policy_frequency", defaults["policy_frequency"])
-    if config.rate_hz % policy:
-        divisors = [n for n in range(1, config.rate_hz + 1) if config.rate_hz % n == 0]
-        near = [max(n for n in divisors if n < policy), *[n for n in divisors if n > policy][:1]]
-        raise InputError(
-            f"{policy} does not divide truth.rate_hz ({config.rate_hz}); write {' or '.join(map(str, near))}",
-            key="truth.config.policy_frequency",
-        )
+    divisors = [number for number in range(1, config.rate_hz + 1) if config.rate_hz % number == 0]
+    if policy not in divisors:
+        message = f"{policy!r} does not divide truth.rate_hz ({config.rate_hz}); write one of "
+        raise InputError(message + ", ".join(map(str, divisors)), key="truth.config.policy_frequency")
     if defaults.get("length") is not None and stated.get("length") == 0:
         raise InputError("0 draws a length that the seed does not determine; write it", key="truth.config.length")
     vehicle = stated.get("other_vehicles_type", defaults["other_vehicles_type"])

@@ -7,7 +7,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Mask, Truth
 from trackbench.results.scenario_summary import VelocityJumps
 
@@ -93,27 +92,3 @@ def why_no_name(name: str) -> str | None:
     if len(name) > LONGEST_NAME:
         return f"{name[:20] + '...'!r} has {len(name)} characters; the name of an object has at most {LONGEST_NAME}"
     return None
-
-
-def require_possible_truth(truth: Truth) -> None:
-    """Make sure that a truth can be scored and shown.
-
-    Raises:
-        InputError: an object has a name that cannot be written, or it or the observer is too far away or too fast.
-    """
-    of = truth.observer
-    _require_in_reach("the observer", truth.time, np.hypot(of.vx, of.vy), of.px, of.py)
-    for index, name in enumerate(truth.ids):
-        problem = why_no_name(name)
-        if problem is not None:
-            raise InputError(problem, key="truth")
-        _require_in_reach(name, truth.time, *(field[:, index] for field in (truth.speed, truth.px, truth.py)))
-
-
-def _require_in_reach(name: str, time: Array, speed: Array, px: Array, py: Array) -> None:
-    for what, values, quantity in (("speed", speed, "speed"), ("x", px, "length"), ("y", py, "length")):
-        largest = np.abs(values).reshape(len(time), -1).max(axis=-1)
-        step = int(np.argmax(~(largest <= LARGEST[quantity])))
-        if not largest[step] <= LARGEST[quantity]:
-            result = f"{what} of {name} becomes {largest[step]:.3g} {UNITS[quantity]} at {time[step]:g} s"
-            raise InputError(f"{result}; at most {LARGEST[quantity]:.0e} is possible", key="truth")

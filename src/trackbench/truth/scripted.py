@@ -15,7 +15,6 @@ from trackbench.models.motion import ConstantTurnRateAcceleration, ConstantVeloc
 from trackbench.truth.audit import exact
 from trackbench.truth.config import MovingObserver, ScriptedObserver, ScriptedOptions
 from trackbench.truth.config.scripted import Piece, ScriptedBody, ScriptedStart
-from trackbench.truth.jumps import require_possible_truth
 
 Generators = Sequence[np.random.Generator]
 
@@ -63,7 +62,6 @@ def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Trut
         target=np.array([body.target for body in config.objects.values()]),
         source={**config.model_dump(mode="json", exclude={"objects"}), "random": config.random},
     )
-    require_possible_truth(truth)
     return exact(truth)
 
 

@@ -39,7 +39,7 @@ def stored(config: HighwayOptions) -> LoadedTruth | None:
     if not _determined(config) or not file.exists():
         return None
     try:
-        with np.load(file, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         truth = _unpacked(arrays, json.loads(str(arrays.pop("meta"))))
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices, RecordedNoise
+from trackbench.base.types import Array, RecordedNoise
 from trackbench.truth.config.traffic import Smoothing
 from trackbench.truth.tracks import TrafficTrack, longest_gap
 
@@ -66,18 +66,9 @@ def grid_tracks(tracks: Sequence[TrafficTrack], dt: float, smoothing: Smoothing 
     return result
 
 
-def gaps(tracks: Sequence[TrafficTrack], dt: float) -> int:
-    """How often a track ends, and another begins after a gap."""
-    return sum(len(_after_gaps(track, dt)) for track in tracks)
-
-
-def _after_gaps(track: TrafficTrack, dt: float) -> Indices:
-    """The rows with which it begins again."""
-    return np.flatnonzero(np.diff(track.time) > longest_gap(dt)) + 1
-
-
 def _without_gaps(track: TrafficTrack, dt: float) -> Iterator[TrafficTrack]:
-    edges = [0, *_after_gaps(track, dt).tolist(), len(track.time)]
+    begins = np.flatnonzero(np.diff(track.time) > longest_gap(dt)) + 1
+    edges = [0, *begins.tolist(), len(track.time)]
     for number, (start, end) in enumerate(pairwise(edges), 1):
         arrays = {
             key: values[start:end]

@@ -71,9 +71,8 @@ class RecordingTruth(_Recorded, RecordingOptions):
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
         from trackbench.truth import recorded
 
-        recording = recorded.load_recording(self.scenes()[0], sensors or {}, folder)
-        notes = self._of_scene(recording.notes)
-        return LoadedTruth(recording.truth, notes=notes, measurements=recording.measurements)
+        loaded = recorded.load_recording(self.scenes()[0], sensors or {}, folder)
+        return loaded._replace(notes=self._of_scene(loaded.notes))
 
 
 class BoxesTruth(_Recorded, BoxesOptions):

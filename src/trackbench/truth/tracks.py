@@ -99,13 +99,12 @@ class TrackRows:
             values = getattr(self, key)
             if values is None:
                 continue
-            is_wrong = ~(np.abs(values) <= jumps.LARGEST[quantity])
-            is_wrong &= ~np.isnan(values) if key not in ("time", "px", "py") else True
+            is_wrong = np.abs(values) > jumps.LARGEST[quantity]
+            is_wrong |= np.isnan(values) & (key in ("time", "px", "py"))
             if is_wrong.any():
                 row = int(np.argmax(is_wrong))
-                problem = jumps.why_too_large(float(values[row]), quantity) or "it is not a finite number"
-                name = f"vehicle {self.id[row][:20]!r}"
-                raise InputError(f"{name}: {key} at {self.time[row]:g} s: {problem}", file=file)
+                what = f"vehicle {self.id[row][:20]!r}: {key} at {self.time[row]:g} s is {values[row]:.3g}"
+                raise InputError(f"{what}, which cannot be meant: check its unit", file=file)
         for name in {*self.id}:
             why = jumps.why_no_name(name) or (None if name else "its name is empty")
             if why is not None:

@@ -24,7 +24,7 @@ from trackbench.truth.motion_audit import (
     motion_figures,
     refuse_impossible,
 )
-from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks, recorded_noise
+from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks, recorded_noise
 from trackbench.truth.tracks import TRAFFIC_FORMATS, moving_tracks
 
 #: The arrays of ``Frames`` with a column for each body.
@@ -46,8 +46,6 @@ class RecordedVehicles(NamedTuple):
     error: RecordedNoise
     vehicles: int
     """Of the whole file."""
-    gaps: int
-    """How often a track of the file ends, and another begins after a gap."""
     start: float
     """s of the file's clock at the first instant."""
 
@@ -85,7 +83,7 @@ def recording_rate(config: TrafficOptions, folder: Path) -> float:
 
 
 #: Keys of the options in which the scenes of one recording differ.
-OF_SCENE = {"observer", "targets", "divide", "others_within_m"}
+OF_SCENE = {"observer", "targets", "others_within_m"}
 #: The recordings read last, by what determines them: all scenes of a scenario have the same.
 _RECENT: dict[Hashable, RecordedVehicles] = {}
 
@@ -132,7 +130,7 @@ def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
         together = frames if config.drove_together else None
         refuse_impossible(used, inside, together, dt, smoothing is not None)
     raw, error = motion_figures(inside, dt, start, raw=True), recorded_noise(inside)
-    return RecordedVehicles(frames, raw, used, error, len(tracks), gaps(tracks, dt), clock + start)
+    return RecordedVehicles(frames, raw, used, error, len(tracks), clock + start)
 
 
 def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size: tuple[float, float]) -> Frames:
@@ -169,8 +167,7 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
         if name not in number:
             message = f"there is no vehicle {name!r} in this recording; {nearest_choices(name, number)}"
             raise InputError(message, key="truth.observer.vehicle")
-    carriers: list[int | None] = [number[name] for name in config.vehicles]
-    carriers = carriers or [None] * config.number_of_scenes
+    carriers: list[int | None] = [number[name] for name in config.vehicles] or [None]
     if config.drove_together:
         return [SceneBodies(carrier, list(range(len(frames.ids)))) for carrier in carriers]
     apart = ~overlaps(frames, APART_M)
@@ -180,9 +177,6 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             place = next((scene for scene in scenes if apart[body, scene].all()), None)
             if place is not None:
                 place.append(body)
-    empty = next((index for index, scene in enumerate(scenes) if not scene), None)
-    if empty is not None:
-        raise InputError(f"the vehicles make {counted(empty, 'scene')}; at most {empty}", key="truth.divide")
     return [SceneBodies(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
 
 
@@ -268,6 +262,4 @@ def _note(traffic: RecordedVehicles) -> str:
     ]
     if error.position_m > 0:
         parts.append(f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)")
-    if traffic.gaps:
-        parts.append(f"after {counted(traffic.gaps, 'gap')} in tracks another vehicle begins, named by its number")
     return "; ".join(parts)

@@ -14,7 +14,7 @@ from tests.subjects.envelope.conftest import Commanded
 from tests.support.claims import claim_of
 
 import trackbench as tb
-from trackbench.metrics.recorded_run import scene_at
+from trackbench.metrics.recorded_run import estimates_at
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.axes import point_distance
 from trackbench.subjects.envelope.claim import Envelope, read_envelope
@@ -221,9 +221,7 @@ def test_of_a_function_it_is_what_it_did_on_the_tracks() -> None:
     assert first == text
     if text:
         (estimate,) = (
-            found
-            for found in scene_at(result, event.time_s).estimates
-            if (found.tracker, found.object) == (name, "lead")
+            found for found in estimates_at(result, event.time_s) if (found.tracker, found.object) == (name, "lead")
         )
         position, velocity = estimate.position_error_m, estimate.velocity_error_mps
         assert errors == [f"a position error of {position:.2f} m and a velocity error of {velocity:.2f} m/s then"]

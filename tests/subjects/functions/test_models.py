@@ -97,7 +97,7 @@ def test_only_a_car_behind_that_approaches_would_have_to_brake():
 
 
 def test_a_cut_in_is_expected_the_horizon_before_it_is_in_the_path():
-    function = CutIn(horizon_s=1.0, headway_s=1.0, ttc_s=0.0)
+    function = CutIn(headway_s=1.0, ttc_s=0.0)
     for sign in (1.0, -1.0):
         assert active(function, [15.0, sign * (WIDTHS + 0.99), 20.0, -sign])
         assert not active(function, [15.0, sign * (WIDTHS + 1.01), 20.0, -sign])

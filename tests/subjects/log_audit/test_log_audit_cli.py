@@ -52,7 +52,7 @@ def test_trackers_beside_the_scenario_come_with_it(cli: CLI, log: Path) -> None:
     assert cli("audit", log, "--out", "far/away").status == 1
     first, left_out = cli("check", "far/away/scenario.yaml").out.splitlines()
     assert first == "far/away/scenario.yaml: ok"
-    assert "3 outside the time of the truth" in left_out
+    assert "3 rows outside the time of the truth" in left_out
 
 
 def test_nothing_else_is_replaced(cli: CLI, log: Path, tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_the_rate_of_false_tracks_in_an_empty_scene(rule: tuple[int, int]) -> No
         # Of the tracks that begin last it is not settled whether they are confirmed.
         if k <= steps - rule[1]:
             alarms += np.count_nonzero(origins != PADDING)
-            begun += np.count_nonzero(state.table.evidence[1] == 1)
+            begun += np.count_nonzero(state.table.evidence[3] == 1)
     assert state is not None
     # All false alarms but those few that a track takes start one.
     assert 0.95 * alarms < begun < alarms
@@ -137,7 +137,7 @@ def test_the_score_confirms_and_deletes() -> None:
         state, tracks = of.step(state, scan_of_run(stated, 0))
         confirmed.append(len(tracks.ids) > 0)
         near = np.hypot(*(state.table.belief.mean[:2] - seen.truth[0][:2, :1])) < 3
-        scores.append(state.table.evidence[0, near].max())
+        scores.append(state.table.evidence[4, near].max())
     assert confirmed == [score >= 12.0 for score in scores]
     assert 1 <= confirmed.index(True) <= 3
     largest = scores[-1]
@@ -184,7 +184,7 @@ def test_a_hidden_object_may_exist(method: str) -> None:
     for scan in seen.scans:
         state, tracks = of.step(state, scan_of_run(scan._replace(detection_probability=detection), 0))
     real = int(np.argmax(state.table.evidence[0]))
-    exists, visible = state.table.evidence[:, real]
+    exists, visible = state.table.evidence[:2, real]
     chances = np.array([exists * visible, exists * (1 - visible), 1 - exists])
     rates = np.array([[-1 / visible_s, 1 / hidden_s], [1 / visible_s, -1 / hidden_s]])
     values, vectors = np.linalg.eig(rates)

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from trackbench.base.config.key_units import convert, show, split_key
 from trackbench.base.config.problems import PROBLEM, KeyPath, Problem
-from trackbench.base.errors import nearest_choices, similar_names
+from trackbench.base.errors import did_you_mean, nearest_choices, similar_names
 
 #: Errors of one file that are shown.
 MOST_ERRORS = 50
@@ -104,7 +104,7 @@ def _message(error: ErrorDetails, path: KeyPath, fields: Fields) -> str:
     kind, value, context = error["type"], error["input"], error.get("ctx", {})
     match kind:
         case _ if kind == PROBLEM:
-            return error["msg"]
+            return error["msg"] + _near_words(value, error["msg"])
         case _ if _KEY in error["loc"]:
             return "a name starts with a letter and has only letters, digits, _ and -, at most 64"
         case "extra_forbidden":
@@ -140,6 +140,14 @@ def _message(error: ErrorDetails, path: KeyPath, fields: Fields) -> str:
             return f"{shown(value)} is not possible: it must be {word} {show(context[name])}"
         case _:
             return error["msg"][0].lower() + error["msg"][1:]
+
+
+def _near_words(value: Any, message: str) -> str:
+    """Return which key of a message is spelt like one that a mapping of no known form has."""
+    words = set(re.findall(r"\w+", message))
+    unknown = [str(key) for key in value if key not in words] if isinstance(value, dict) else []
+    near = [name for key in unknown[:MOST_ERRORS] for name in get_close_matches(key, words, 1, 0.8)]
+    return f"; {did_you_mean(near[:1])}" if near else ""
 
 
 def unknown_word(value: Any, choices: list[str]) -> str:

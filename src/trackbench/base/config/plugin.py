@@ -84,7 +84,8 @@ class Plugin(PluginName):
         reference = _definition(model, handler)
         form = handler.resolve_ref_schema(reference)
         described = form["properties"].get(self.key, {}).get("description", f"{name}.")
-        named = {self.key: {"const": name, "description": described}}
+        beside = {"$comment": self.key} if self.word else {}
+        named = {self.key: {"const": name, "description": described, **beside}}
         if self.options:
             needed = [self.key, self.options] if form.get("required") else [self.key]
             return _mapping({**named, self.options: reference}, needed)

@@ -14,7 +14,7 @@ from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, ratio, root, scaled_interval
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
-from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
+from trackbench.metrics.sums import ERROR, NIS, BlockScores, NisScores
 from trackbench.metrics.verdicts import (
     CONSISTENCY,
     LEAST_COVERAGE,
@@ -33,7 +33,7 @@ from trackbench.results import MetricValue
 
 
 class EstimateMetric(Metric):
-    """A metric that is made of the sums of all estimates and innovations: ``finish`` gets their ``Scores``."""
+    """A metric that is made of the sums of all estimates and innovations: ``finish`` gets their ``BlockScores``."""
 
     compared: ClassVar[bool] = False
     shared: ClassVar[Accumulator | None] = ESTIMATES
@@ -55,7 +55,7 @@ class RootMeanSquare(EstimateMetric):
     def columns(self) -> tuple[str, ...]:
         return self.column, self.count
 
-    def finish(self, sums: Scores) -> Outcome:
+    def finish(self, sums: BlockScores) -> Outcome:
         count = sums.per_part[ERROR[self.count]]
         if count.sum() == 0:
             what = "an object that moves" if self.count == "course_count" else "any object"
@@ -64,7 +64,7 @@ class RootMeanSquare(EstimateMetric):
         error = root(ratio(np.asarray(total), count, scenes=sums.scenes))
         return scaled_interval(error, math.degrees(1.0)) if self.unit == "deg" else error
 
-    def without_charged(self, sums: Scores) -> tuple[float, float] | None:
+    def without_charged(self, sums: BlockScores) -> tuple[float, float] | None:
         total, charged = (
             sum(float(part[ERROR[row]].sum()) for row in self.rows) for part in (sums.per_part, sums.charged)
         )
@@ -139,16 +139,16 @@ class Nees(EstimateMetric):
         mean, count = columns
         return ratio(np.nan_to_num(mean) * count, count, at_least=0.0) if count.sum() > 0 else None
 
-    def finish(self, sums: Scores) -> Outcome:
+    def finish(self, sums: BlockScores) -> Outcome:
         count, total = sums.per_part[ERROR["given"]], sums.per_part[ERROR["nees"]]
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
-        per_step = sums.of_runs.per_step
+        per_step = sums.per_step
         inside = _inside(per_step[ERROR["given"]], per_step[ERROR["nees"]], 4)
-        value = _chi_square(total, count, 4, inside, sums.scenes, len(sums.of_runs.due))
+        value = _chi_square(total, count, 4, inside, sums.scenes, len(sums.due))
         scores = breakdown(sums)
         conditions, parts = condition_verdicts(scores), judged_parts(scores.all)
-        whole = value.verdict if sums.of_runs.coverage >= LEAST_COVERAGE else "undecided"
+        whole = value.verdict if sums.coverage >= LEAST_COVERAGE else "undecided"
         if whole is None or (whole == "consistent" and not parts):
             # Too few to tell anything of the tails.
             whole = "undecided"
@@ -172,18 +172,18 @@ class Nis(EstimateMetric):
         Field("verdict", "whether the innovations are as large as predicted", CONSISTENCY),
     )
 
-    def finish(self, sums: Scores) -> Mapping[str, Outcome]:
-        runs = len(sums.of_runs.due)
+    def finish(self, sums: BlockScores) -> Mapping[str, Outcome]:
+        runs = len(sums.due)
         return {sensor: self._of(nis, sums.scenes, runs) for sensor, nis in sums.nis.items()}
 
     def _of(self, nis: NisScores, scenes: bool, runs: int) -> MetricValue:
-        count, total = nis.per_run[NIS["count"]], nis.per_run[NIS["nis"]]
+        count, total = nis.per_part[NIS["count"]], nis.per_part[NIS["nis"]]
         if count.sum() == 0:
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
-        share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
+        share = float(nis.per_part[NIS["inside"]].sum() / count.sum())
         value = _chi_square(total, count, nis.dof, inside, scenes, runs)
-        expected = count.sum() + nis.per_run[NIS["missing"]].sum()
+        expected = count.sum() + nis.per_part[NIS["missing"]].sum()
         coverage = _share(count.sum(), expected)
         # The innovations that are missing may be the large ones.
         word = value.verdict if coverage >= LEAST_COVERAGE else "undecided"
@@ -197,12 +197,12 @@ class Whiteness(EstimateMetric):
     meaning = "correlation of successive normalised innovations of one sensor"
     fields = (Field("verdict", f"whether it is within {WHITENESS_TOLERANCE} of zero", WHITENESS),)
 
-    def finish(self, sums: Scores) -> Mapping[str, Outcome]:
+    def finish(self, sums: BlockScores) -> Mapping[str, Outcome]:
         return {sensor: self._of(nis, sums.scenes) for sensor, nis in sums.nis.items()}
 
     def _of(self, nis: NisScores, scenes: bool) -> MetricValue:
-        product, square = nis.per_run[NIS["product"]], nis.per_run[NIS["square"]]
-        pairs = nis.per_run[NIS["pairs"]].sum()
+        product, square = nis.per_part[NIS["product"]], nis.per_part[NIS["square"]]
+        pairs = nis.per_part[NIS["pairs"]].sum()
         if pairs == 0:
             return self.no_value("there are no two innovations in a row")
         if square.sum() == 0:
@@ -220,7 +220,7 @@ class RootReference(EstimateMetric):
     row: ClassVar[str]
     """Of the sums."""
 
-    def finish(self, sums: Scores) -> Outcome:
+    def finish(self, sums: BlockScores) -> Outcome:
         count, total = sums.per_part[ERROR["count"]].sum(), sums.per_part[ERROR[self.row]].sum()
         if not total > 0:
             return self.no_value("there is no estimate that a measurement bears on")
@@ -257,7 +257,7 @@ class OverReference(EstimateMetric):
         squares, over = (np.nan_to_num(each) ** 2 * count for each in (errors, reference))
         return root(ratio(squares, over)) if over.sum() > 0 else None
 
-    def finish(self, sums: Scores) -> Outcome:
+    def finish(self, sums: BlockScores) -> Outcome:
         reference = sums.per_part[ERROR[self.row]]
         if not reference.sum() > 0:
             return self.no_value("there is no reference to compare with")
@@ -281,8 +281,8 @@ class Coverage(EstimateMetric):
     name, unit, better = "coverage", "1", "larger"
     meaning = "share of the steps at which the tracker should have an estimate at which it has one"
 
-    def finish(self, sums: Scores) -> Outcome:
-        return sums.of_runs.coverage if sums.of_runs.due.any() else self.no_value("no object was ever seen")
+    def finish(self, sums: BlockScores) -> Outcome:
+        return sums.coverage if sums.due.any() else self.no_value("no object was ever seen")
 
 
 def _chi_square(total: Array, count: Array, dof: int, steps_inside: float, scenes: bool, runs: int) -> MetricValue:

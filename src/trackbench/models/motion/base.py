@@ -190,13 +190,40 @@ def process_noise_covariance(model: MotionModel, x: Array, dt: float) -> Array:
     return linalg.matmul_transposed(scaled, scaled)
 
 
-class ConstantProcessNoise(MotionModel):
+class WrappedMotion(MotionModel):
+    """A motion model around another, whose state comes first in its own."""
+
+    motion: MotionModel
+
+    def to_cartesian(self, x: Array) -> Array:
+        return self.motion.to_cartesian(self._own(x))
+
+    def cartesian_jacobian(self, x: Array) -> Array:
+        return self.motion.cartesian_jacobian(self._own(x))
+
+    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
+        return self.motion.cartesian_belief(self._own_belief(belief))
+
+    def cartesian_moments(self, belief: Gaussian) -> Gaussian:
+        return self.motion.cartesian_moments(self._own_belief(belief))
+
+    @property
+    def _size(self) -> int:
+        return len(self.motion.components)
+
+    def _own(self, x: Array) -> Array:
+        return x[: self._size]
+
+    def _own_belief(self, belief: Gaussian) -> Gaussian:
+        return Gaussian(belief.mean[: self._size], belief.covariance[: self._size, : self._size])
+
+
+class ConstantProcessNoise(WrappedMotion):
     """A motion model whose process noise is the same at every step, however long the step is.
 
     Each component of the state is driven by a noise of its own; a step of no time has none.
     """
 
-    motion: MotionModel
     variances: tuple[float, ...]
     """``(n,)`` diagonal of the covariance that a step adds, in the units of the state's components squared."""
 
@@ -216,15 +243,6 @@ class ConstantProcessNoise(MotionModel):
 
     def noise_gain(self, x: Array, dt: float) -> Array:
         return np.where(dt > 0.0, np.eye(len(self.variances)), 0.0)
-
-    def to_cartesian(self, x: Array) -> Array:
-        return self.motion.to_cartesian(x)
-
-    def cartesian_jacobian(self, x: Array) -> Array:
-        return self.motion.cartesian_jacobian(x)
-
-    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
-        return self.motion.cartesian_belief(belief)
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         return self.motion.from_cartesian(belief, sigmas)

@@ -143,9 +143,8 @@ envelope:
 """
 
     axes: dict[Name, Axis] = Field(min_length=1, description="What is varied, by name.")
-    confidence: float = Field(
-        0.95, gt=0.5, lt=1, description="That no cell of the whole map is decided wrongly, for any tracker."
-    )
+    #: Probability that no cell of the whole map is decided wrongly, for any tracker.
+    confidence: ClassVar[float] = 0.95
     claim: Literal["these scenes", "traffic like these"] = Field(
         "these scenes",
         description="these scenes: runs repeat, and the scenes stay. traffic like these: scenes repeat, at least 30.",

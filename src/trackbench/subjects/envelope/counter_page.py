@@ -9,7 +9,7 @@ from trackbench.base.execution import Executor
 from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.function_events import FunctionEvent, events_of, function_events, function_labels
-from trackbench.metrics.recorded_run import scene_at
+from trackbench.metrics.recorded_run import estimates_at
 from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import ConditionScores, Result
 from trackbench.scenario import Scenario
@@ -88,7 +88,7 @@ def event_of(result: Result, tracker: str, metric: str = "") -> str:
 
 def _errors_at(result: Result, tracker: str, event: FunctionEvent) -> Iterator[str]:
     """The errors of the estimate of the object when the function was due: later ones did not decide it."""
-    for estimate in scene_at(result, event.time_s).estimates:
+    for estimate in estimates_at(result, event.time_s):
         if (estimate.tracker, estimate.object) == (tracker, event.object) and estimate.velocity_error_mps is not None:
             position, velocity = estimate.position_error_m or 0.0, estimate.velocity_error_mps
             yield f"with a position error of {position:.2f} m and a velocity error of {velocity:.2f} m/s then"

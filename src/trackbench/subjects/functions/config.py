@@ -32,7 +32,7 @@ SLOWEST_DECISIONS = 10.0
 EGO = {
     "highway-env": "write truth.observer: ego",
     "recorded-traffic": "name its vehicle: truth.observer: {vehicle: ...}",
-    "recording": "name the columns of its motion in truth.columns.observer",
+    "recording": "name the columns of its motion in truth.ego",
 }
 
 
@@ -55,7 +55,7 @@ def function_problems(scenario: Any) -> Iterator[Problem]:
 
 def _without_ego(scenario: Any) -> Iterator[Problem]:
     truth = scenario.truth
-    if isinstance(truth, RecordingTruth) and truth.carrier is not None and not truth.without_truth:
+    if isinstance(truth, RecordingTruth) and truth.ego is not None and not truth.without_truth:
         return
     for name in scenario.functions:
         if isinstance(truth, RecordingTruth) and truth.without_truth:

@@ -5,19 +5,22 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.config import NonNegative, Positive
+from trackbench.base.config import NonNegative
 from trackbench.metrics.ego import Ego
 from trackbench.subjects.functions.path import on_path, probability_positive, time_until
 from trackbench.subjects.functions.protocol import Decision, Function, Objects, Quantity, decision
+
+#: Time for which the motion of the other vehicle is predicted, s.
+HORIZON_S = 1.0
 
 
 class CutIn(Function):
     """Expects an object ahead and beside the path of the ego in it, and too near.
 
     An object that does not overlap the path in width now is expected to where its lateral speed y' carries it: y + y' h
-    after the horizon h. Too near is a gap below the larger of the ego's speed times a headway and the closing speed
-    times a time to collision. The probability is that of the overlap after the horizon times that of the gap, both
-    exact on a straight path.
+    after the horizon h = 1 s. Too near is a gap below the larger of the ego's speed times a headway and the closing
+    speed times a time to collision. The probability is that of the overlap after the horizon times that of the gap,
+    both exact on a straight path.
 
     UN Regulation No. 157, paragraph 5.2.5.2, judges a cut-in by the time to collision when the vehicle intrudes; the
     prediction and the defaults are ours.
@@ -25,7 +28,6 @@ class CutIn(Function):
 
     quantity = Quantity("entry", "s", "time until it is in the path")
 
-    horizon_s: Positive = Field(1.0, description="Up to which its motion is predicted, s.")
     headway_s: NonNegative = Field(1.0, description="Nearer ahead than this, by the speed of the ego, is too near, s.")
     ttc_s: NonNegative = Field(3.0, description="A shorter time to collision is too near, s.")
 
@@ -37,5 +39,5 @@ class CutIn(Function):
         too_near = probability_positive(margin, place.variance((-1.0, 0.0, by_speed, 0.0)))
         beside = objects.there & (place.along > 0) & (place.probability_within() <= 0.5)
         entry = time_until(np.abs(place.across) - place.widths, -np.sign(place.across) * place.lateral_speed)
-        coming = place.probability_within(after=self.horizon_s)
+        coming = place.probability_within(after=HORIZON_S)
         return decision(beside & (coming > 0.5), beside * coming * too_near, self.probability, entry, entry)

@@ -13,6 +13,11 @@ from trackbench.subjects.functions.emergency_braking import required_deceleratio
 from trackbench.subjects.functions.path import on_path, probability_positive
 from trackbench.subjects.functions.protocol import Decision, Function, Objects, Quantity, decision
 
+#: Distance from the middle of the ego's lane to that of the next one, m.
+LANE_WIDTH_M = 3.5
+#: Time before the car behind brakes, t_b in the source, s.
+REACTION_S = 0.4
+
 
 class LaneChange(Function):
     """Holds a lane change back while a car behind or beside in the next lane would have to brake too hard for it.
@@ -30,19 +35,17 @@ class LaneChange(Function):
     quantity = Quantity("deceleration", "m/s^2", "deceleration that is required of the car behind")
 
     side: Literal["left", "right"] = Field("left", description="Of the next lane.")
-    lane_width_m: Positive = Field(3.5, description="From the middle of the ego's lane to that of the next one, m.")
     deceleration_mps2: Positive = Field(3.0, description="With which the car behind may have to brake, m/s^2.")
-    reaction_s: NonNegative = Field(0.4, description="After which it brakes, s.")
     headway_s: NonNegative = Field(1.0, description="Time gap that is to be left between the two, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
         place = on_path(ego, objects)
-        within = place.probability_within(self.lane_width_m if self.side == "left" else -self.lane_width_m)
+        within = place.probability_within(LANE_WIDTH_M if self.side == "left" else -LANE_WIDTH_M)
         closing, gap = np.maximum(place.speed - ego.speed, 0.0), -place.along - place.lengths
-        left = gap - ego.speed * self.headway_s - closing * self.reaction_s
+        left = gap - ego.speed * self.headway_s - closing * REACTION_S
         margin = closing**2 / (2.0 * self.deceleration_mps2) - left
         approaches = closing > 0
-        by_speed = approaches * (self.reaction_s + closing / self.deceleration_mps2)
+        by_speed = approaches * (REACTION_S + closing / self.deceleration_mps2)
         too_near = probability_positive(margin, place.variance((1.0, 0.0, by_speed, 0.0)))
         closes = probability_positive(place.speed - ego.speed, place.variance((0.0, 0.0, 1.0, 0.0)))
         beside = probability_positive(-gap, place.variance((1.0, 0.0, 0.0, 0.0)))

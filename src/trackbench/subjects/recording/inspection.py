@@ -18,11 +18,12 @@ from trackbench.document.terminal import print_table
 from trackbench.metrics.function_events import FunctionEvent, TrackEvent, function_events
 from trackbench.metrics.recorded_run import (
     EstimateMoment,
-    SceneMoment,
+    estimates_at,
+    latest_rows,
     recorded_estimates,
     require_name,
     require_time,
-    scene_at,
+    table_frame,
     worst,
 )
 from trackbench.report.console import print_summary
@@ -75,6 +76,19 @@ class TracksMoment:
     time_s: float
     vehicles: list[ObjectMoment]
     tracks: list[TrackMoment]
+
+
+@dataclass(frozen=True)
+class SceneMoment:
+    """Everything at a time as a viewer shows it: the latest of each up to then."""
+
+    time_s: float
+    vehicles: list[dict[str, Any]]
+    """Values of the columns ``VEHICLE`` of the truth, of those that are there."""
+    measurements: list[dict[str, Any]]
+    """Where each sensor has seen each object."""
+    estimates: list[EstimateMoment]
+    """Estimates of the vehicles that are there."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +165,20 @@ def _at(result: Result, opening: Opening) -> SceneMoment | TracksMoment | None:
         return None
     if result.summary.identities == "hidden":
         return _tracks_at(result, opening.at_s, opening.tracker)
-    return scene_at(result, opening.at_s)
+    return _scene_at(result, opening.at_s)
+
+
+def _scene_at(result: Result, time: float) -> SceneMoment:
+    truth, measured = table_frame(result.tables.truth), ["sensor", "object", "time_s", "x_m", "y_m"]
+    require_time(truth["time_s"].min(), truth["time_s"].max(), time)
+    present = latest_rows(truth, time, "role", "object").query("alive > 0").rename(columns={"object": "name"})
+    measurements = latest_rows(table_frame(result.tables.measurements, "valid", *measured), time, "sensor", "object")
+    return SceneMoment(
+        time_s=float(truth["time_s"][truth["time_s"] <= time + 1e-9].max()),
+        vehicles=present[VEHICLE].to_dict("records"),
+        measurements=measurements.query("valid > 0")[measured].to_dict("records"),
+        estimates=[item for item in estimates_at(result, time) if item.object in set(present["name"])],
+    )
 
 
 def _worst(result: Result, opening: Opening) -> Sequence[Moment] | None:
@@ -209,6 +236,10 @@ def _tracks_at(result: Result, time: float, only: str | None) -> TracksMoment:
 
 #: What is printed of a vehicle, an estimate, a track, and each kind of moment.
 MOTION = ("name", "px_m", "py_m", "speed_mps")
+VEHICLE = [
+    *("name", "role", "px_m", "py_m", "vx_mps", "vy_mps"),
+    *("speed_mps", "course_rad", "acceleration_mps2", "yaw_rate_radps"),
+]
 ERRORS = ("position_error_m", "velocity_error_mps", "nees")
 ESTIMATE = ("object", "tracker", "px_m", "py_m", *ERRORS)
 TRACK = ("tracker", "track", "px_m", "py_m", "existence")
@@ -260,7 +291,7 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
 
 def _print(console: Console, names: Sequence[str], items: Sequence[Any], caption: str = "") -> None:
     """Print a table with a row for each item, whose columns are the attributes of these names."""
-    texts = {name for name in names for item in items[:1] if isinstance(getattr(item, name), str)}
+    texts = {name for name in names for item in items[:1] if isinstance(_value(item, name), str)}
     columns = {
         TRACKER if name == "tracker" else Column(HEADINGS.get(name, name), left=name in texts): partial(
             _cell, name=name
@@ -272,5 +303,9 @@ def _print(console: Console, names: Sequence[str], items: Sequence[Any], caption
 
 
 def _cell(item: Any, name: str) -> str:
-    value = getattr(item, name)
+    value = _value(item, name)
     return rounded(value, 2) if isinstance(value, float | None) else str(value)
+
+
+def _value(item: Any, name: str) -> Any:
+    return item[name] if isinstance(item, dict) else getattr(item, name)

@@ -17,7 +17,7 @@ from trackbench.metrics.intervals import FEWEST_SCENES, Interval
 from trackbench.results.scenario_summary import MarginSummary
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.scenario.recorded_checks import same_every_run
+from trackbench.scenario.validate import same_every_run
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.labelled import GAP, LogTime

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trackbench.base.databases import open_tables
 from trackbench.base.errors import InputError
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.parameters import Parameter
@@ -192,8 +191,6 @@ def _open(name: str, storage: Path | None) -> optuna.Study:
     from sqlalchemy import NullPool
 
     try:
-        if storage.is_file() and storage.stat().st_size:
-            open_tables(storage).close()
         with _without_warnings():
             return optuna.create_study(
                 study_name=name,

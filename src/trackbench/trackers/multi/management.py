@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import ClassVar, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -30,172 +30,96 @@ class Judged(NamedTuple):
     """``(2, L)`` probability that the object exists, and that it is not hidden if so; None where it is not asked."""
 
 
-class _Untimed:
-    """The evidence does not change with time alone."""
-
-    def after_time(self, evidence: Array, elapsed: float) -> Array:
-        return evidence
-
-
-@dataclass(frozen=True)
-class CountLogic(_Untimed):
-    """M detections in the first N scans confirm; a track that can no longer have them is deleted.
-
-    Evidence: detections, scans in view.
-    """
-
-    needed: int
-    scans: int
-
-    size: ClassVar[int] = 2
-
-    def begun(self, count: int, existence: Array | None) -> Array:
-        return np.ones((2, count))
-
-    def after_scan(self, evidence: Array, judged: Judged) -> Array:
-        return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view])
-
-    def confirms(self, evidence: Array) -> Mask:
-        result: Mask = evidence[0] >= self.needed
-        return result
-
-    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        result: Mask = ~confirmed & (evidence[1] - evidence[0] > self.scans - self.needed)
-        return result
-
-
-@dataclass(frozen=True)
-class ScoreLogic(_Untimed):
-    """The log-likelihood ratio of a track confirms it, and deletes it when it falls.
-
-    Source: Blackman and Popoli (1999), "Design and Analysis of Modern Tracking Systems", section 6.2.
-    Evidence: the score, 0 at the track's first detection; its largest value.
-    """
-
-    threshold: float
-    drop: float
-
-    size: ClassVar[int] = 2
-
-    def begun(self, count: int, existence: Array | None) -> Array:
-        return np.zeros((2, count))
-
-    def after_scan(self, evidence: Array, judged: Judged) -> Array:
-        score = evidence[0] + judged.log_ratio
-        return linalg.vector([score, np.maximum(score, evidence[1])])
-
-    def confirms(self, evidence: Array) -> Mask:
-        result: Mask = evidence[0] >= self.threshold
-        return result
-
-    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        result: Mask = evidence[0] <= evidence[1] - self.drop
-        return result
-
-
-@dataclass(frozen=True)
-class ExistenceLogic:
-    """The probability that the object exists.
-
-    An object that exists is at times hidden from the sensors. Source: Musicki, Evans and Stankovic (1994), "Integrated
-    probabilistic data association", Markov chain two. Evidence: the probability that it exists; that it is not hidden
-    if it does.
-    """
-
-    confirm: float
-    delete: float
-    """Below this a track is deleted."""
-    lifetime: float
-    """Mean, s."""
-    hides: float
-    """Rate at which visible objects hide, 1/s."""
-    returns: float
-    """Rate at which hidden ones come back, 1/s."""
-
-    size: ClassVar[int] = 2
-
-    def begun(self, count: int, existence: Array | None) -> Array:
-        assert existence is not None
-        return np.array([existence, np.ones(count)])
-
-    def after_time(self, evidence: Array, elapsed: float) -> Array:
-        rate = self.hides + self.returns
-        at_last = self.returns / rate
-        visible = at_last + (evidence[1] - at_last) * np.exp(-rate * elapsed)
-        return np.array([evidence[0] * np.exp(-elapsed / self.lifetime), visible])
-
-    def after_scan(self, evidence: Array, judged: Judged) -> Array:
-        assert judged.existence is not None
-        return judged.existence
-
-    def confirms(self, evidence: Array) -> Mask:
-        result: Mask = evidence[0] >= self.confirm
-        return result
-
-    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        result: Mask = evidence[0] < self.delete
-        return result
-
-
-@dataclass(frozen=True)
-class CountedExistence:
-    """Detections are counted to confirm a track; the probability that its object exists deletes it.
-
-    Evidence: that of existence, then that of counting.
-    """
-
-    existence: ExistenceLogic
-    count: CountLogic
-
-    size: ClassVar[int] = ExistenceLogic.size + CountLogic.size
-
-    def begun(self, count: int, existence: Array | None) -> Array:
-        return np.concatenate([self.existence.begun(count, existence), self.count.begun(count, None)])
-
-    def after_time(self, evidence: Array, elapsed: float) -> Array:
-        return np.concatenate([self.existence.after_time(evidence[:2], elapsed), evidence[2:]])
-
-    def after_scan(self, evidence: Array, judged: Judged) -> Array:
-        existence, counted = judged.existence, self.count.after_scan(self._counted(evidence), judged)
-        assert existence is not None
-        return linalg.vector([existence[0], existence[1], counted[0], counted[1]])
-
-    def confirms(self, evidence: Array) -> Mask:
-        return self.count.confirms(self._counted(evidence))
-
-    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        exists = self.existence.deletes(evidence, confirmed)
-        result: Mask = exists | self.count.deletes(self._counted(evidence), confirmed)
-        return result
-
-    def _counted(self, evidence: Array) -> Array:
-        return linalg.vector([evidence[2], evidence[3]])
-
-
-#: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
-#: detection; ``after_time`` and ``after_scan`` move it on; ``confirms`` tells which tracks get an id, and
-#: ``deletes`` which end, each ``(L,)``.
-TrackLogic = CountLogic | ScoreLogic | ExistenceLogic | CountedExistence
-
-
 #: Score at which ``confirm: score`` confirms a track, and how far below its largest it deletes it.
 CONFIRMING_SCORE, SCORE_DROP = 12.0, 10.0
 #: Mean time for which a hidden object stays so, s.
 HIDDEN_S = 1.0
+#: Rows of the evidence: probabilities that the object exists, and that it is not hidden from the sensors if so; numbers
+#: of detections and of scans in view; the score, 0 at the first detection, and its largest value.
+EXISTS, VISIBLE, DETECTIONS, SCANS, SCORE, LARGEST_SCORE = range(6)
 
 
-def track_logic(config: AssociateConfig) -> TrackLogic:
-    """The rule that the options describe."""
-    rule = config.confirms_by
-    if rule == "score":
-        return ScoreLogic(CONFIRMING_SCORE, SCORE_DROP)
-    hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
-    limits = config.report_limits[0], config.delete_existence
-    existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / HIDDEN_S)
-    if rule == "existence":
-        return existence
-    counting = CountLogic(*rule)
-    return CountedExistence(existence, counting) if config.method in EXISTENCE else counting
+@dataclass(frozen=True)
+class TrackLogic:
+    """When tracks are confirmed and when they end, by their evidence ``(6, L)``.
+
+    M detections in the first N scans confirm; a tentative track that can no longer have them is deleted. Or the score
+    does, the log-likelihood ratio of object and false alarms, and deletes a track when it falls: Blackman and Popoli
+    (1999), "Design and Analysis of Modern Tracking Systems", section 6.2. Or the existence probability does: Musicki,
+    Evans and Stankovic (1994), "Integrated probabilistic data association", Markov chain two.
+    """
+
+    rule: tuple[int, int] | Literal["score", "existence"]
+    has_existence: bool
+    """Whether the method has existence probabilities, of which a small one deletes a track."""
+    confirming: float
+    """Existence probability that confirms."""
+    deleting: float
+    """Existence probability below which a track is deleted."""
+    lifetime_s: float
+    """Mean, s."""
+    hides: float
+    """Rate at which visible objects hide, 1/s."""
+
+    @classmethod
+    def of(cls, config: AssociateConfig) -> TrackLogic:
+        """Return the rule that the options describe."""
+        rule = config.confirms_by
+        hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
+        return cls(
+            rule if isinstance(rule, str) else (rule[0], rule[1]),
+            config.method in EXISTENCE,
+            config.report_limits[0],
+            config.delete_existence,
+            config.lifetime_s,
+            hides,
+        )
+
+    def begun(self, count: int, existence: Array | None) -> Array:
+        """Return the evidence of tracks that begin with a detection."""
+        evidence = np.ones((6, count))
+        evidence[SCORE:] = 0.0
+        if existence is not None:
+            evidence[EXISTS] = existence
+        return evidence
+
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        """Return the evidence some seconds later."""
+        if not self.has_existence:
+            return evidence
+        rate, later = self.hides + 1.0 / HIDDEN_S, evidence.copy()
+        at_last = 1.0 / HIDDEN_S / rate
+        later[EXISTS] = evidence[EXISTS] * np.exp(-elapsed / self.lifetime_s)
+        later[VISIBLE] = at_last + (evidence[VISIBLE] - at_last) * np.exp(-rate * elapsed)
+        return later
+
+    def after_scan(self, evidence: Array, judged: Judged) -> Array:
+        """Return the evidence after a scan."""
+        existence = evidence[:DETECTIONS] if judged.existence is None else judged.existence
+        counts = evidence[DETECTIONS] + judged.hit, evidence[SCANS] + judged.in_view
+        scores = evidence[SCORE], evidence[LARGEST_SCORE]
+        if self.rule == "score":
+            score = evidence[SCORE] + judged.log_ratio
+            scores = score, np.maximum(score, evidence[LARGEST_SCORE])
+        return linalg.vector([existence[EXISTS], existence[VISIBLE], *counts, *scores])
+
+    def confirms(self, evidence: Array) -> Mask:
+        """``(L,)`` tracks that get an id."""
+        if self.rule == "score":
+            return np.asarray(evidence[SCORE] >= CONFIRMING_SCORE)
+        if self.rule == "existence":
+            return np.asarray(evidence[EXISTS] >= self.confirming)
+        return np.asarray(evidence[DETECTIONS] >= self.rule[0])
+
+    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
+        """``(L,)`` tracks that end."""
+        ends: Mask = evidence[EXISTS] < (self.deleting if self.has_existence else 0.0)
+        if self.rule == "score":
+            ends = ends | (evidence[SCORE] <= evidence[LARGEST_SCORE] - SCORE_DROP)
+        elif not isinstance(self.rule, str):
+            needed, scans = self.rule
+            ends = ends | (~confirmed & (evidence[SCANS] - evidence[DETECTIONS] > scans - needed))
+        return ends
 
 
 @cache
@@ -230,11 +154,11 @@ class TrackManager:
     @cached_property
     def logic(self) -> TrackLogic:
         """The rule by which tracks are confirmed and deleted."""
-        return track_logic(self.associate)
+        return TrackLogic.of(self.associate)
 
     def empty_table(self) -> TrackTable:
         """No tracks."""
-        return empty(self.filter.filter, self.logic.size)
+        return empty(self.filter.filter, len(self.logic.begun(0, None)))
 
     def judged(self, before: TrackTable, result: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
         """The tracks after the scan, and which of them end."""

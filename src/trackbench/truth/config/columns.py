@@ -24,7 +24,7 @@ MOTION_QUANTITIES = {
     "time": "time",
     **dict.fromkeys(("px", "py", "length", "width"), "length"),
     **dict.fromkeys(("vx", "vy", "speed"), "speed"),
-    **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
+    **dict.fromkeys(("yaw", "course", "heading"), "angle"),
 }
 COMPONENT_QUANTITIES = {"m": "length", "m/s": "speed", "rad": "angle"}
 #: The two ways to state a position in a sensor's frame.
@@ -97,22 +97,19 @@ class MotionColumns(Config):
 
 
 class ObserverColumns(MotionColumns):
-    """Columns with the motion of what carries the sensors: in the truth's rows, or in a file of their own.
+    """Columns with the motion of what carries the sensors.
 
     Between its rows the position, the heading (the short way round) and the velocity are interpolated linearly. Without
     columns of the velocity it is that of the displacement.
     """
 
-    path: Paths | None = Field(None, description="The file, of the same format; the truth's rows unless given.")
+    path: Paths = Field(description="The file, of the same format.")
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
-    yaw_rate: str | None = Field(None, description="Rate of change of the heading; from the heading unless given.")
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
 
     def problems(self) -> Iterator[Problem]:
         yield from self.velocity_problems()
-        if self.path is None and self.time is not None:
-            yield Problem(("time",), "the truth's rows have one time; remove this, or name the observer's file in path")
         yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in ("time", *self.stated)})
 
 
@@ -127,15 +124,9 @@ class TruthColumns(MotionColumns):
     heading: str | None = Field(
         None, description="Direction in which the body points, counter-clockwise from x; the course unless given."
     )
-    yaw_rate: str | None = Field(
-        None, description="Rate of change of the heading; from the differences of the heading unless given."
-    )
     length: str | None = Field(None, description="Length of the object's box; truth.length_m unless given.")
     width: str | None = Field(None, description="Width of the object's box; truth.width_m unless given.")
     kind: str | None = Field(None, alias="class", description="Class of the object, for truth.reference.classes.")
-    observer: ObserverColumns | None = Field(
-        None, description="Motion of what carries the sensors, where it is recorded; otherwise truth.observer."
-    )
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "course")
 
     def problems(self) -> Iterator[Problem]:

@@ -13,10 +13,11 @@ from pydantic import Field, Tag
 
 from trackbench.base.config import LIST, WORD, chosen_by, text_or_list
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
+from trackbench.truth.base import MAX_SCENES
 
 FileName = Annotated[str, Field(min_length=1)]
 Paths = Annotated[
-    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
+    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
     chosen_by(
         text_or_list,
         "write a file, or a list of files, such as [monday.csv, tuesday.csv]",

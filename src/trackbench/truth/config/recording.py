@@ -98,8 +98,8 @@ class RecordingOptions(ReferenceTruth):
     )
     ego: ObserverColumns | None = Field(
         None,
-        description="csv and parquet without a truth: the recorded motion of what carries the sensors, in a file of "
-        "its own; otherwise observer. Beside a truth it is columns.observer.",
+        description="csv and parquet: the recorded motion of what carries the sensors, in a file of its own; otherwise "
+        "observer.",
     )
     _log_name: str = PrivateAttr("")
     _hidden: bool = PrivateAttr(False)
@@ -147,17 +147,10 @@ class RecordingOptions(ReferenceTruth):
             setattr(result, key, value)
         return result
 
-    @property
-    def carrier(self) -> ObserverColumns | None:
-        """The columns of what carries the sensors; None: a fixed point."""
-        return self.ego if self.columns is None else self.columns.observer
-
     def _paths(self) -> dict[KeyPath, str | list[str]]:
         """All that are given, by key; that of the truth comes first."""
-        observer = None if self.columns is None else self.columns.observer
         entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None] = {
             (): self,
-            ("columns", "observer"): observer,
             **{("readings", name): entry for name, entry in self.measurements.items()},
             ("ego",): self.ego,
         }
@@ -170,9 +163,7 @@ class RecordingOptions(ReferenceTruth):
             several = entry is not None and isinstance(entry.path, list)
             return entry.model_copy(update={"path": entry.path[number]}) if several else entry
 
-        columns = self.columns
         update = {
-            "columns": columns and columns.model_copy(update={"observer": of_log(columns.observer)}),
             "measurements": {key: of_log(entry) for key, entry in self.measurements.items()},
             "ego": of_log(self.ego),
         }
@@ -184,8 +175,6 @@ class RecordingOptions(ReferenceTruth):
         if not any(isinstance(path, list) for path in paths.values()):
             return
         first, expected = next((key, len(path)) for key, path in paths.items() if isinstance(path, list))
-        if expected > MAX_SCENES:
-            yield Problem(first, f"{expected} logs are too many; at most {MAX_SCENES}")
         for key, path in paths.items():
             files = path if isinstance(path, list) else [path]
             if len(files) != expected:
@@ -209,6 +198,8 @@ class RecordingOptions(ReferenceTruth):
     def problems(self) -> Iterator[Problem]:
         yield from self._problems_of_logs()
         rules = self._without_truth() if self.without_truth else self._with_truth()
+        if self.ego is not None and "observer" in self.model_fields_set:
+            yield Problem(("observer",), "not used with ego; remove one of them")
         for at, is_wrong, message in rules:
             if is_wrong:
                 yield Problem(at, message)
@@ -216,24 +207,17 @@ class RecordingOptions(ReferenceTruth):
     def _with_truth(self) -> Iterator[Rule]:
         columns, is_table = self.columns, self.format in TABLES
         yield (
-            ("ego",),
-            self.ego is not None,
-            "with a truth the observer's columns are columns.observer; move them there",
-        )
-        yield (
             ("columns",),
             is_table and columns is None,
             f"missing: format {self.format} needs the names of its columns",
         )
-        for name in () if is_table else ("columns", "units", "measurements", "reference"):
+        for name in () if is_table else ("columns", "units", "measurements", "reference", "ego"):
             key, is_stated = type(self).model_fields[name].alias or name, name in self.model_fields_set
             yield (key,), is_stated, f"format {self.format} has fixed columns and units; remove this"
         if columns is None:
             return
         is_classed = bool(self.reference.classes) and columns.kind is None
         yield ("columns", "class"), is_classed, "missing: the column of the class, for reference.classes"
-        has_two = is_table and columns.observer is not None and "observer" in self.model_fields_set
-        yield ("observer",), has_two, "not used with columns.observer; remove one of them"
 
     def _without_truth(self) -> Iterator[Rule]:
         if self.format not in TABLES or self.columns is not None:
@@ -250,7 +234,8 @@ class RecordingOptions(ReferenceTruth):
             message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
             yield ("readings", name, "object"), entry.object is not None, message
         if self.ego is not None:
-            yield ("observer",), "observer" in self.model_fields_set, "not used with ego; remove one of them"
-            for key in ("path", "time"):
-                message = "missing: without a truth, the observer has a file of its own"
-                yield ("ego", key), getattr(self.ego, key) is None, message
+            yield (
+                ("ego", "time"),
+                self.ego.time is None,
+                "missing: without a truth, the observer has its own column of times",
+            )

@@ -75,7 +75,10 @@ class Piece(Config):
         0, ge=-720, le=720, description="Constant turn rate, counter-clockwise, degrees per second."
     )
     acceleration_mps2: float = Field(
-        0, description="Constant acceleration along the path, m/s^2; below a speed of zero the object reverses."
+        0,
+        ge=-1000,
+        le=1000,
+        description="Constant acceleration along the path, m/s^2; below a speed of zero the object reverses.",
     )
     until_stop: bool = Field(
         False,
@@ -219,32 +222,19 @@ class ScriptedOptions(SteppedTruth):
 
     def _times(self, pieces: list[Piece]) -> Iterator[Problem]:
         """Durations of pieces that do not add up to the length of the scene."""
-        last = len(pieces) - 1
-        lasting = sum(piece.for_s or 0.0 for piece in pieces)
-        whole = True
+        last, whole = len(pieces) - 1, True
         for index, piece in enumerate(pieces):
-            if piece.for_s is None:
-                if index < last:
-                    yield Problem((index, "for_s"), "missing; only the last piece may leave it out")
-                    whole = False
-                continue
-            steps = piece.for_s * self.rate_hz
-            if abs(steps - round(steps)) > 1e-6 or round(steps) == 0:
+            steps = None if piece.for_s is None else piece.for_s * self.rate_hz
+            if steps is None and index < last:
+                yield Problem((index, "for_s"), "missing; only the last piece may leave it out")
+                whole = False
+            elif steps is not None and (abs(steps - round(steps)) > 1e-6 or round(steps) == 0):
                 near = f"{max(1, round(steps)) / self.rate_hz:g}"
                 message = f"must be a multiple of the truth step, which is {1 / self.rate_hz:g} s; use {near}"
                 yield Problem((index, "for_s"), message)
                 whole = False
-        if not whole:
-            return
-        rest = self.duration_s - lasting
-        scene = f"truth.duration_s is {self.duration_s:g}"
-        if pieces[last].for_s is None:
-            if rest < 1e-6:
-                yield Problem((last,), f"nothing is left for it: the pieces before it last {lasting:g} s, and {scene}")
-        elif rest > 1e-6:
-            message = f"the pieces last {lasting:g} s, but {scene}; leave for_s out here, and it lasts to the end"
-            yield Problem((last, "for_s"), message)
-        elif rest < -1e-6:
-            yield Problem(
-                (last, "for_s"), f"the pieces last {lasting:g} s, but {scene}; shorten one, or leave this one's out"
-            )
+        lasting = sum(piece.for_s or 0.0 for piece in pieces)
+        rest, is_open = self.duration_s - lasting, pieces[last].for_s is None
+        if whole and (rest < 1e-6 if is_open else abs(rest) > 1e-6):
+            message = f"pieces last {lasting:g} s, but truth.duration_s is {self.duration_s:g}"
+            yield Problem((last,) if is_open else (last, "for_s"), message)

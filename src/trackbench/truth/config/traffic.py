@@ -23,7 +23,7 @@ from trackbench.base.config import (
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
-from trackbench.truth.config.logs import FileName, find_log, log_names
+from trackbench.truth.config.logs import Paths, find_log, log_names
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficFormat, read_rows
 
@@ -34,10 +34,6 @@ FILE = (
     "such as $TRACKBENCH_DATA are filled in."
 )
 Vehicle = Annotated[str, Field(min_length=1)]
-Files = Annotated[
-    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
-    chosen_by(text_or_list, "write a file, or a list of files, such as [one.csv, two.csv]"),
-]
 
 
 def files_in(path: str | list[str]) -> list[str]:
@@ -112,12 +108,6 @@ class TrafficOptions(TruthSource, OptionsBeside):
         "apart: a scene has vehicles that do not overlap, and each is in at most one scene. As the format says unless "
         "given.",
     )
-    divide: int | None = Field(
-        None,
-        ge=1,
-        le=MAX_SCENES,
-        description="Scenes of a fixed observer, where the vehicles did not drive at the same time; 1 unless given.",
-    )
     others_within_m: OthersWithin = None
     length_m: Positive = Field(4.5, description="Length of a vehicle of which the file does not say it, m.")
     width_m: Positive = Field(1.8, description="Width of a vehicle of which the file does not say it, m.")
@@ -137,7 +127,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
 
     @property
     def number_of_scenes(self) -> int:
-        return len(self.vehicles) or self.divide or 1
+        return len(self.vehicles) or 1
 
     @property
     def scene(self) -> int:
@@ -146,7 +136,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
 
     @property
     def scene_name(self) -> str:
-        return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else f"part {self._scene + 1}"
+        return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else ""
 
     def scenes(self) -> Sequence[Self]:
         return tuple(self._numbered(number) for number in range(self.number_of_scenes))
@@ -161,17 +151,13 @@ class TrafficOptions(TruthSource, OptionsBeside):
             yield Problem(("path",), f"missing: the file, such as recording{self.format.endings[0]}")
         if not self.format.endings and self.path is not None:
             yield Problem(("path",), "this recording comes with the package; remove the path")
-        if self.divide is not None and self.vehicles:
-            yield Problem(("divide",), "only used with a fixed observer; each vehicle of observer makes a scene")
-        elif self.divide is not None and self.drove_together:
-            yield Problem(("divide",), "the vehicles drove at the same time; only used with simultaneous: false")
 
 
 class BoxesOptions(ReferenceTruth, OptionsBeside):
     """Boxes of a reference as they stand in a file: an id is one object, due at the time stamps of the file."""
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
-    path: Files = Field(description=f"{FILE} Of several sequences a list of files, each of which is a scene.")
+    path: Paths = Field(description=f"{FILE} Of several sequences a list of files, each of which is a scene.")
     _sequence: str = PrivateAttr("")
 
     @property
@@ -196,8 +182,6 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     def problems(self) -> Iterator[Problem]:
         files = files_in(self.path)
-        if len(files) > MAX_SCENES:
-            yield Problem(("path",), f"{len(files)} sequences are too many; at most {MAX_SCENES}")
         for index, file in enumerate(files):
             if file in files[:index]:
                 yield Problem(("path", index), f"{file} is there already; each sequence is another file")
@@ -213,7 +197,7 @@ class TracksConfig(OptionsBeside):
     """Tracks that another program wrote into a file."""
 
     use: Literal["tracks"] = Field(description="tracks.")
-    path: Files = Field(description=f"{FILE} Or a list of files, one for each scene in the order of the scenes.")
+    path: Paths = Field(description=f"{FILE} Or a list of files, one for each scene in the order of the scenes.")
     format: FileFormat = Field(
         description=f"{FORMAT}. Its options, such as columns and units, stand beside it. auto, or none: by the ending "
         "of the file, where it tells."

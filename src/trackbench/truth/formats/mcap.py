@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -112,27 +112,37 @@ def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> Track
 
 
 def _tracks(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
-    return _table(_parsed(messages, _tracks_in, file), file)
+    return rows_of_messages(_parsed(messages, _tracks_in, file), file)
 
 
 def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message]) -> TrackRows:
-    rows = _parsed(messages, _boxes_in, file)
     moved = {child for row in _parsed(transforms, _children_in, file) for child in row}
-    frames = {row.pop("frame") for row in rows}
-    if len(frames) > 1 or frames & moved:
-        names = ", ".join(shortened_text(str(name), 40) for name in sorted(frames)[:5])
-        raise InputError(f"one frame that is fixed to the ground is needed, and boxes are in {names}", file=file)
-    if not all(key in row for row in rows for key in VELOCITY):
-        rows = [{key: value for key, value in row.items() if key not in VELOCITY} for row in rows]
-    return _table(rows, file)
+    return rows_of_messages(_parsed(messages, _boxes_in, file), file, moved)
 
 
-def _table(rows: Sequence[Row], file: Path) -> TrackRows:
+def rows_of_messages(rows: Sequence[Row], file: Path, moved: Collection[str] = ()) -> TrackRows:
+    """Return the rows of messages.
+
+    Args:
+        rows: by the keys of ``QUANTITIES``, and perhaps the frame of each. What some do not state is not read, but for
+            covariance and existence.
+        file: for error messages.
+        moved: frames that are not fixed to the ground.
+
+    Raises:
+        InputError: there is no row, a row is damaged, or several frames or a moving one are named.
+    """
     if not rows:
         raise InputError("there is no track in this file", file=file)
-    names = [name for name in QUANTITIES if any(name in row for row in rows)]
-    table = rows_of_columns(file, {name: [row.get(name) for row in rows] for name in names})
-    return table_rows(table, ColumnLayout({name: name for name in names}, {}), dict.fromkeys(QUANTITIES, 1.0))
+    frames = {str(row["frame"]) for row in rows if "frame" in row}
+    if len(frames) > 1 or frames & {*moved}:
+        names = ", ".join(shortened_text(name, 40) for name in sorted(frames)[:5])
+        raise InputError(f"one frame that is fixed to the ground is needed, and tracks are in {names}", file=file)
+    names_read = [
+        name for name in QUANTITIES if (any if name in (*COVARIANCE, "existence") else all)(name in row for row in rows)
+    ]
+    table = rows_of_columns(file, {name: [row.get(name) for row in rows] for name in names_read})
+    return table_rows(table, ColumnLayout({name: name for name in names_read}, {}), dict.fromkeys(QUANTITIES, 1.0))
 
 
 def _parsed(messages: Sequence[Message], rows_in: Callable[[Any], Iterator[Row]], file: Path) -> list[Row]:
@@ -167,18 +177,26 @@ def _boxes_in(message: Any) -> Iterator[Row]:
             position, turn, size = cube["pose"]["position"], cube["pose"]["orientation"], cube["size"]
             stated = {pair["key"]: pair["value"] for pair in entity.get("metadata", [])}
             yield {
-                "time": Decimal(int(entity["timestamp"]["sec"])) + Decimal(int(entity["timestamp"]["nsec"])).scaleb(-9),
+                "time": time_of(entity["timestamp"]["sec"], entity["timestamp"]["nsec"]),
                 "id": entity["id"],
-                "frame": str(entity["frame_id"]),
+                "frame": entity["frame_id"],
                 "x": position["x"],
                 "y": position["y"],
-                "heading": math.atan2(
-                    2 * (turn["w"] * turn["z"] + turn["x"] * turn["y"]), 1 - 2 * (turn["y"] ** 2 + turn["z"] ** 2)
-                ),
+                "heading": yaw_of(*(turn[key] for key in "xyzw")),
                 "length": size["x"],
                 "width": size["y"],
                 **{key: stated[name] for key, name in VELOCITY.items() if name in stated},
             }
+
+
+def time_of(seconds: Any, nanoseconds: Any) -> Decimal:
+    """Return a time stamp of two whole numbers, s."""
+    return Decimal(int(seconds)) + Decimal(int(nanoseconds)).scaleb(-9)
+
+
+def yaw_of(x: float, y: float, z: float, w: float) -> float:
+    """Return the angle of a quaternion about the vertical, rad."""
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
 
 
 def _children_in(message: Any) -> Iterator[Row]:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from decimal import Decimal
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -18,10 +17,8 @@ from pydantic import Field
 from trackbench.base.errors import InputError, shortened_text
 from trackbench.base.files import require_regular
 from trackbench.base.plugins import one_line
-from trackbench.base.types import Array
 from trackbench.truth.config.logs import BAG
-from trackbench.truth.formats.mcap import chosen_topic
-from trackbench.truth.recorded.rows import FROM_ZERO_S
+from trackbench.truth.formats.mcap import Row, chosen_topic, rows_of_messages, time_of, yaw_of
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 #: ``visualization_msgs/msg/Marker``: a box, and the actions that show it.
@@ -30,67 +27,64 @@ CUBE, SHOWN = 1, (0,)
 LABELS = {1: "car", 2: "truck", 3: "bus", 4: "trailer", 5: "motorcycle", 6: "bicycle", 7: "pedestrian"}
 
 
-class TrackedRow(NamedTuple):
-    """What a message says of one object."""
-
-    id: str
-    stamp: Any
-    """Of the header."""
-    frame: str
-    pose: Any
-    """With position and orientation."""
-    size: Any = None
-    """With x and y, m."""
-    twist: Any = None
-    """In the object's own frame."""
-    covariances: tuple[Any, Any] | None = None
-    """``(36,)`` of pose and twist."""
-    existence: float = math.nan
-    kind: str = ""
+def _row(name: str, header: Any, pose: Any, size: Any = None, twist: Any = None, **more: Any) -> Row:
+    """What a message says of one object: ``twist`` is in the object's own frame."""
+    turn = pose.orientation
+    heading = yaw_of(turn.x, turn.y, turn.z, turn.w)
+    row: Row = {"time": time_of(header.stamp.sec, header.stamp.nanosec), "frame": header.frame_id, "id": name, **more}
+    row |= {"x": float(pose.position.x), "y": float(pose.position.y), "heading": heading}
+    if size is not None:
+        row |= {"length": float(size.x), "width": float(size.y)}
+    if twist is not None:
+        cos, sin, ahead, left = math.cos(heading), math.sin(heading), twist.linear.x, twist.linear.y
+        row |= {"vx": float(cos * ahead - sin * left), "vy": float(sin * ahead + cos * left)}
+    return row
 
 
-def _odometry(message: Any) -> Iterator[TrackedRow]:
+def _with_covariance(row: Row, pose: Any, twist: Any) -> Row:
+    """The row with covariances of position and velocity, of which 0 in all entries says that they are not known."""
+    cos, sin = math.cos(row["heading"]), math.sin(row["heading"])
+    turn = np.array([[cos, -sin], [sin, cos]])
+    position, velocity = (np.asarray(part).reshape(6, 6)[:2, :2] for part in (pose.covariance, twist.covariance))
+    for first, block in ((0, position), (2, turn @ velocity @ turn.T)):
+        if block.any():
+            row |= {f"p_{first + a}{first + b}": float(block[a, b]) for a, b in ((0, 0), (0, 1), (1, 1))}
+    return row
+
+
+def _odometry(message: Any) -> Iterator[Row]:
     pose, twist = message.pose, message.twist
-    of_both = pose.covariance, twist.covariance
-    name = message.child_frame_id or "object"
-    yield TrackedRow(name, message.header.stamp, message.header.frame_id, pose.pose, None, twist.twist, of_both)
+    row = _row(message.child_frame_id or "object", message.header, pose.pose, None, twist.twist)
+    yield _with_covariance(row, pose, twist)
 
 
-def _markers(message: Any) -> Iterator[TrackedRow]:
+def _markers(message: Any) -> Iterator[Row]:
     for item in message.markers:
         if item.type == CUBE and item.action in SHOWN:
             name = f"{item.ns}/{item.id}" if item.ns else str(item.id)
-            yield TrackedRow(name, item.header.stamp, item.header.frame_id, item.pose, item.scale)
+            yield _row(name, item.header, item.pose, item.scale)
 
 
-def _detections(message: Any) -> Iterator[TrackedRow]:
+def _detections(message: Any) -> Iterator[Row]:
     for item in message.detections:
         if not item.id:
             raise ValueError("a detection has no id: these are detections of single images, and no tracks")
         kind = item.results[0].hypothesis.class_id if len(item.results) else ""
-        stamp, frame = message.header.stamp, message.header.frame_id
-        yield TrackedRow(item.id, stamp, frame, item.bbox.center, item.bbox.size, kind=kind)
+        yield _row(item.id, message.header, item.bbox.center, item.bbox.size, **{"class": kind})
 
 
-def _tracked(message: Any) -> Iterator[TrackedRow]:
+def _tracked(message: Any) -> Iterator[Row]:
     for item in message.objects:
-        moving = item.kinematics
+        pose, twist = item.kinematics.pose_with_covariance, item.kinematics.twist_with_covariance
         likely = max(item.classification, key=lambda each: each.probability, default=None)
-        yield TrackedRow(
-            bytes(item.object_id.uuid).hex(),
-            message.header.stamp,
-            message.header.frame_id,
-            moving.pose_with_covariance.pose,
-            item.shape.dimensions,
-            moving.twist_with_covariance.twist,
-            (moving.pose_with_covariance.covariance, moving.twist_with_covariance.covariance),
-            float(item.existence_probability),
-            "" if likely is None else LABELS.get(likely.label, ""),
-        )
+        name, size = bytes(item.object_id.uuid).hex(), item.shape.dimensions
+        kind = "" if likely is None else LABELS.get(likely.label, "")
+        more = {"class": kind, "existence": float(item.existence_probability)}
+        yield _with_covariance(_row(name, message.header, pose.pose, size, twist.twist, **more), pose, twist)
 
 
 #: By the type of the messages.
-READERS: dict[str, Callable[[Any], Iterator[TrackedRow]]] = {
+READERS: dict[str, Callable[[Any], Iterator[Row]]] = {
     "nav_msgs/msg/Odometry": _odometry,
     "visualization_msgs/msg/MarkerArray": _markers,
     "vision_msgs/msg/Detection3DArray": _detections,
@@ -127,58 +121,8 @@ class RosBag(TrafficFormat):
                     raise InputError(message, file=file)
                 read = READERS[types[topic]]
                 every = (bag.deserialize(raw, item.msgtype) for item, _, raw in bag.messages(connections=own))
-                return _rows([row for message in every for row in read(message)], file)
+                return rows_of_messages([row for message in every for row in read(message)], file)
         except InputError:
             raise
         except Exception as error:  # The reader of bags lets whatever a damaged file leads to through.
             raise InputError(f"not a ROS bag that can be read: {shortened_text(one_line(error))}", file=file) from None
-
-
-def _rows(tracked: list[TrackedRow], file: Path) -> TrackRows:
-    if not tracked:
-        raise InputError("there is no track in the messages of this topic", file=file)
-    frames = sorted({row.frame for row in tracked})
-    if len(frames) > 1:
-        problem = (
-            f"tracks are in several frames, and one that is fixed to the ground is needed: {', '.join(frames[:5])}"
-        )
-        raise InputError(shortened_text(problem, 300), file=file)
-    first = min(row.stamp.sec for row in tracked)
-    start = first if first > FROM_ZERO_S else 0
-    numbers = np.array([_numbers(row, start) for row in tracked]).T
-    time, px, py, heading, vx, vy, length, width, existence = numbers
-    covariance = np.stack([_covariance(row, angle) for row, angle in zip(tracked, heading, strict=True)], axis=-1)
-    known = {"vx": vx, "vy": vy, "length": length, "width": width, "existence": existence}
-    stated: dict[str, Any] = {name: values for name, values in known.items() if np.isfinite(values).all()}
-    if np.isfinite(covariance).any():
-        stated["covariance"] = covariance
-    kinds = [row.kind for row in tracked]
-    ids = [row.id for row in tracked]
-    return TrackRows(ids, time, px, py, heading=heading, kind=kinds, start=Decimal(start), **stated)
-
-
-def _numbers(row: TrackedRow, start: int) -> tuple[float, ...]:
-    """Time, x, y, heading, vx, vy, length, width, existence; NaN where a message does not state it."""
-    position, turn = row.pose.position, row.pose.orientation
-    heading = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
-    velocity, size = (math.nan, math.nan), (math.nan, math.nan)
-    if row.twist is not None:
-        cos, sin, ahead, left = math.cos(heading), math.sin(heading), row.twist.linear.x, row.twist.linear.y
-        velocity = cos * ahead - sin * left, sin * ahead + cos * left
-    if row.size is not None:
-        size = row.size.x, row.size.y
-    time = row.stamp.sec - start + 1e-9 * row.stamp.nanosec
-    return time, position.x, position.y, heading, *velocity, *size, row.existence
-
-
-def _covariance(row: TrackedRow, heading: float) -> Array:
-    """``(4, 4)`` of px, py, vx, vy; NaN between position and velocity, which no message states, and where all are 0."""
-    result = np.full((4, 4), np.nan)
-    if row.covariances is None:
-        return result
-    position, velocity = (np.asarray(part).reshape(6, 6)[:2, :2] for part in row.covariances)
-    turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
-    for place, block in ((0, position), (2, turn @ velocity @ turn.T)):
-        if block.any():
-            result[place : place + 2, place : place + 2] = block
-    return result

@@ -76,7 +76,8 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str]) -> ColumnLay
     Raises:
         InputError: a key has several columns, or a required one none; names the candidates.
     """
-    columns, units = dict[str, str](), dict[str, str]()
+    columns: dict[str, str] = {}
+    units: dict[str, str] = {}
     for key in QUANTITIES:
         candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
         if key in stated:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, counted
+from trackbench.base.errors import InputError
 from trackbench.base.types import KINEMATICS, Array, Indices, Observer, RecordedAlarms, RecordedMeasurements, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
@@ -80,8 +80,6 @@ class Scans(NamedTuple):
     own_track: Indices
     """``(rows,)``"""
     own_tracks: tuple[str, ...]
-    rows: int
-    """In the file."""
     duplicates: int
     """Rows of the same slot at the same time as a row before, which are left out."""
     copies: int = 0
@@ -235,10 +233,9 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     times = np.unique(np.concatenate([*own, *(drive.framed(of.time) for of in drive.detections.values())]))
     if drive.observer is None:
         return times
-    what, key = ("times of the truth", "columns.observer") if drive.has_truth else ("measurements", "ego")
     ends = float(drive.observer.time[0]), float(drive.observer.time[-1])
     inside = _between(times, *ends)
-    _require_half(inside, times, ends, what, "the observer", f"truth.{key}")
+    _require_half(inside, times, ends, "times of the truth" if drive.has_truth else "measurements", "truth.ego")
     return inside
 
 
@@ -270,76 +267,64 @@ def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, obje
     return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, looked.cycle[there], alarms)
 
 
-#: What is said of rows by what was done to them.
-LEFT_OUT = {
-    "out_of_order": "out of the order of time (sorted)",
-    "duplicates": "of an object and a time that came before (left out)",
-    "outside_observer": "outside the time of the observer (left out)",
-    "outside_truth": "outside the time of the truth (left out)",
-    "of_no_object": "of no object (left out)",
-}
-
-
-def counts_left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, dict[str, int]]:
-    """Count the rows of the truth and of each sensor that were sorted or left out; what did not occur is not named.
+def left_out(drive: Drive, clipped: Drive, times: Array, *, hidden: bool) -> dict[str, dict[str, int]]:
+    """Count the rows of the truth and of each sensor by why they are not used; what did not occur is not named.
 
     With ``hidden`` identities rows of no object are false alarms.
     """
-    result = {"truth": {"out_of_order": drive.order.backwards, "duplicates": drive.order.duplicates}}
+    result = {"truth": {"of an object and a time that came before": drive.order.duplicates}}
     if drive.has_truth and (seen := drive.observer) is not None:
-        times = np.concatenate([motion.time for motion in drive.motions.values()])
-        result["truth"]["outside_observer"] = int(((times < seen.time[0]) | (times > seen.time[-1])).sum())
+        rows = np.concatenate([motion.time for motion in drive.motions.values()])
+        outside = int(((rows < seen.time[0]) | (rows > seen.time[-1])).sum())
+        result["truth"]["outside the time of the observer"] = outside
     for name, log in drive.logs.items():
         result[name] = {
-            "out_of_order": log.order.backwards,
-            "duplicates": log.order.duplicates,
-            "outside_truth": len(log.time) - len(clipped.logs[name].time),
-            "of_no_object": 0 if hidden else len(log.alarm_time),
+            "of an object and a time that came before": log.order.duplicates,
+            "outside the time of the truth": len(log.time) - len(clipped.logs[name].time),
+            "of no object": 0 if hidden else len(log.alarm_time),
         }
-    counts = {name: {what: count for what, count in of.items() if count} for name, of in result.items()}
+    whose = "truth" if drive.has_truth else "observer"
+    for name, scans in drive.detections.items():
+        result[name] = {
+            "of a slot and a time that came before": scans.duplicates,
+            "that are copies of another of their cycle": scans.copies,
+            f"outside the time of the {whose}": int((~np.isin(scans.time, times))[scans.scan].sum()),
+        }
+    counts = {name: {why: count for why, count in of.items() if count} for name, of in result.items()}
     return {name: of for name, of in counts.items() if of}
 
 
-def notes(drive: Drive, counts: Mapping[str, Mapping[str, int]]) -> Iterator[str]:
-    """Yield a line for the truth and each sensor whose rows were sorted or left out."""
-    for name, of in counts.items():
-        rows = drive.order.rows if name == "truth" else drive.logs[name].order.rows
-        parts = ", ".join(f"{count} {LEFT_OUT[what]}" for what, count in of.items())
-        yield f"{name}: of {counted(rows, 'row')}, {parts}"
-
-
 def require_measurements(drive: Drive, clipped: Drive) -> None:
-    """Make sure that half of the measurements of every sensor are within the time of the truth.
+    """Make sure that measurements of every sensor are within the time of the truth and of its observer.
 
     Raises:
-        InputError: fewer are, or none within that of its object.
+        InputError: fewer than half are.
     """
     if drive.observer is not None:
         grid(drive, {})
-    if not drive.has_truth:
-        return
-    spans = np.array([drive.span(number) for number in range(len(drive.motions))])
-    ends = float(spans[:, 0].min()), float(spans[:, 1].max())
     for name, log in drive.logs.items():
-        time, kept = np.concatenate([log.time, log.alarm_time]), clipped.logs[name]
-        whose = "the truth" if len(kept.time) + len(kept.alarm_time) else "its object's truth"
-        inside = _between(time, *ends) if whose == "the truth" else time[:0]
-        _require_half(inside, time, ends, f"measurements of {name}", whose, f"truth.readings.{name}")
+        kept, spans = clipped.logs[name], [drive.span(number) for number in range(len(drive.motions))]
+        ends = min(first for first, _ in spans), max(last for _, last in spans)
+        time = np.concatenate([log.time, log.alarm_time])
+        inside = _between(time, *ends) if len(kept.time) + len(kept.alarm_time) else time[:0]
+        _require_half(inside, time, ends, f"measurements of {name}", f"truth.readings.{name}")
     for name, of in drive.detections.items():
-        time, ends = of.time[of.scan], (float(drive.frames[0]), float(drive.frames[-1]))
-        _require_half(drive.framed(time), time, ends, f"measurements of {name}", "the truth", f"truth.readings.{name}")
+        if drive.has_truth:
+            ends = float(drive.frames[0]), float(drive.frames[-1])
+            time = of.time[of.scan]
+            _require_half(drive.framed(time), time, ends, f"measurements of {name}", f"truth.readings.{name}")
 
 
 def _between(time: Array, first: float, last: float) -> Array:
     return np.asarray(time[(time >= first) & (time <= last)])
 
 
-def _require_half(inside: Array, time: Array, ends: tuple[float, float], what: str, whose: str, key: str) -> None:
+def _require_half(inside: Array, time: Array, ends: tuple[float, float], what: str, key: str) -> None:
     """Refuse times of which fewer than half are inside the span of another file, as those of another unit are."""
     if len(inside) and 2 * len(inside) >= len(time):
         return
     own, other = (f"from {begin:.12g} to {end:.12g} s" for begin, end in np.round([[time.min(), time.max()], ends], 2))
-    message = f"only {len(inside)} of {len(time)} {what} ({own}) lie within the time of {whose} ({other})"
+    message = f"only {len(inside)} of {len(time)} {what} ({own}) lie within the time of the truth or observer ({other})"
     raise InputError(f"{message}: check the units of time", key=key)
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-
 import numpy as np
 
-from trackbench.base.errors import InputError, counted
+from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Indices, Mask, RecordedDetections
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
@@ -98,7 +96,7 @@ def scans_of(table: Rows, entry: MeasurementColumns, at: Array, units: Units, ki
     own_track, own_tracks = np.full(len(time), -1), list[str]()
     if entry.slot is not None:
         own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
-    result = Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), duplicates)
+    result = Scans(instants[first], scan, values, own_track, tuple(own_tracks), duplicates)
     return result if entry.copies_within_m is None else _without_copies(result, time, model, entry.copies_within_m)
 
 
@@ -135,19 +133,6 @@ def _without_copies(of: Scans, time: Array, model: type[Sensor], within: float) 
     return of._replace(
         scan=of.scan[kept], measurement=of.measurement[:, kept], own_track=of.own_track[kept], copies=int((~kept).sum())
     )
-
-
-def scan_notes(result: Mapping[str, Scans], times: Array, whose: str) -> Iterator[str]:
-    """A line for each sensor and what of its rows was left out; ``times`` are those of what is named in ``whose``."""
-    for name, of in result.items():
-        outside = int((~np.isin(of.time, times))[of.scan].sum())
-        if of.duplicates:
-            what = "of a slot and a time that came before (left out)"
-            yield f"{name}: of {counted(of.rows, 'row')}, {of.duplicates} {what}"
-        if of.copies:
-            yield f"{name}: of {counted(of.rows, 'row')}, {of.copies} copies of another of their cycle (left out)"
-        if outside:
-            yield f"{name}: of {counted(of.rows, 'row')}, {outside} outside the time of the {whose} (left out)"
 
 
 def recorded_detections(of: Scans, times: Array) -> RecordedDetections:

@@ -55,11 +55,10 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     assert config.columns is not None
     assert config.path is not None
     columns, units = config.columns, config.units
-    observer = columns.observer
     inside = [entry for entry in config.measurements.values() if entry.path is None]
     wanted = [columns.time, columns.object, *columns.stated.values()]
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
-    wanted += [columns.kind, *(observer.stated.values() if observer is not None and not observer.path else ())]
+    wanted.append(columns.kind)
     file = find_log(config.path, folder, "truth.path")
     table = read_table(file, config.format, wanted)
     clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
@@ -67,12 +66,8 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     seconds = clock.since(start)
     _require_not_long(table, columns.time, seconds)
     motions, order = _motions(table, columns, seconds, config)
-    moving = None
-    if observer is not None and observer.path is not None:
-        moving = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
-    elif observer is not None:
-        _require_one_pose_a_time(table, observer, seconds)
-        moving = observer_motion(table, observer, seconds, units)
+    ego = config.ego
+    moving = None if ego is None else _observer(ego, ego.time or columns.time, config, folder, start)
     logs: dict[str, Log] = {}
     detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
@@ -116,7 +111,7 @@ def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: 
         _require_not_long(tables[name], entry.time or "", seconds)
         detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, config.units, kinds[name])
     if config.ego is not None:
-        moving = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
+        moving = _observer(config.ego, config.ego.time or "", config, folder, start)
     return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections)
 
 
@@ -125,17 +120,6 @@ def _detections_of_file(
 ) -> Rows:
     file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
     return read_table(file, config.format, columns)
-
-
-def _observer_of_file(
-    columns: ObserverColumns, time: str, config: RecordingOptions, folder: Path, start: Decimal
-) -> Motion:
-    """The observer's motion from a file of its own, whose column of times is ``time``."""
-    key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
-    file = find_log(columns.path or "", folder, key)
-    table = read_table(file, config.format, [time, *columns.stated.values()])
-    clock = table.times(time, config.units.factor("time", columns.units.get("time")))
-    return observer_motion(table, columns, clock.since(start), config.units)
 
 
 def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
@@ -189,21 +173,18 @@ def _by_displacement(motion: Motion) -> Motion:
     return motion._replace(vx=slope(motion.px, motion.time), vy=slope(motion.py, motion.time))
 
 
-def observer_motion(table: Rows, columns: ObserverColumns, seconds: Array, units: Units) -> Motion:
+def _observer(
+    columns: ObserverColumns, time_column: str, config: RecordingOptions, folder: Path, start: Decimal
+) -> Motion:
+    file, units = find_log(columns.path, folder, "truth.ego.path"), config.units
+    table = read_table(file, config.format, [time_column, *columns.stated.values()])
+    seconds = table.times(time_column, units.factor("time", columns.units.get("time"))).since(start)
     kept, _ = row_order(seconds, np.zeros(len(seconds), dtype=np.intp))
     time = seconds[kept]
     value = {key: column[kept] for key, column in _values(table, columns, units, columns.units).items()}
     value["heading"] = value.pop("yaw")
     motion = Motion(time, **{**dict.fromkeys(("vx", "vy"), np.zeros(len(time))), **value})
     return _by_displacement(motion) if columns.without_velocity else motion
-
-
-def _require_one_pose_a_time(table: Rows, columns: ObserverColumns, seconds: Array) -> None:
-    _, first, of_row = np.unique(seconds, return_index=True, return_inverse=True)
-    for column in columns.stated.values():
-        values = table.numbers(column, 1.0, None)
-        for row in np.flatnonzero(values != values[first][of_row]).tolist():
-            raise table.error(row, f"{column} differs from that of the same time in a row before")
 
 
 def _log(

@@ -68,8 +68,10 @@ def _csv_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
 
 def _csv(file: Path, names: list[str]) -> Rows:
     first, header = next(_csv_rows(file))
-    _require_columns(names, header, file)
+    _require_columns(names, header, file, first)
     raw, numbers = log_text(file).encode(), [str(number) for number in range(len(header))]
+    if raw.count(b'"') % 2:
+        raise InputError("not valid CSV: a quotation mark is not closed", file=file)
     try:
         table = pacsv.read_csv(
             pa.BufferReader(raw),
@@ -108,11 +110,11 @@ def _parquet(file: Path, names: list[str]) -> Rows:
         return Rows(file, pa.table({name: plain_column(name, table[name], file) for name in names}))
 
 
-def _require_columns(names: Sequence[str], header: Sequence[str], file: Path) -> None:
+def _require_columns(names: Sequence[str], header: Sequence[str], file: Path, line: int | None = None) -> None:
     """Refuse a table without one of the columns, or with two of its name."""
     for name in names:
         if name not in header:
             names_there = [shortened_text(column, 40) for column in header]
-            raise InputError(f"there is no column {name!r}; {nearest_choices(name, names_there)}", file=file)
+            raise InputError(f"there is no column {name!r}; {nearest_choices(name, names_there)}", file=file, line=line)
         if header.count(name) > 1:
-            raise InputError(f"there are {header.count(name)} columns {name!r}", file=file)
+            raise InputError(f"there are {header.count(name)} columns {name!r}", file=file, line=line)

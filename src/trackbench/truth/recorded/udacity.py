@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +15,7 @@ from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
-from trackbench.truth.jumps import why_too_large
+from trackbench.truth.jumps import LARGEST
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
 from trackbench.truth.recorded.table_files import log_text
 
@@ -25,15 +24,9 @@ SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
     "L": ("lidar", ("px", "py")),
     "R": ("radar", ("range", "azimuth", "range rate")),
 }
-TRUTH = ("px", "py", "vx", "vy")
+TRUTH = ("true px", "true py", "true vx", "true vy")
 #: Columns of the truth that older files leave out.
-OPTIONAL = ("yaw", "yaw rate")
-#: Quantity of each column.
-QUANTITIES = {
-    **dict.fromkeys(("px", "py", "range"), "length"),
-    **dict.fromkeys(("vx", "vy", "range rate"), "speed"),
-    **dict.fromkeys(("azimuth", *OPTIONAL), "angle"),
-}
+OPTIONAL = ("true yaw", "true yaw rate")
 #: Whole microseconds that a double holds exactly.
 _STAMP = re.compile(r"[0-9]{1,16}")
 
@@ -65,27 +58,20 @@ def parse_line(text: str) -> Measurement:
     if letter not in SENSORS:
         raise InputError(f"a line begins with L (lidar) or R (radar), not {letter[:20]!r}")
     kind, components = SENSORS[letter]
-    needed = (*components, "time stamp", *TRUTH)
-    size, most = len(components), len(needed) + len(OPTIONAL)
-    if len(columns) < len(needed):
-        missing = needed[len(columns)]
-        what = f"the truth ({', '.join(TRUTH)})" if missing == TRUTH[0] else f"{missing} (column {len(columns) + 2})"
-        raise InputError(f"the {letter} line ends before {what}")
-    if len(columns) > most:
-        raise InputError(f"the {letter} line has {len(columns) + 1} columns, where {most + 1} are the most")
-    stamp = columns.pop(size)
-    if not _STAMP.fullmatch(stamp):
-        raise InputError(f"the time stamp is a whole number of microseconds, not {stamp[:20]!r}")
-    values = []
-    for place, (column, name) in enumerate(zip(columns, (*components, *TRUTH, *OPTIONAL), strict=False)):
-        value, stated = stated_number(column), name if place < size else f"true {name}"
-        if not math.isfinite(value):
-            raise InputError(f"{stated} is not a finite number: {column[:20]!r}")
-        if (problem := why_too_large(value, QUANTITIES[name])) is not None:
-            raise InputError(f"{stated} is {column[:20]!r}: {problem}")
-        values.append(value)
+    names = (*components, "time stamp", *TRUTH, *OPTIONAL)
+    size, least = len(components), len(names) - len(OPTIONAL)
+    if not least <= len(columns) <= len(names):
+        message = f"the {letter} line has {len(columns)} columns after its letter, where {least} to {len(names)} are"
+        raise InputError(f"{message} needed: {', '.join(names)}")
+    for column, name in zip(columns, names, strict=False):
+        if name == "time stamp" and not _STAMP.fullmatch(column):
+            raise InputError(f"the time stamp is a whole number of microseconds, not {column[:20]!r}")
+        if not abs(stated_number(column)) <= LARGEST["length"] and name != "time stamp":
+            raise InputError(f"{name} is not a finite number that can be meant: {column[:20]!r}")
+    stamp = int(columns.pop(size))
+    values = [float(column) for column in columns]
     px, py, vx, vy, *rest = values[size:]
-    return Measurement(kind, tuple(values[:size]), int(stamp), (px, py, vx, vy), *rest)
+    return Measurement(kind, tuple(values[:size]), stamp, (px, py, vx, vy), *rest)
 
 
 OBJECT = "cyclist"

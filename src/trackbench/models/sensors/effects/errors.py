@@ -1,4 +1,4 @@
-"""Errors that are not white: constant over a run, slowly changing, and periodic in the azimuth."""
+"""Errors that are not white: constant over a run, slowly changing, and those of whole steps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.config import Angle, NonNegative, Positive, Probability, Problem
+from trackbench.base.config import NonNegative, Positive, Probability, Problem
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
@@ -64,25 +64,6 @@ class Bias(Effect):
 
     def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
         return component_problems("sigmas", self.sigmas, sensor)
-
-
-class AzimuthRipple(Effect):
-    """An error that is periodic in the azimuth, as of an antenna behind a bumper; its phase is drawn once a run."""
-
-    amplitude_deg: Angle = Field(description="Largest error, degrees.")
-    period_deg: float = Field(gt=0, le=360, description="Period in azimuth, degrees.")
-
-    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
-        place = sensed.sensor.components.index("azimuth")
-        phase = 2.0 * np.pi * random.random()
-        error = sensed.error.copy()
-        turns = sensed.ideal()[place] / np.deg2rad(self.period_deg)
-        error[place] += np.deg2rad(self.amplitude_deg) * np.sin(2.0 * np.pi * turns + phase)
-        return sensed.replaced(error=error)
-
-    def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
-        if "azimuth" not in sensor.components:
-            yield Problem(("type",), f"a {sensor.kind()} measures no azimuth; remove it")
 
 
 class Quantised(Effect):
