@@ -2,8 +2,8 @@
 
     python benchmarks/doctor_rates.py [--workers N] [--objects one|several] [--only TEXT]
 
-Writes docs/doctor-rates.md and results/doctor_rates.json, unless only some of the faults are asked for; with --objects
-the other half of the page stays as it is.
+Writes results/doctor_rates.md and results/doctor_rates.json, unless only some of the faults are asked for; with
+--objects the other half of the page stays as it is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import re
 import time
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
 from multiprocessing import get_context
@@ -30,8 +30,8 @@ from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.subject import SENSORS
 
-PAGE = Path(__file__).parents[1] / "docs" / "doctor-rates.md"
-DATA = Path(__file__).parents[1] / "results" / "doctor_rates.json"
+PAGE = Path(__file__).parents[1] / "results" / "doctor_rates.md"
+DATA = PAGE.with_suffix(".json")
 #: Number of seeds of the noise and the probes.
 SEEDS = 5
 #: Examinations of correct trackers, at least.
@@ -127,16 +127,11 @@ def named_faults(seen: Sequence[Seen]) -> Named:
 
 def table(named: Named) -> list[str]:
     """Return the rows of the faults that are not always named, and of all together."""
-    columns = list(named["all"])
-    lines = [
-        "| injected fault | " + " | ".join(column.replace("_", " ") for column in columns) + " |",
-        "| --- |" + " ---: |" * len(columns),
-    ]
+    lines = ["| injected fault | named first |", "| --- | ---: |"]
     for fault, cells in named.items():
         right, number = cells["all"]
         if right < number:
-            shown = ["{}/{}".format(*cells[column]) if column in cells else "" for column in columns]
-            lines.append(f"| {f'`{fault}`' if fault != 'all' else 'all'} | " + " | ".join(shown) + " |")
+            lines.append(f"| {f'`{fault}`' if fault != 'all' else 'all'} | {right}/{number} |")
     return lines
 
 
@@ -144,7 +139,6 @@ def page(seen: Sequence[Seen]) -> str:
     injected = [one for one in seen if isinstance(one.task.what, int)]
     correct = [one for one in seen if isinstance(one.task.what, str)]
     hits, silent = sum(one.right for one in injected), sum(one.right for one in correct)
-    missed = [one for one in injected if not one.right]
     lines = [
         "# How often the doctor is right",
         "",
@@ -157,25 +151,14 @@ def page(seen: Sequence[Seen]) -> str:
         "nothing: all built-in filters with every motion model, calm to lively tunings, several starts, one sensor or "
         "two, and the trackers of the table without their faults.",
         "",
-        "Every fault is injected into correct trackers (columns): plain NumPy ones, ones made with FilterPy, and "
+        "Every fault is injected into correct trackers: plain NumPy ones, ones made with FilterPy, and "
         "built-in ones. It counts where its name is the first finding; of a wrong measurement noise also the sensor "
         "and the factor, within a factor of two. A row for each fault that is not always named; "
         "`results/doctor_rates.json` has all of them.",
         "",
         *table(named_faults(injected)),
     ]
-    if missed:
-        lines += ["", "Not named first:", ""]
-        lines += [
-            f"- {MUTANTS[one.task.what].name} (seed {one.task.seed}): {', '.join(one.found) or 'nothing'}"
-            for one in missed
-            if isinstance(one.task.what, int)
-        ]
-    return "\n".join([*lines, "", *correct_trackers(quiet_trackers(correct))])
-
-
-#: Correct trackers that are listed.
-LISTED = 5
+    return "\n".join(lines)
 
 
 def quiet_trackers(seen: Sequence[Seen]) -> dict[str, tuple[int, int, float, float]]:
@@ -188,20 +171,6 @@ def quiet_trackers(seen: Sequence[Seen]) -> dict[str, tuple[int, int, float, flo
         nees = [number for one in found for number in one.nees] or [np.nan]
         quiet[name] = sum(one.right for one in found), len(found), min(nees), max(nees)
     return quiet
-
-
-def correct_trackers(quiet: Mapping[str, tuple[int, int, float, float]]) -> list[str]:
-    """Return the correct trackers with the largest NEES in any drive."""
-    lines = [
-        f"The {LISTED} correct trackers with the largest mean NEES of position or velocity in any drive; 2 is right. "
-        "0.06 to 30 passes, in three drives with manoeuvres up to 150 and 600:",
-        "",
-        "| tracker | nothing found | NEES |",
-        "| --- | ---: | ---: |",
-    ]
-    for name, (right, number, least, most) in sorted(quiet.items(), key=lambda item: -item[1][3])[:LISTED]:
-        lines.append(f"| {name} | {right}/{number} | {least:.2g} to {most:.2g} |")
-    return lines
 
 
 def write_data(seen: Sequence[Seen]) -> None:

@@ -10,14 +10,9 @@ from benchmarks.scene import DT, SENSORS, weaving
 from tests.support import peers
 
 from trackbench.base.types import Array, Gaussian, Scan, Truth
-from trackbench.engine.choice import Engine, compute_by
-from trackbench.metrics import BlockScores, Scorer, Target
-from trackbench.metrics.conditions import condition_classes
-from trackbench.metrics.estimates import ESTIMATES
+from trackbench.engine.choice import Engine
 from trackbench.models.motion import Kinematics
-from trackbench.runner.filter_sequence import through
 from trackbench.runner.loop import keep_freed_memory
-from trackbench.runner.tracker_run import INSTANTS
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
@@ -102,19 +97,6 @@ def estimates_apart(of: Problem, name: str) -> float:
     return apart
 
 
-def scores_apart(of: Problem, name: str) -> float:
-    """Largest difference of the engines' sums over the runs of errors, NEES and NIS, over the largest such sum."""
-    (_, expected), (_, found) = (filtering_and_scoring(of, name, engine) for engine in ("numpy", "fused"))
-    pairs = zip(_sums(found), _sums(expected), strict=True)
-    return max(float(np.abs(one - other).max() / max(np.abs(other).max(), 1e-300)) for one, other in pairs)
-
-
-def _sums(scores: BlockScores) -> list[Array]:
-    """Each ``(runs,)``."""
-    parts = [scores.errors, *scores.nis.values()]
-    return [row for part in parts for row in part.per_run]
-
-
 def filtering(of: Problem, name: str, engine: Engine) -> float:
     """Seconds that trackbench takes for all runs."""
     tracker, state = prepared(of, name, engine), None
@@ -122,40 +104,6 @@ def filtering(of: Problem, name: str, engine: Engine) -> float:
     for scan in of.scans:
         state, _ = tracker.step(state, scan)
     return time.perf_counter() - begin
-
-
-def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float, BlockScores]:
-    """The same, with every estimate and innovation scored as a block of the runner does it; and the sums."""
-    truth = of.truth
-    target = Target(
-        time=truth.time,
-        state=np.stack([truth.px, truth.py, truth.vx, truth.vy]),
-        alive=truth.alive,
-        due=np.ones((of.steps, 1, of.runs), dtype=bool),
-        starting=np.zeros((of.steps, 1, of.runs), dtype=bool),
-        divergence=20.0,
-        reference=np.zeros((2, of.steps, 1, 1)),
-    )
-    counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
-    classes = condition_classes(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
-    tracker, state = prepared(of, name, engine), None
-    scorer = Scorer(target, classes, counts, compute=compute_by(engine))
-    begin, instant = time.perf_counter(), 0
-    while instant < of.steps:
-        if engine == "fused" and state is not None:
-            scans = [[scan] for scan in of.scans[instant : instant + INSTANTS]]
-            taken = through(tracker, state, scans, scorer, instant, None)
-            if taken is not None:
-                state, instant = taken.sequence.state(), instant + len(scans)
-                continue
-        state, estimate = tracker.step(state, of.scans[instant])
-        scorer.scan(instant, of.scans[instant], estimate)
-        scorer.estimate(estimate)
-        if scorer.waits:
-            scorer.score()
-        instant += 1
-    scores: BlockScores = scorer.close()[ESTIMATES.name]
-    return time.perf_counter() - begin, scores
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from benchmarks.eigen.programs import SOURCES, Missing, Program, program
-from benchmarks.goal import at_least, at_most
 
 from benchmarks import engines
 from trackbench.base.types import Array
@@ -23,20 +22,15 @@ RUNS, STEPS = 1000, 500
 PEER_RUNS = 10
 ENGINES: tuple[Engine, ...] = ("fused", "numpy")
 EIGEN = "C++ with Eigen"
-#: Largest difference that counts as agreement: of the engines in standard deviations, and of their scores relative; of
-#: the others of any state component, in m, m/s, rad and rad/s.
-AGREEMENT = {"numpy": 1e-9, "numpy, scored": 1e-9, EIGEN: 1e-9, "FilterPy": 1e-4, "Stone Soup": 1e-4}
-#: Of the fused engine: microseconds for a step of one run, the same with scoring, and times as fast as FilterPy.
-GOALS = {"EKF, CV": (0.04, 0.09, 400.0), "UKF, CTRV": (0.1, 0.15, 1500.0)}
-#: An IMM over the dearer of its two filters alone.
-IMM, ALONE, IMM_GOAL = "IMM of EKFs, CV and CTRV", "EKF, CTRV", 2.5
-
+#: Largest difference that counts as agreement: of the engines in standard deviations; of the others of any state
+#: component, in m, m/s, rad and rad/s.
+AGREEMENT = {"numpy": 1e-9, EIGEN: 1e-9, "FilterPy": 1e-4, "Stone Soup": 1e-4}
 #: Numbers by problem, and by engine or package.
 Found = dict[tuple[str, str], float]
 
 
 def measure(repetitions: int) -> dict[str, Any]:
-    """Differences, microseconds for a step of one run, goals, and why there is no Eigen where there is none."""
+    """Differences, microseconds for a step of one run, and why there is no Eigen where there is none."""
     problem = engines.problem(RUNS, STEPS)
     with tempfile.TemporaryDirectory() as folder:
         built, missing = _built(problem, Path(folder))
@@ -47,7 +41,6 @@ def measure(repetitions: int) -> dict[str, Any]:
         "largest_difference": _rows(differences),
         "microseconds_per_step": _rows(best),
         "without_eigen": missing,
-        "goals": goals(best),
     }
 
 
@@ -68,7 +61,6 @@ def agree(problem: engines.Problem, built: Mapping[str, Program]) -> Found:
     for name in engines.TRACKERS:
         print(f"agreement of {name} ...", file=sys.stderr)
         found[name, "numpy"] = engines.estimates_apart(problem, name)
-        found[name, "numpy, scored"] = engines.scores_apart(problem, name)
     for name, peers in engines.PEERS.items():
         ours = engines.estimates(problem, name)
         if name in built:
@@ -96,7 +88,6 @@ def timed(problem: engines.Problem, built: Mapping[str, Program], repetitions: i
     for name in engines.TRACKERS:
         for by in ENGINES:
             calls[name, by] = lambda name=name, by=by: engines.filtering(problem, name, by)
-            calls[name, f"{by}, scored"] = lambda name=name, by=by: engines.filtering_and_scoring(problem, name, by)[0]
     for name, peers in engines.PEERS.items():
         if name in built:
             calls[name, EIGEN] = built[name].run
@@ -110,16 +101,3 @@ def timed(problem: engines.Problem, built: Mapping[str, Program], repetitions: i
             runs = PEER_RUNS if engine in engines.PEERS.get(name, {}) else problem.runs
             best[name, engine] = min(best[name, engine], call() / (runs * problem.steps) * 1e6)
     return best
-
-
-def goals(best: Found) -> list[dict[str, Any]]:
-    """What was measured of the fused engine beside what is aimed at."""
-    found: list[dict[str, Any]] = []
-    for name, (step, scored, faster) in GOALS.items():
-        fused = best[name, "fused"]
-        found += [
-            at_most(f"{name}: µs for a step of one run", fused, step),
-            at_most(f"{name}: µs for a step of one run with scoring", best[name, "fused, scored"], scored),
-            at_least(f"{name}: times as fast as FilterPy", best[name, "FilterPy"] / fused, faster),
-        ]
-    return [*found, at_most(f"{IMM}: times as long as {ALONE}", best[IMM, "fused"] / best[ALONE, "fused"], IMM_GOAL)]

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.table_cells import digits
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure
@@ -112,6 +111,11 @@ def draw(measured: Sequence[dict[str, Any]]) -> None:
         alternative = f"Processor time of a run over {case.name}: {_cells(row)}"
         figure = Figure(_file(case), "", "", alternative, paint, 220, 420)
         (FIGURES / f"{_file(case)}.svg").write_text(svg_file(figure), encoding="utf-8")
+
+
+def digits(value: float) -> str:
+    """Return a number to three digits."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def section(measured: Sequence[dict[str, Any]]) -> str:

@@ -13,7 +13,6 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 
 import json
 import platform
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib.metadata import version
@@ -25,7 +24,6 @@ from trackbench.engine.machine import unavailable
 
 RESULTS = Path(__file__).parent.parent / "results"
 REPETITIONS = 7
-MEMORY_REQUIRED = 2 * 1024**3
 #: What can be measured by itself.
 PARTS: dict[str, Callable[[], Any]] = {
     "filters": lambda: filters.measure(REPETITIONS),
@@ -37,7 +35,6 @@ PARTS: dict[str, Callable[[], Any]] = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repetitions", type=int, default=REPETITIONS)
-    parser.add_argument("--no-memory", action="store_true", help="leave out the large run, which takes a minute")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=[], help="measure these again; the rest stays")
     options = parser.parse_args()
     if options.only:
@@ -51,7 +48,6 @@ def main() -> None:
         **where(),
         "filters": filters.measure(options.repetitions),
         "traffic_trackers": traffic_trackers.measure(),
-        "memory": None if options.no_memory else memory(),
         "growth": growth.measure(),
     }
     write(found)
@@ -74,15 +70,6 @@ def where() -> dict[str, Any]:
         "machine": {"cpu": cpu_model(), "threads": 1, "python": platform.python_version()},
         "versions": {name: version(name) for name in names},
     }
-
-
-def memory() -> dict[str, Any]:
-    """Peak memory of a large run, measured in a process of its own."""
-    print("memory of a large run ...", file=sys.stderr)
-    command = [sys.executable, "-m", "benchmarks.memory"]
-    answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    found: dict[str, Any] = json.loads(answer)
-    return {**found, "required_bytes": MEMORY_REQUIRED, "met": found["peak_bytes"] <= MEMORY_REQUIRED}
 
 
 def cpu_model() -> str:

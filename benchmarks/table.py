@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.table_cells import digits, goals, met
+from benchmarks.growth import digits
 
 from benchmarks import growth
 
@@ -29,7 +29,6 @@ def markdown(measured: dict[str, Any]) -> str:
         "",
         *(f"Measured again later, on {place}: {', '.join(parts)}.\n" for place, parts in again.items()),
         speed(measured["filters"], measured["traffic_trackers"]),
-        *([memory(measured["memory"])] if measured["memory"] else []),
         growth.section(measured["growth"]),
     ]
     return "\n".join(lines)
@@ -43,7 +42,7 @@ def where(place: dict[str, Any]) -> str:
 
 
 def speed(filters: dict[str, Any], trackers: list[dict[str, Any]]) -> str:
-    """Return the section with one row for each filter and tracker, and what is aimed at."""
+    """Return the section with one row for each filter and tracker."""
     problem = filters["problem"]
     times = filter_times(filters) | tracker_times(trackers)
     names = list(dict.fromkeys(name for name, _ in times))
@@ -60,8 +59,6 @@ def speed(filters: dict[str, Any], trackers: list[dict[str, Any]]) -> str:
     ]
     apart = [row["value"] for row in filters["largest_difference"]]
     apart += [row["largest_difference"] for row in trackers]
-    aims = [*filters["goals"], *(row["goal"] for row in trackers if row["engine"] == "fused" and row["goal"])]
-    required = [row for row in trackers if row["required"]]
     missing = filters["without_eigen"]
     return "\n".join(
         [
@@ -80,21 +77,14 @@ def speed(filters: dict[str, Any], trackers: list[dict[str, Any]]) -> str:
             f"|---|---:|{'---:|' * len(others)}",
             *rows,
             "",
-            *goals(aims),
-            *(
-                f"| {row['method']}, runs: {row['runs']}: times real time | {digits(row['times_real_time'])} "
-                f"| at least {row['required']:g} | {met(row['times_real_time'] >= row['required'])} |"
-                for row in required
-            ),
-            "",
         ]
     )
 
 
 def filter_times(filters: dict[str, Any]) -> Times:
-    """Return the times of filters without scoring."""
+    """Return the times of filters."""
     rows = filters["microseconds_per_step"]
-    return {(row["problem"], row["engine"]): row["value"] for row in rows if "scored" not in row["engine"]}
+    return {(row["problem"], row["engine"]): row["value"] for row in rows}
 
 
 def tracker_times(trackers: list[dict[str, Any]]) -> Times:
@@ -105,13 +95,3 @@ def tracker_times(trackers: list[dict[str, Any]]) -> Times:
 
     ordered = sorted(trackers, key=lambda row: row["engine"] == "Stone Soup")
     return {(name(row), row["engine"]): 1e3 * row["ms_per_scan"] for row in ordered}
-
-
-def memory(measured: dict[str, Any]) -> str:
-    """Return the peak memory of a large run as a sentence."""
-    gib = 1024**3
-    return (
-        f"{measured['runs']} runs of {measured['steps']} steps with {measured['trackers']} trackers take "
-        f"{measured['peak_bytes'] / gib:.2f} GiB of memory; required: at most {measured['required_bytes'] / gib:g}, "
-        f"{met(measured['met'])}.\n"
-    )

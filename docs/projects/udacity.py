@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from tables import fill, markdown
@@ -89,12 +89,12 @@ def _shown(values: Numbers) -> str:
 
 
 def _ukf_table(found: Result, rows: tuple[Row, ...]) -> str:
-    head = ("", "published", "`published...`", "`ukf...`, `tuned...`", "largest difference")
+    head = ("", "published, and `published...`", "`ukf...`, `tuned...`", "largest difference")
     cells = []
     for row in rows:
-        copy, sound = (rmse(found, tracker, UKF_SCORED) for tracker in (row.copy, row.sound))
+        sound = rmse(found, row.sound, UKF_SCORED)
         difference = f"{100 * largest(sound, row.published):+.1f} %"
-        cells.append((row.what, _shown(row.published), _shown(copy), _shown(sound), difference))
+        cells.append((row.what, _shown(row.published), _shown(sound), difference))
     return markdown(head, cells)
 
 
@@ -108,30 +108,11 @@ def _ekf_table(found: Result, rows: tuple[Row, ...]) -> str:
     return markdown(head, cells)
 
 
-def _all(found: Result) -> str:
-    head = ("tracker", *COMPONENTS, "NEES", "lidar NIS under its line", "radar NIS under its line")
-
-    def share(metrics: dict[str, Any], sensor: str) -> str:
-        value = (metrics["nis"].get(sensor) or {}).get("inside95")
-        return "" if value is None else f"{100 * value:.1f} %"
-
-    rows = []
-    for item in found.json()["trackers"]:
-        metrics = item["metrics"]
-        errors = (f"{metrics['rmse'][name]['value']:.4f}" for name in COMPONENTS)
-        nees = f"{metrics['nees']['mean']:.1f}"
-        rows.append((f"`{item['name']}`", *errors, nees, share(metrics, "lidar"), share(metrics, "radar")))
-    return markdown(head, rows)
-
-
 def main() -> None:
     tuning, fusion = result(TUNING), result(FUSION)
     literal = EKF[1]._replace(what="EKF, from two lidar measurements, taken literally", copy="ekf_two_readings")
-    fill(
-        HERE / "udacity-ukf.md",
-        {"sensors": _ukf_table(tuning, UKF), "tuning": _ukf_table(tuning, TUNED), "all": _all(tuning)},
-    )
-    fill(HERE / "udacity-fusion.md", {"published": _ekf_table(fusion, (*EKF, literal)), "all": _all(fusion)})
+    fill(HERE / "udacity-ukf.md", {"sensors": _ukf_table(tuning, UKF), "tuning": _ukf_table(tuning, TUNED)})
+    fill(HERE / "udacity-fusion.md", {"published": _ekf_table(fusion, (*EKF, literal))})
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.support.places import DOCS
 
 from trackbench.base.errors import InputError
 from trackbench.compare.comparability import stored_metric
@@ -322,11 +321,3 @@ class Writes{number}(Square):
     for tracker in ("raw", "ekf"):
         for path in ("position_rmse", "nees", "nis.radar"):
             assert result[tracker].metrics[path] == unchanged[tracker].metrics[path]
-
-
-@pytest.mark.docs_pages
-def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(DOCS / "own-metric.md", tmp_path) == 3
-    found = Result.load(tmp_path / "results" / "large_errors")
-    assert found.summary.passed
-    assert found["raw"].large_errors.value > 0.1

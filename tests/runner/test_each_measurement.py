@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 from tests.support import scenes
-from tests.support.places import DOCS
 
 from trackbench.api.run import run
 from trackbench.base.types import Array
@@ -22,10 +20,31 @@ from trackbench.scenario import load_scenario
 from trackbench.sensing.scans import sense_known
 
 COMPONENTS = ("px", "py", "vx", "vy")
-PAGE = (DOCS / "projects" / "udacity-ukf.md").read_text(encoding="utf-8")
-SCENARIO = yaml.safe_load(
-    next(text for text in re.findall(r"```yaml\n(.*?)```", PAGE, re.S) if "udacity_samples" in text)
-)
+#: Two UKFs of the course, as their authors describe them.
+SCENARIO = yaml.safe_load("""\
+name: udacity_samples
+truth: {source: recording, format: udacity, path: $TRACKBENCH_DATA/udacity/sample-laser-radar-measurement-data-1.txt}
+sensors:
+  lidar: {type: lidar, position_sigma_m: 0.15}
+  radar: {type: radar, range_sigma_m: 0.3, azimuth_sigma_deg: 1.71887339, range_rate_sigma_mps: 0.3}
+trackers:
+  at_rest: &ukf
+    filter: ukf
+    motion: ctrv
+    sigma_points: classic
+    kappa: -2
+    acceleration_sigma_mps2: 0.5
+    yaw_acceleration_sigma_radps2: 0.5
+    initial: {from: first_measurement, velocity: zero, unbiased: false, covariance_diag: [1, 1, 1, 1, 1]}
+  radial:
+    <<: *ukf
+    kappa: -4
+    acceleration_sigma_mps2: 0.8
+    yaw_acceleration_sigma_radps2: 0.6
+    initial: {from: first_measurement, velocity: radial, unbiased: false, covariance_diag: [1, 1, 1, 1, 1]}
+score: {each: measurement, settle_s: 0}
+monte_carlo: {runs: 1}
+""")
 NOISE = {"L": np.diag([0.15, 0.15]), "R": np.diag([0.3, np.deg2rad(1.71887339), 0.3])}
 
 

@@ -5,18 +5,24 @@
 
 from __future__ import annotations
 
+import copy
+import re
 from collections.abc import Iterator
 
 import click
 
 from trackbench.cli.commands import cli
+from trackbench.cli.run import run_command
 
+#: The examples of a help text, which the pages on the commands have too.
+EXAMPLES = re.compile(r"\n\n  Examples?:(?:\n    .*)+")
 INTRODUCTION = """\
 # The command line
 
 <!-- Made from the help by `python -m trackbench.cli.docs`. Change the help texts, not this page. -->
 
-What each command prints with `--help`.
+A reference: what each command prints with `--help`, but for its examples. Options that a command shares with
+`trackbench run` are explained there, and named below the others.
 
 The result goes to stdout; progress, warnings and errors go to stderr. A progress bar is shown where stderr is a
 terminal; elsewhere a line every 30 s, and neither with `--quiet`. Colour is shown only where stdout is a terminal, and
@@ -37,41 +43,36 @@ eval "$(_TRACKBENCH_COMPLETE=bash_source trackbench)"    # in ~/.bashrc
 eval "$(_TRACKBENCH_COMPLETE=zsh_source trackbench)"     # in ~/.zshrc
 _TRACKBENCH_COMPLETE=fish_source trackbench > ~/.config/fish/completions/trackbench.fish
 ```
-
-What a word in a table, a report or an examination means:
-
-```console
-$ trackbench explain azimuth_not_wrapped
-azimuth_not_wrapped
-
-fault: an angle is not wrapped to (-pi, pi]
-
-look at: Where the innovation, or the difference of sigma points from their
-  mean, is computed.
-
-fix: Wrap every difference of angles, of the azimuth and of the course in the
-  state: d = (d + pi) % (2 pi) - pi.
-
-found by: azimuth_wrapping
-```
 """
 
 
 def command_line_markdown() -> str:
-    """The whole page."""
+    """Return the whole page."""
     root = click.Context(cli, info_name="trackbench", terminal_width=80, **cli.context_settings)
     blocks = [INTRODUCTION, *_commands(cli, root)]
     return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"
 
 
 def _commands(command: click.Command, context: click.Context) -> Iterator[str]:
-    yield f"## {context.command_path}"
-    yield f"```text\n{command.get_help(context)}\n```"
+    shown, shared = copy.copy(command), []
+    if command is not run_command:
+        shared = [option for option in command.params if option.get_help_record(context) in _options_of_run(context)]
+        shown.params = [option for option in command.params if option not in shared]
+    shown.add_help_option = False
+    if command is not cli:
+        yield f"## {context.command_path}"
+        yield f"```text\n{EXAMPLES.sub('', shown.get_help(context))}\n```"
+    if shared:
+        yield f"As of [run](#trackbench-run): {', '.join(f'`{option.opts[-1]}`' for option in shared)}."
     if isinstance(command, click.Group):
         for name in command.list_commands(context):
             inner = command.get_command(context, name)
             assert inner is not None
             yield from _commands(inner, click.Context(inner, info_name=name, parent=context))
+
+
+def _options_of_run(context: click.Context) -> list[tuple[str, str] | None]:
+    return [option.get_help_record(context) for option in run_command.params if isinstance(option, click.Option)]
 
 
 if __name__ == "__main__":

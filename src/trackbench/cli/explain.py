@@ -43,17 +43,17 @@ FORMULAS = {
 #: Those whose parts have the formula of the whole.
 FAMILIES = {"deta": "hota", "assa": "hota", "motp": "mota", "gospa_switch": "tgospa"}
 #: Headings that the glossary leaves to the terminal.
-LEFT_OUT = {"formula", "test"}
-#: Terms that the glossary leaves to the doctor's reference, by the first heading of their pages.
-ELSEWHERE = {"fault", "check"}
+LEFT_OUT = {"formula", "test", "to decide more", "every run is the same"}
+#: Terms that the glossary leaves to the doctor's reference and the scenario file, by the first heading of their pages.
+ELSEWHERE = {"fault", "check", "motion model", "sensor effect", "function"}
 GLOSSARY = """\
 # Glossary
 
 <!-- Made by `python -m trackbench.cli.explain`. Change cli/vocabulary.yaml and docstrings, not this page. -->
 
 A reference: every word that a table, a report or an examination uses, in alphabetical order. `trackbench explain TERM`
-prints the same, with the formula and its source. [The doctor's reference](doctor-reference.md) has
-faults and checks."""
+prints the same, with the formula and its source. [The doctor's reference](doctor-reference.md) has faults and checks,
+[the scenario file](scenario-file.md) motion models, effects of sensors and functions."""
 
 
 def terms() -> dict[str, list[TermPage]]:

@@ -13,7 +13,9 @@ _INTRODUCTION = """\
 <!-- Made by `python -m trackbench.subjects.doctor.docs`. Change the checks, not this page. -->
 
 A reference: what [the doctor](doctor.md) can name, and what it asks of a tracker. `trackbench explain NAME` prints
-where to look and the fix of a fault, and how a check is made."""
+where to look and the fix of a fault, and how a check is made. A check of a drive asks whether the tracker is as near to
+its target as it states."""
+_DRIVE = "Is the tracker as near to its target as it states ("
 
 
 def doctor_reference() -> str:
@@ -27,7 +29,11 @@ def _lines() -> Iterator[str]:
     yield from ("| fault | what is wrong |", "| --- | --- |")
     yield from (f"| `{name}` | {fault.title} |" for name, fault in faults.items())
     yield from ("", f"## {len(checks)} checks", "", "| check | question |", "| --- | --- |")
-    yield from (f"| `{term.name}` | {dict(term.page)['check']} |" for term in checks)
+    yield from (f"| `{term.name}` | {_question(dict(term.page)['check'])} |" for term in checks)
+
+
+def _question(check: str) -> str:
+    return f"A drive: {check.removeprefix(_DRIVE).removesuffix(')?')}." if check.startswith(_DRIVE) else check
 
 
 if __name__ == "__main__":
