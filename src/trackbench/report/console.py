@@ -14,18 +14,9 @@ from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_tex
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_scenes, values_of_few_scenes
-from trackbench.report.sentences import (
-    FALSE_OF_REFERENCE,
-    below_the_bound,
-    duration,
-    expectations_met,
-    made_elsewhere,
-    missing_estimates,
-    others_ignored,
-    value_and_limit,
-    verdict_of_run,
-)
+from trackbench.report.sentences import duration, expectations_met, remarks, value_and_limit, verdict_of_run
 from trackbench.report.tables import OUTCOME_TONE, metric_of, tone_of
+from trackbench.report.verdicts import REMARKS
 from trackbench.results import MetricValue, Result, TrackerResult
 from trackbench.results.scenario_summary import sentence_on_point
 
@@ -116,17 +107,17 @@ def _notes_on_tracks(result: Result) -> list[str]:
             "swaps: both go on in other pairs; each per minute. score: of predicted detections, nats",
         ]
     cutoff = result.summary.score.cutoff_m or 0.0
-    references = [tracker for tracker in result.scored if tracker.is_reference]
-    outlived = any(metric_of(tracker, "gospa_false").value for tracker in references)
     return [
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
         f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
-        *(["*: a reference, which knows which detection is whose; no competitor"] if references else []),
-        *([f"  {FALSE_OF_REFERENCE}"] if outlived else []),
         *(values_of_few_scenes(result) or [_intervals_of_tracks(result)]),
-        *others_ignored(result),
-        *made_elsewhere(result),
+        *_marked(result),
     ]
+
+
+def _marked(result: Result) -> list[str]:
+    """What must be known of some trackers; those that are no competitors have a star."""
+    return [f"*: {text}" if text in (REMARKS["reference"], REMARKS["offline"]) else text for text in remarks(result)]
 
 
 def _intervals_of_tracks(result: Result) -> str:
@@ -289,11 +280,8 @@ def _notes(result: Result) -> list[str]:
         *(values_of_few_scenes(result) or [f"{sign}: 95 %, {basis_of_intervals(result)}"]),
         *(undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide) if result.differences else []),
         *_coverage(trackers),
-        *missing_estimates(result),
-        *below_the_bound(result),
+        *_marked(result),
     ]
-    if any(tracker.is_reference for tracker in trackers):
-        notes.append("*: a smoother, which knows later measurements too; no competitor")
     notes += words_explained(trackers)
     for word, heading, of in named_verdicts({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
         # One tail, or three means, fit 80 columns.

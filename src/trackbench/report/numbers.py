@@ -81,13 +81,6 @@ def intervals_in_short(metrics: Sequence[MetricValue], places: int, scale: float
     return written
 
 
-def in_brackets(bounds: Sequence[float] | None, places: int, of: str = "") -> str:
-    """ " (95 % interval 0.41 to 0.43 m)" of what is in metres; nothing where there is none or it has no width."""
-    if bounds is None or rounded(bounds[0], places) == rounded(bounds[1], places):
-        return ""
-    return f" (95 % interval{of} {interval_text(bounds, places)} m)"
-
-
 def signed(value: float, places: int) -> str:
     """With a plus sign where it is positive."""
     return ("+" if value > 0 else "") + rounded(value, places)

@@ -26,14 +26,7 @@ from trackbench.report.scenes import (
     values_of_few_scenes,
     without_interval,
 )
-from trackbench.report.sentences import (
-    below_the_bound,
-    facts,
-    made_elsewhere,
-    missing_estimates,
-    others_ignored,
-    provenance,
-)
+from trackbench.report.sentences import facts, provenance, remarks
 from trackbench.report.truth_and_sensors import audit_table, conclusion, sensor_table
 from trackbench.report.verdicts import CERTAINTY, REMARKS
 from trackbench.results import Result
@@ -117,16 +110,8 @@ def _ranking(result: Result) -> Section:
         basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
         basis = basis if summary.truth.scenes else f"{ONE_RUN}."
     note = f"“{column.heading}”: {column.meaning}. {basis}"
-    kinds = {tracker.reference_kind for tracker in result.references}
-    remarks = [
-        *missing_estimates(result),
-        *below_the_bound(result),
-        *others_ignored(result),
-        *made_elsewhere(result),
-        *(REMARKS[word] for kind, word in (("reference", "reference"), ("offline", "smoother")) if kind in kinds),
-        *filter(None, [without_interval(result)]),
-    ]
-    listed = [Items(tuple(Item(f"{remark}.") for remark in remarks))] if remarks else []
+    told = [*remarks(result), *filter(None, [without_interval(result)])]
+    listed = [Items(tuple(Item(f"{remark}.") for remark in told))] if told else []
     return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *listed))
 
 

@@ -23,9 +23,6 @@ from trackbench.results import (
 )
 from trackbench.results.tracker_result import BEATS_BOUND
 
-#: A reference takes no false alarm.
-FALSE_OF_REFERENCE = "its false tracks: predicted further while their object is hidden or gone"
-
 
 def facts(result: Result, trackers: int) -> tuple[str, ...]:
     """The run of so many trackers in a few words."""
@@ -86,7 +83,7 @@ def others_ignored(result: Result) -> list[str]:
 def made_elsewhere(result: Result) -> list[str]:
     """Return which tracks were made elsewhere, what of them is left out, and the offset of their time stamps."""
     trackers = [tracker for tracker in result.scored if tracker.offline]
-    sentences = [REMARKS["offline"].format(names=joined_names([t.name for t in trackers]))] if trackers else []
+    sentences = [REMARKS["elsewhere"].format(names=joined_names([t.name for t in trackers]))] if trackers else []
     for tracker in trackers:
         name, filed, offset = tracker.name, tracker.filed, tracker.time_offset
         if not tracker.paired:
@@ -134,6 +131,18 @@ def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
     stated = counted(len(expectations), "expectation")
     kind = word or ("none", "one met", "met")[min(len(expectations), 2)]
     return EXPECTATIONS[kind].format(failed=failed, undecided=undecided, stated=stated)
+
+
+def remarks(result: Result) -> list[str]:
+    """Return what must be known of some trackers: what is charged, below a bound, made elsewhere, no competitor."""
+    kinds = {tracker.reference_kind for tracker in result.references}
+    return [
+        *missing_estimates(result),
+        *below_the_bound(result),
+        *others_ignored(result),
+        *made_elsewhere(result),
+        *(REMARKS[kind] for kind in ("reference", "offline") if kind in kinds),
+    ]
 
 
 def value_and_limit(item: ExpectationResult) -> str:

@@ -16,7 +16,6 @@ from trackbench.report.numbers import (
     NOT_AVAILABLE,
     decimals,
     half_width,
-    interval_text,
     percent_number,
     reach_text,
     rounded,
@@ -73,12 +72,6 @@ def metric_cells(trackers: Sequence[TrackerResult], path: str, significant: int 
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals([None if m.value is None else scale * m.value for m in metrics], significant)
     return [_value(metric, places, scale) for metric in metrics]
-
-
-def estimate_cell(text: str, ci95: Sequence[float] | None, places: int, verdict: str | None = "") -> Cell:
-    """A value, under it in small print its verdict, which gives the colour, and its interval."""
-    details = tuple(part for part in (verdict, interval_text(ci95, places)) if part)
-    return Cell(text, details, TONE.get((verdict or "").partition(",")[0], ""))
 
 
 def _value(metric: MetricValue, places: int, scale: float) -> Cell:
@@ -296,7 +289,8 @@ def _places(pairs: Iterable[Pair | None]) -> int:
 def _difference(pair: Pair | None, places: int) -> Cell:
     if pair is None:
         return Cell(NOT_AVAILABLE, reason="the pair was not compared")
-    return estimate_cell(signed(pair.value, places), pair.ci95, places, pair.verdict)
+    reach = reach_text(pair.value, pair.ci95, places)
+    return Cell(signed(pair.value, places), tuple(filter(None, (pair.verdict, reach))))
 
 
 def expectation_table(result: Result) -> Table:

@@ -44,8 +44,8 @@ REMARKS = {
     "others ignored": "tracks on no object are ignored (truth.reference.others): no score tells false tracks",
     "reference": "A reference knows which detection is whose; its false tracks: predicted further while their object "
     "is hidden or gone",
-    "smoother": "A smoother, marked offline, knows the measurements after each instant too: it is no competitor",
-    "offline": "{names}: offline, made elsewhere: nothing shows that they did not see the future",
+    "offline": "A smoother, marked offline, knows the measurements after each instant too: it is no competitor",
+    "elsewhere": "{names}: offline, made elsewhere: nothing shows that they did not see the future",
     "not paired": "{name}: no fingerprint says of which scans, so compared with no tracker",
     "left out": "{name}: {rows} outside the time of the truth, left out",
     "all missed": "{name}: no track in {runs}: all missed there",
@@ -76,5 +76,6 @@ COMPARED = {
     "too few": "Too few sets of scenes for a claim: with {trackers} it takes {wanted}.",
     "lead": "That lead is {shown} (p = {p_value}).",
     "smallest in worlds": "{scenario}: smallest error of {where}.",
+    "no order in worlds": "Neither of {a} and {b} is shown to be better in any of these worlds.",
     "order in worlds": "{a} is ahead of {b} in {ahead}, behind in {behind}; not shown in {neither}.",
 }

@@ -299,4 +299,5 @@ def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
 
 def _order(order: OrderInWorlds) -> str:
     ahead, behind, neither = (joined_names(order.where(name)) or "none" for name in (order.a, order.b, None))
-    return COMPARED["order in worlds"].format(a=order.a, b=order.b, ahead=ahead, behind=behind, neither=neither)
+    kind = "no order in worlds" if ahead == behind else "order in worlds"
+    return COMPARED[kind].format(a=order.a, b=order.b, ahead=ahead, behind=behind, neither=neither)
