@@ -105,7 +105,7 @@ def test_it_stands_in_the_result(found: Result, tmp_path: Path) -> None:
         ("within", "larger"),
     ]
     found.save(tmp_path / "run")
-    assert Result.load(tmp_path / "run").summary == found.summary
+    assert Result.load(tmp_path / "run").json() == found.json()
 
 
 def test_expectations_name_it_and_its_direction_decides_who_is_better(found: Result) -> None:

@@ -34,8 +34,8 @@ GLOSSARY = """\
 <!-- Made by `python -m trackbench.cli.explain`. Change cli/vocabulary.yaml and docstrings, not this page. -->
 
 A reference: every word that a table, a report or an examination uses, in alphabetical order. `trackbench explain TERM`
-prints the same. [Metrics](metrics.md) has the formulas, [the doctor's reference](doctor-reference.md) faults and checks,
-[the scenario file](scenario-file.md) motion models, effects of sensors and functions."""
+prints the same. [Metrics](metrics.md) has the formulas, [the doctor's reference](doctor-reference.md) faults and
+checks, [the scenario file](scenario-file.md) motion models, effects of sensors and functions."""
 
 
 def terms() -> dict[str, list[TermPage]]:
