@@ -73,7 +73,8 @@ def test_what_plug_ins_threads_and_children_print_is_no_part_of_the_answer(begin
     process = begin("metric", prints, "--json")
     output, errors = process.communicate(timeout=240)
     assert process.returncode == 0, errors
-    assert json.loads(output) == json.loads((tmp_path / "results/plugged/result.json").read_text(encoding="utf-8"))
+    stored = json.loads((tmp_path / "results/plugged/result.json").read_text(encoding="utf-8"))
+    assert json.loads(output) == {key: value for key, value in stored.items() if key != "tables"}
     assert {"metric", "thread", "child"} <= set(errors.split())
 
 

@@ -129,7 +129,7 @@ def test_it_says_which_option_is_wrong(host: Callable[[str], Host]) -> None:
     own.send(**HELLO | {"options": {"frist": 1}})
     refused = own.receive()
     assert refused["type"] == "error"
-    assert "did you mean 'first'" in refused["input"][0][0]
+    assert "'frist' (it takes: first)" in refused["input"][0][0]
 
 
 def test_a_scenario_may_name_it_as_a_program(

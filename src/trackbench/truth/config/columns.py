@@ -24,7 +24,7 @@ MOTION_QUANTITIES = {
     "time": "time",
     **dict.fromkeys(("px", "py", "length", "width"), "length"),
     **dict.fromkeys(("vx", "vy", "speed"), "speed"),
-    **dict.fromkeys(("yaw", "course", "heading"), "angle"),
+    **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
 }
 COMPONENT_QUANTITIES = {"m": "length", "m/s": "speed", "rad": "angle"}
 #: The two ways to state a position in a sensor's frame.
@@ -106,6 +106,7 @@ class ObserverColumns(MotionColumns):
     path: Paths = Field(description="The file, of the same format.")
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
+    yaw_rate: str | None = Field(None, description="Rate of change of the heading; from the heading unless given.")
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
 
     def problems(self) -> Iterator[Problem]:
