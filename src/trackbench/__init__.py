@@ -5,7 +5,7 @@ What a program or a notebook needs is here, and is imported when it is first use
     import trackbench as tb
 
     result = tb.run("highway", workers=2)
-    result["ekf_cv"].position_rmse.value
+    print(result["ekf_cv"].position_rmse)
 """
 
 import sys
