@@ -83,6 +83,9 @@ def same(found, expected, path=()):
         largest = np.nanmax(np.abs(expected), axis=tuple(range(1, expected.ndim)), keepdims=True, initial=0.0)
         scale = np.where(largest > 0.0, largest, 1.0)
         np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-12, err_msg=str(path))
+    elif isinstance(expected, list | tuple):
+        for number, (own, other) in enumerate(zip(found, expected, strict=True)):
+            same(own, other, (*path, number))
     elif expected is None:
         assert found is None, path
     else:

@@ -32,9 +32,8 @@ monte_carlo: {{runs: 5}}
 
 @pytest.fixture
 def spikes(tmp_path: Path, write_module: Callable[[Path, str], str]) -> str:
-    page = (ROOT / "docs" / "plug-ins.md").read_text(encoding="utf-8")
-    section = page.partition("## An effect of a sensor")[2]
-    return write_module(tmp_path, section.partition("```python\n")[2].partition("```")[0])
+    page = (ROOT / "docs" / "start" / "maintainer.md").read_text(encoding="utf-8")
+    return write_module(tmp_path, page.partition("```python\n")[2].partition("```")[0])
 
 
 def written(folder: Path, effect: str) -> Path:

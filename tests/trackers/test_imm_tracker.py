@@ -106,12 +106,12 @@ def test_its_first_probabilities_are_those_that_the_chain_comes_to():
         (
             {"imm": [CV, {"model": "ca", "acceleration_sigma_mps2": 0.3}], "stay_s": [1, 2]},
             "motion.imm.1.acceleration_sigma_mps2",
-            "model ca does not use this; it uses jerk_sigma_mps3",
+            "unknown key; choose from: jerk_sigma_mps3",
         ),
         (
             {"model": "ca", "acceleration_sigma_mps2": 0.3},
             "motion.acceleration_sigma_mps2",
-            "model ca does not use this; it uses jerk_sigma_mps3",
+            "unknown key; choose from: jerk_sigma_mps3",
         ),
         ({"imm": [CV, {**CTRV, "model": "ctrw"}], "stay_s": [1, 2]}, "motion.imm.1.model", "did you mean 'ctrv'?"),
         ({"imm": [CV, "cv"], "stay_s": [1, 2]}, "motion.imm.1.acceleration_sigma_mps2", "missing"),

@@ -19,7 +19,7 @@ from trackbench.truth.formats.tables import Csv
 
 PAGE = (DOCS / "export.md").read_text(encoding="utf-8")
 SCENARIO = re.search(r"```yaml\n(name: two_cars\n.*?)```", PAGE, re.DOTALL)[1]  # type: ignore[index]
-PROGRAM = re.search(r"<!-- file: \w+.py -->\n```python\n(.*?)```", PAGE, re.DOTALL)[1]  # type: ignore[index]
+PROGRAM = (DOCS / "examples" / "nearest_cars.py").read_text(encoding="utf-8")
 
 
 def result_of(file: Path, runs: int) -> tb.Result:

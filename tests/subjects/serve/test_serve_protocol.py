@@ -92,9 +92,12 @@ BAD = {
     "an unknown letter": (telemetry("X" + LINE[1:]), "begins with L"),
     "NaN": (telemetry(LINE.replace("3.122427e-01", "nan")), "px is not a finite number"),
     "infinity": (telemetry(LINE.replace("6e-01", "1e999")), "true px is not a finite number"),
-    "a missing column": (telemetry("\t".join(LINE.split("\t")[:-1])), r"ends before vy \(column 8\)"),
-    "no truth": (telemetry("\t".join(LINE.split("\t")[:4])), "ends before the truth"),
-    "too many columns": (telemetry(LINE + "\t1\t2\t3"), "11 columns"),
+    "a missing column": (
+        telemetry("\t".join(LINE.split("\t")[:-1])),
+        "6 columns after its letter",
+    ),
+    "no truth": (telemetry("\t".join(LINE.split("\t")[:4])), "3 columns after its letter"),
+    "too many columns": (telemetry(LINE + "\t1\t2\t3"), "10 columns after its letter"),
     "a time stamp with decimals": (telemetry(LINE.replace("1477010443000000", "0.05")), "whole number"),
     "a time stamp beyond any": (telemetry(LINE.replace("1477010443000000", "9" * 400)), "whole number"),
 }
