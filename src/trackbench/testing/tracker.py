@@ -102,7 +102,7 @@ def _maker(
     except TrackFault as fault:
         raise InputError(f"cannot start {str(config.use)!r}: {fault}", key="use") from fault
     programs.callback(program.close)
-    return partial(ProgramTracker, program, several)
+    return partial(ProgramTracker, program)
 
 
 def _checked(make: Make, identities: Identities, *, own_state: bool) -> list[Check]:
