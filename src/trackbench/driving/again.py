@@ -18,9 +18,9 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.start import ending
 from trackbench.trackers.answers import NO_TRACK
 
-#: Largest difference between the two estimates of a member, relative to the largest entry: rounding that depends on the
-#: column is 1e-16, and a recursion makes little more of it.
-SAME = 1e-9
+#: Largest difference between the two estimates of a member, relative to the largest entry, by whether the tracker takes
+#: batches: rounding that depends on the column is 1e-16, and a recursion makes little more of it.
+SAME = {True: 1e-9, False: 0.0}
 #: Largest number of members that are compared: of so many all answers are kept.
 COMPARED = 250
 #: By whether the tracker takes batches: how it is asked again, and the likely cause of another answer.
@@ -66,7 +66,7 @@ class AskedAgain:
 
     def disagreement(self) -> tuple[TrackFault, Scan] | None:
         """Return how the second drive first differs from the first, or how it fails, and at which scan."""
-        how, state = HOW[self._tracker.batched], None
+        how, same, state = HOW[self._tracker.batched], SAME[self._tracker.batched], None
         before: dict[str, Array] = {}
         parts_before: dict[str, Array] = {}
         try:
@@ -74,7 +74,7 @@ class AskedAgain:
                 for scan, kept in self._kept:
                     state, answer = tracker.step(state, self._scan(scan))
                     parts = _parts(answer, self._columns)
-                    difference = _difference(kept, parts) or _renamed(before, kept, parts_before, parts)
+                    difference = _difference(kept, parts, same) or _renamed(before, kept, parts_before, parts)
                     if difference is not None:
                         member, what = difference
                         text = f"{how}, it gives another estimate: {what}; {CAUSES[self._tracker.batched]}; {RANDOM}"
@@ -136,8 +136,8 @@ def _parts(answer: Any, columns: Indices) -> dict[str, Array]:
     return {name: np.where(np.isnan(parts["ids"]), np.nan, part) for name, part in parts.items()}
 
 
-def _difference(kept: Mapping[str, Array], again: Mapping[str, Array]) -> tuple[int, str] | None:
-    """Return the member whose estimate differs most, and how; None where none does."""
+def _difference(kept: Mapping[str, Array], again: Mapping[str, Array], same: float) -> tuple[int, str] | None:
+    """Return the member whose estimate differs most, and how; None where none differs by more than a share ``same``."""
     for what in kept:
         if what == "ids" or what not in again:
             continue
@@ -154,7 +154,7 @@ def _difference(kept: Mapping[str, Array], again: Mapping[str, Array]) -> tuple[
         member = int(np.argmax(gap))
         if gap[member] == np.inf:
             return member, f"one has a {what} where the other has none"
-        if gap[member] > SAME:
+        if gap[member] > same:
             size = f"{apart[member]:.3g}{' m or m/s' if what == 'mean' else ''}, {gap[member]:.1e} of its largest entry"
             return member, f"the {what} differs by up to {size}"
     return None
