@@ -193,9 +193,10 @@ def test_an_id_that_is_used_again_is_a_fault_of_health(
     times = found["again"].health.reused_ids
     assert times > 0
     done = cli("run", scenario, "--set", use, "--no-recording")
-    said = f"dentities used again after their track had ended: again {times} times"
-    assert f"i{said}\n" in done.out
-    assert f"I{said}. Tracks of one identity are" in Path("results/lanes/report.md").read_text(encoding="utf-8")
+    said = f"identities used again after their track had ended: again {times} times"
+    assert f"{said}\n" in done.out
+    report = Path("results/lanes/report.md").read_text(encoding="utf-8")
+    assert f"- {said}.\n- tracks of one identity are" in report
     assert said not in cli("run", scenario, "--no-recording").out
 
 

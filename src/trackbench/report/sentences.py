@@ -80,6 +80,13 @@ def others_ignored(result: Result) -> list[str]:
     return [REMARKS["others ignored"]] * ("others" in (result.summary.truth.model_extra or {}))
 
 
+def reused_identities(result: Result) -> list[str]:
+    """Return which trackers gave an identity to a second track, and how those are scored; empty where none did."""
+    times = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
+    trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in times if number)
+    return [REMARKS["used again"].format(trackers=trackers), REMARKS["one identity"]] if trackers else []
+
+
 def made_elsewhere(result: Result) -> list[str]:
     """Return which tracks were made elsewhere, what of them is left out, and the offset of their time stamps."""
     trackers = [tracker for tracker in result.scored if tracker.offline]
@@ -140,6 +147,7 @@ def remarks(result: Result) -> list[str]:
         *missing_estimates(result),
         *below_the_bound(result),
         *others_ignored(result),
+        *reused_identities(result),
         *made_elsewhere(result),
         *(REMARKS[kind] for kind in ("reference", "offline") if kind in kinds),
     ]

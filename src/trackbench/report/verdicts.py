@@ -47,6 +47,8 @@ REMARKS = {
     "offline": "A smoother, marked offline, knows the measurements after each instant too: it is no competitor",
     "elsewhere": "{names}: offline, made elsewhere: nothing shows that they did not see the future",
     "not paired": "{name}: no fingerprint says of which scans, so compared with no tracker",
+    "used again": "identities used again after their track had ended: {trackers}",
+    "one identity": "tracks of one identity are scored as one track: a second one on the same object is no switch",
     "left out": "{name}: {rows} outside the time of the truth, left out",
     "all missed": "{name}: no track in {runs}: all missed there",
     "clock": "{name}: time stamps fit best with {shift} added, beside a shift along the path; --time-offset or "
