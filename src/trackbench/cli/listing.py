@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import click
 
@@ -23,9 +23,6 @@ from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.shipped import at_hand, files_of_scenarios, shown_name
-
-if TYPE_CHECKING:
-    pass
 
 Row = tuple[str, str]
 

@@ -38,13 +38,8 @@ class Evaluated:
     """Those with enough estimates, best first."""
     outcomes: Mapping[str, Sequence[Outcome]]
     """By each tracker that did not fail, what its blocks left."""
-    sums: Mapping[str, MetricSums]
-    """By each tracker that did not fail, the sums over all runs."""
-
-    def scores(self, tracker: str) -> BlockScores:
-        """With known identities, the sums of a tracker that the built-in metrics of estimates share."""
-        scores: BlockScores = self.sums[tracker][ESTIMATES.name]
-        return scores
+    scores: Mapping[str, BlockScores]
+    """With known identities, by each tracker that did not fail, the sums that the built-in metrics share."""
 
 
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
@@ -53,14 +48,14 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     summed = [metric for metric in work.metrics if work.has_truth or "truth" not in metric.needs]
     sums = {name: merge_sums([item.sums for item in items], summed) for name, items in outcomes.items()}
     evaluations = {name: _evaluation(work, own) for name, own in sums.items()}
-    enough = list(evaluations)
+    enough, scores = list(evaluations), dict[str, BlockScores]()
     if not work.hidden:
         scores = {name: own[ESTIMATES.name] for name, own in sums.items()}
         enough = [name for name, own in scores.items() if own.given and own.coverage >= work.min_coverage]
     errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}
     values = {name: error.value for name, error in errors.items() if error is not None}
     all_or_none = work.hidden and len(values) < len(enough)
-    return Evaluated(failures, evaluations, enough if all_or_none else by_value(values), outcomes, sums)
+    return Evaluated(failures, evaluations, enough if all_or_none else by_value(values), outcomes, scores)
 
 
 def _evaluation(work: Work, sums: MetricSums) -> Evaluation:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,9 @@ import numpy as np
 from trackbench.base.errors import InputError, shortened_text
 from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
+from trackbench.scenario.keys import TrackerEntry
 from trackbench.trackers.answers import NO_TRACK
+from trackbench.truth.config.traffic import TracksConfig, files_in, read_tracks
 from trackbench.truth.row_times import nearest_rows, row_period
 from trackbench.truth.tracks import SAME_STAMP_S, TrackRows
 
@@ -30,6 +33,40 @@ class FiledTracks(NamedTuple):
     history: TrackHistory
     stamp: Array
     """``(T, K)`` s after the start of the truth; NaN where there is no track."""
+
+
+def rows_of_files(
+    trackers: Mapping[str, TrackerEntry], truths: Sequence[Truth], runs: int, folder: Path
+) -> dict[str, list[TrackRows]]:
+    """Return the rows of tracks made elsewhere, by tracker.
+
+    Args:
+        trackers: of the scenario, by name.
+        truths: one for each scene.
+        runs: of each scene.
+        folder: where relative paths start.
+
+    Raises:
+        InputError: a file is damaged, does not say of which of several runs its tracks are, or has none in the time of
+            a truth.
+    """
+    filed: dict[str, list[TrackRows]] = {}
+    spans = [(float(truth.start) + truth.time[0], float(truth.start) + truth.time[-1]) for truth in truths]
+    # Then a time stamp tells of which scene it is.
+    apart_in_time = all(end <= later for (_, end), (later, _) in pairwise(sorted(spans)))
+    for name, config in trackers.items():
+        if not isinstance(config, TracksConfig):
+            continue
+        filed[name] = read_tracks(config, name, folder)
+        for number, (file, rows) in enumerate(zip(files_in(config.path), filed[name], strict=True)):
+            several = len(filed[name]) > 1
+            if rows.run is None and (runs > 1 or not (several or apart_in_time)):
+                message = "there is no column run, and the scenario has several runs or scenes; use --runs 1, one scene"
+                raise InputError(f"{message}, or a list of files, one for each scene", file=file)
+            problem = why_no_overlap(rows, config.time_offset_s, spans[number : number + 1] if several else spans)
+            if problem is not None:
+                raise InputError(problem, file=file, key=f"trackers.{name}")
+    return filed
 
 
 def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:

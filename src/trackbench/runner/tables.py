@@ -40,7 +40,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         each[0].name: max((sensor.time for sensor in each), key=len)
         for each in zip(*(other.sensors for other in work.scenes), strict=True)
     }
-    evaluations, scores = evaluated.evaluations, {name: evaluated.scores(name) for name in evaluated.sums}
+    evaluations, scores = evaluated.evaluations, evaluated.scores
     own_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
     block = next(block for block in blocks if block.recorded_scans is not None)
     assert block.recorded_scans is not None

@@ -70,7 +70,7 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
             entry["filed"] = _rows_taken(work.filed[name], scores.outcomes[name], remarks)
         reused = sum(block.timeline.reused_ids for block in scores.outcomes[name])
         return TrackerResult(**entry, health=Health(reused_ids=reused))
-    return TrackerResult(**entry, health=health(scores.scores(name)), breakdown=breakdown(evaluation.scores))
+    return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores))
 
 
 def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: tuple[str, ...]) -> FiledRows:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import groupby
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Indices, RecordedNoise, Truth
 from trackbench.driving.faults import TrackFault
@@ -27,7 +26,7 @@ from trackbench.metrics.registry import metrics_for, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
-from trackbench.runner.filed_tracks import why_no_overlap
+from trackbench.runner.filed_tracks import rows_of_files
 from trackbench.scenario import Scenario
 from trackbench.scenario.keys import TrackerEntry
 from trackbench.sensing.due import Due, find_due
@@ -37,7 +36,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.late import LateScans
 from trackbench.truth import LoadedTruth
 from trackbench.truth.config.recording import ReferenceTruth
-from trackbench.truth.config.traffic import TracksConfig, files_in, read_tracks
+from trackbench.truth.config.traffic import TracksConfig
 from trackbench.truth.tracks import TrackRows
 
 #: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
@@ -368,33 +367,8 @@ def work_of(
     for scene in work.scenes:
         # Where a size is not known, it is said before anything is driven.
         _ = scene.scored
-    return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=_filed(work))
-
-
-def _filed(work: Work) -> dict[str, list[TrackRows]]:
-    """The rows of tracks made elsewhere, by tracker.
-
-    Raises:
-        InputError: a file is damaged, does not say of which of several runs its tracks are, or has none in the time of
-            a truth.
-    """
-    filed, truths = {}, [scene.truth for scene in work.scenes]
-    spans = [(float(truth.start) + truth.time[0], float(truth.start) + truth.time[-1]) for truth in truths]
-    # Then a time stamp tells of which scene it is.
-    apart_in_time = all(end <= later for (_, end), (later, _) in pairwise(sorted(spans)))
-    for name, config in work.trackers.items():
-        if not isinstance(config, TracksConfig):
-            continue
-        filed[name] = read_tracks(config, name, work.folder or Path())
-        for number, (file, rows) in enumerate(zip(files_in(config.path), filed[name], strict=True)):
-            several = len(filed[name]) > 1
-            if rows.run is None and (work.runs > 1 or not (several or apart_in_time)):
-                message = "there is no column run, and the scenario has several runs or scenes; use --runs 1, one scene"
-                raise InputError(f"{message}, or a list of files, one for each scene", file=file)
-            problem = why_no_overlap(rows, config.time_offset_s, spans[number : number + 1] if several else spans)
-            if problem is not None:
-                raise InputError(problem, file=file, key=f"trackers.{name}")
-    return filed
+    filed = rows_of_files(work.trackers, every, work.runs, work.folder or Path())
+    return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=filed)
 
 
 def _drawn_block(work: Work) -> BlockRuns:
