@@ -15,6 +15,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
+from trackbench.results.folder import sha256
+
 Cli = Callable[..., Any]
 
 TABLES = {
@@ -91,7 +93,12 @@ def test_only_the_result_is_on_stdout_with_json(tiny: Path, tmp_path: Path, trac
         cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 3, done.stderr
-    assert json.loads(done.stdout) == result(tmp_path / "results" / "tiny")
+    stored = result(tmp_path / "results" / "tiny")
+    # Only the file has the digests of the tables beside it.
+    digests = stored.pop("tables")
+    assert json.loads(done.stdout) == stored
+    folder = tmp_path / "results" / "tiny"
+    assert digests == {name: sha256(folder / f"{name}.parquet") for name in TABLES}
     # What it prints is capped, which is said.
     lines = set(done.stderr.splitlines())
     assert "noise" in lines

@@ -78,7 +78,7 @@ def test_a_sequence_gives_the_scores_of_its_steps(monkeypatch: pytest.MonkeyPatc
         return taken
 
     monkeypatch.setattr(filter_sequence, "through", counted)
-    scenario = tb.load(name, {"truth.duration_s": 5}, runs=RUNS)
+    scenario = tb.load(name, {"truth.duration_s": 8}, runs=RUNS)
     by_sequences = outcomes(monkeypatch, scenario, by_steps=False)
     every = sum(outcome.scores.per_step.shape[1] for outcome in by_sequences.values())
     assert instants[0] > 0.6 * every
