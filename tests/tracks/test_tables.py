@@ -15,7 +15,7 @@ from trackbench.metrics.function_events import events_of
 from trackbench.metrics.traffic import timeline
 from trackbench.results import Result
 from trackbench.results.declared import FUNCTION_TABLES, HIDDEN
-from trackbench.runner.traffic_tables import CORNERS, outlines
+from trackbench.runner.track_records import CORNERS, outlines
 
 
 def test_every_table_is_as_stated(traffic_result: Result) -> None:

@@ -1,14 +1,13 @@
 """Trackers that are asked again: what one says of a member must not depend on the other members.
 
 A batched tracker may read, by a wrong axis, what only the other members of its batch were given. So a fresh one, in a
-process of its own, is given the same scans with half of the members replaced by those of other scenes and all of them
-permuted. Instances of any other may share a value; so fresh ones are given two runs in another order.
+process of its own, is given the scans of half of the members, permuted. Instances of any other may share a value; so
+fresh ones are given two runs in another order.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ SAME = {True: 1e-9, False: 0.0}
 COMPARED = 250
 #: By whether the tracker takes batches: how it is asked again, and the likely cause of another answer.
 HOW = {
-    True: "asked again with half of the batch replaced by other scenes and all of it permuted",
+    True: "asked again with half of the batch, permuted",
     False: "asked again in a fresh process, with two runs in another order",
 }
 CAUSES = {
@@ -41,20 +40,12 @@ class AskedAgain:
     Args:
         tracker: the tracker of the first drive.
         start: gives a fresh tracker for the batch of the second drive.
-        order: ``(width,)`` the member in each column of the second drive: of the first drive, or, from ``members`` on,
-            of the others.
-        members: number of members of the first drive.
-        others: scans of other scenes, at the same times by the same sensors.
+        order: ``(width,)`` the member of the first drive in each column of the second.
     """
 
-    def __init__(
-        self, tracker: Any, start: Callable[[], Any], order: Indices, members: int, others: Sequence[Scan]
-    ) -> None:
-        self._tracker, self._start, self._order, self._count = tracker, start, order, members
-        self._others = defaultdict[tuple[float, str], list[Scan]](list)
-        for other in reversed(others):
-            self._others[other.time, other.sensor].append(other)
-        self._columns = np.flatnonzero(order < members)[:COMPARED]
+    def __init__(self, tracker: Any, start: Callable[[], Any], order: Indices) -> None:
+        self._tracker, self._start, self._order = tracker, start, order
+        self._columns = np.arange(min(len(order), COMPARED))
         self._members = order[self._columns]
         self._kept: list[tuple[Scan, dict[str, Array]]] = []
 
@@ -84,22 +75,14 @@ class AskedAgain:
             raise
         except BaseException as error:
             fault = fault_of(error)
-            member = self._count if fault.member is None else int(self._order[fault.member])
-            fault.member = member if member < self._count else None
+            fault.member = None if fault.member is None else int(self._order[fault.member])
             fault.cause = f"{how}, it fails: {fault.cause}"
             return fault, scan
         return None
 
     def _scan(self, scan: Scan) -> Scan:
         """Return the scan of the second drive, without columns of detections that none of its members has."""
-        measurement: Any = scan.measurement
-        valid: Any = scan.valid
-        order = self._order % self._count
-        if valid.any():
-            other, order = self._others[scan.time, scan.sensor].pop(), self._order
-            parts = zip((measurement, valid), (other.measurement, other.valid), (np.nan, False), strict=True)
-            measurement, valid = (_beside(part, beside, fill) for part, beside, fill in parts)
-        measurement, valid = measurement[..., order], valid[..., order]
+        measurement, valid = scan.measurement[..., self._order], scan.valid[..., self._order]
         if valid.ndim == 2:
             most = int(valid.sum(axis=0).max(initial=0))
             measurement, valid = measurement[:, :most], valid[:most]
@@ -107,14 +90,6 @@ class AskedAgain:
         for shared in (measurement, valid):
             shared.setflags(write=False)
         return scan._replace(measurement=measurement, valid=valid)
-
-
-def _beside(part: Any, other: Any, fill: float) -> Any:
-    """Join arrays along their last axis, that of members; the axis before it is padded where they differ there."""
-    if part.ndim > 1:
-        most = max(part.shape[-2], other.shape[-2])
-        part, other = (_padded(each, most, fill) for each in (part, other))
-    return np.concatenate([part, other], axis=-1)
 
 
 def _padded(part: Array, most: int, fill: float = np.nan) -> Array:

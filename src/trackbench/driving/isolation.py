@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
-import signal
-import socket
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,27 +47,12 @@ class Isolation:
 
     def of(self, config: FilterConfig | PluginConfig) -> bool:
         """Whether a tracker gets a process of its own: a program has one in any case."""
-        return is_program(config) or (plugged_in(config) and not self.in_process and not lacking())
-
-    def missing(self, name: str, config: FilterConfig | PluginConfig) -> str:
-        """Return a line where this system cannot give a tracker the process that it should have; else an empty one."""
-        if self.in_process or not plugged_in(config) or is_program(config) or not lacking():
-            return ""
-        return (
-            f"{name}: {platform.system()} has no {lacking()}, so that this tracker runs in the process of the bench, "
-            "without limits of time and memory, and may end it"
-        )
+        return is_program(config) or (plugged_in(config) and not self.in_process)
 
     @property
     def bytes(self) -> int:
         """Most memory of a tracker on this machine, bytes."""
         return int(SHARE * container_memory() if self.memory is None else self.memory * GIGABYTE)
-
-
-def lacking() -> str:
-    """Return what this system lacks for processes of trackers, such as "os.fork"; empty where it lacks nothing."""
-    needed = [(os, "fork"), (os, "setsid"), (signal, "SIGKILL"), (signal, "pthread_sigmask"), (socket, "send_fds")]
-    return next((f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)), "")
 
 
 def container_memory() -> int:

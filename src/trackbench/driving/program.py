@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError, TrackbenchError, shortened_text
 from trackbench.base.types import Scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.frames import VERSION, message_answer, message_frame, packed_array, scan_frames
-from trackbench.driving.isolation import Isolation, lacking
+from trackbench.driving.isolation import Isolation
 from trackbench.driving.process import HOST, SHOWN, TrackerProcess
 from trackbench.models.sensors import Sensor
 from trackbench.trackers.answers import KEPT_THERE, TrackerFault
@@ -50,8 +50,8 @@ class Program(TrackerProcess):
         batch: int = 1,
         sensors: Mapping[str, Sensor] = {},
     ) -> None:
-        if missing := lacking():
-            raise InputError(f"programs cannot be started: {platform.system()} has no {missing}")
+        if not hasattr(os, "fork"):
+            raise InputError(f"{platform.system()} has no os.fork, by which a tracker gets a process; use --in-process")
         hello = _hello(config, several, batch, sensors)
         if isinstance(config.use, Command):
             command, name = config.use.resolved(folder), f"{config.use.name}: "

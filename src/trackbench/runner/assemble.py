@@ -35,9 +35,8 @@ from trackbench.results.scenario_summary import (
 )
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated, evaluated, judge
-from trackbench.runner.tables import labelled_tables
+from trackbench.runner.tables import result_tables
 from trackbench.runner.tracker_entry import headline_sums, tracker_entry
-from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import slowed_notes
@@ -154,7 +153,7 @@ def assemble(
         passed=all(item.passed for item in expectations) and not suspect,
         artifacts={},
     )
-    tables = (hidden_tables if hidden else labelled_tables)(work, blocks, scores)
+    tables = result_tables(work, blocks, scores)
     return Result(summary, Tables({**tables, "differences": difference_table(pairs)}))
 
 

@@ -11,7 +11,6 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
 from trackbench.runner.recorded import Outcome, RecordedEstimates, RecordedInstant, RecordedScans
-from trackbench.runner.start import SecondDrives
 from trackbench.runner.targets import Targets
 from trackbench.runner.tracker_run import Batch, TrackerRun
 from trackbench.runner.work import BlockRuns, Work
@@ -99,9 +98,6 @@ class Blocks:
         if work.hidden:
             together = scenes_side_by_side([batch.measurements for batch in self._batches])
             self._together = [Batch(group, together, None)]
-        self._second_drives = {
-            piece: SecondDrives(work, piece) for piece in group if piece == work.driven_twice and len(group) == 1
-        }
 
     def tracker_runs(self, name: str) -> Iterator[TrackerRun]:
         """The tracker, afresh for each batch; a run is to be finished before the next one is asked for."""
@@ -119,8 +115,8 @@ class Blocks:
                 self._add(run)
 
     def _run(self, name: str, batch: Batch) -> TrackerRun:
-        second = self._second_drives.get(batch.pieces[0]) if len(batch.pieces) == 1 else None
-        return TrackerRun(self._work, batch, name, second, self._observe)
+        twice = batch.pieces == [self._work.driven_twice] and len(self.blocks) == 1
+        return TrackerRun(self._work, batch, name, twice, self._observe)
 
     def _add(self, run: TrackerRun) -> None:
         outcomes = run.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,17 +16,12 @@ from trackbench.driving.isolation import plugged_in
 from trackbench.driving.start import start_stepper
 from trackbench.driving.steppers import Offline
 from trackbench.models.motion import Kinematics
-from trackbench.runner.work import BlockRuns, Scene, Work
-from trackbench.sensing.detections import sense_hidden
-from trackbench.sensing.scans import IdealSensor, sense_known
+from trackbench.runner.work import BlockRuns, Work
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 
-PURPOSE = "second drive"
-#: Distance and relative velocity of every object in the other scenes, seen from the observer, as a share of those here.
-NEARER = 0.8
 #: Number of runs through which a tracker is driven again that is not batched.
 RUNS = 2
 
@@ -89,72 +84,27 @@ def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, co
     return tracker.with_prior(np.tile(times, copies), motion, np.tile(normal, (1, copies)))
 
 
-class SecondDrives:
-    """Makes the second drives of a block; all plug-ins get the same company.
+def asked_again(work: Work, piece: BlockRuns, config: FilterConfig | PluginConfig, tracker: Any) -> Any:
+    """Wrap a plug-in so that it is asked again; return a built-in tracker, or one that draws random numbers, as it is.
+
+    A batched one gets half of the batch, permuted; any other two runs in reverse order.
 
     Args:
         work: what all blocks share.
         piece: the runs of the block.
+        config: the scenario's entry.
+        tracker: started for the block.
     """
-
-    def __init__(self, work: Work, piece: BlockRuns) -> None:
-        self._work, self._piece = work, piece
-        self._others = cache(self._other_scans)
-
-    def around(self, config: FilterConfig | PluginConfig, tracker: Any) -> Any:
-        """Wrap a plug-in so that it is asked again; return a built-in tracker as it is.
-
-        A batched one gets a batch of the same width, half of its members replaced by those of other scenes and all
-        permuted. Any other gets two runs in reverse order, after one of another scene. One that draws random numbers is
-        not asked again.
-        """
-        if not plugged_in(config) or is_random(tracker):
-            return tracker
-        work, runs, several = self._work, len(self._piece.runs), self._work.hidden
-        # Members are numbered by object, then run; with hidden identities each is a run.
-        objects = 1 if several else len(work.scenes[self._piece.scene].truth.ids)
-        members = objects * runs
-        random = stream(work.seed, work.noise_of(self._piece.scene), self._piece.runs.start, PURPOSE)
-        if tracker.batched:
-            replaced, other_runs = members // 2, (runs + 1) // 2
-            kept = random.permutation(members)[replaced:]
-            strangers = random.permutation(objects * other_runs)[:replaced]
-            order = random.permutation(np.concatenate([kept, members + strangers]))
-        else:
-            other_runs, chosen = 1, np.sort(random.permutation(runs)[:RUNS])
-            order = np.concatenate(
-                [(np.arange(objects) * runs + run) for run in chosen] + [members + np.arange(objects)]
-            )[::-1]
-        start = partial(self._start, config, len(order))
-        return AskedAgain(tracker, start, order, members, self._others(other_runs))
-
-    def _start(self, config: FilterConfig | PluginConfig, batch: int) -> Any:
-        work, several = self._work, self._work.hidden
-        return start_stepper(config, work.folder, batch, work.prepared, work.isolation, several, work.sensors)
-
-    def _other_scans(self, count: int) -> list[Scan]:
-        """The scans of some runs of other scenes, at the same instants by the same sensors."""
-        work, first = self._work, self._piece.runs.start
-        sensors = nearer(work.scenes[self._piece.scene])
-        sensed = sense_known if not work.hidden else sense_hidden
-        noise = f"{work.noise_of(self._piece.scene)}, {PURPOSE}"
-        return sensed(sensors, work.seed, noise, range(first, first + count)).scans
-
-
-def nearer(scene: Scene) -> list[IdealSensor]:
-    """The sensors of a scene whose objects are nearer to the observer; recorded measurements stay as they are."""
-    truth, observer = scene.truth, scene.truth.observer
-    own = np.stack([observer.px, observer.py, observer.vx, observer.vy])[:, :, None, None]
-    moved = own + NEARER * (truth.state - own)
-    return [
-        sensor
-        if sensor.recorded
-        else replace(
-            sensor,
-            measurement=sensor.config.measure(
-                moved[:, sensor.steps], sensor.pose[:, :, None, None], sensor.velocity[:, :, None, None]
-            ),
-            bodies=sensor.bodies and replace(sensor.bodies, target=moved[:, sensor.steps]),
-        )
-        for sensor in scene.sensors
-    ]
+    if not plugged_in(config) or is_random(tracker):
+        return tracker
+    # Members are numbered by object, then run; with hidden identities each is a run.
+    objects, runs = 1 if work.hidden else len(work.scenes[piece.scene].truth.ids), len(piece.runs)
+    random = stream(work.seed, work.noise_of(piece.scene), piece.runs.start, "second drive")
+    if tracker.batched:
+        order = random.permutation(objects * runs)[objects * runs // 2 :]
+    else:
+        chosen = np.sort(random.permutation(runs)[:RUNS])
+        order = np.concatenate([np.arange(objects) * runs + run for run in chosen])[::-1]
+    sensors = work.sensors
+    start = partial(start_stepper, config, work.folder, len(order), work.prepared, work.isolation, work.hidden, sensors)
+    return AskedAgain(tracker, start, order)

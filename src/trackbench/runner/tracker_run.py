@@ -24,7 +24,7 @@ from trackbench.results import Failure
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.scored_estimates import EstimateScoring, Observe
 from trackbench.runner.scored_tracks import TrackScoring
-from trackbench.runner.start import SecondDrives, stepper_of
+from trackbench.runner.start import asked_again, stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
@@ -56,13 +56,11 @@ class TrackerRun:
         work: what all blocks share.
         batch: the runs, and their measurements.
         name: of the tracker.
-        second_drives: gives the second drive of a plug-in, if the block is the one that has them.
+        twice: whether a plug-in is driven a second time.
         observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
 
-    def __init__(
-        self, work: Work, batch: Batch, name: str, second_drives: SecondDrives | None, observe: Observe | None = None
-    ) -> None:
+    def __init__(self, work: Work, batch: Batch, name: str, twice: bool, observe: Observe | None = None) -> None:
         self.name, self.batch = name, batch
         self.tracker: Any = None
         """Has ``step(state, *arguments) -> (state, answer)``; inside the context."""
@@ -75,7 +73,7 @@ class TrackerRun:
         """Known once the context is left, of a built-in tracker."""
         self.random = False
         """Whether it says that it draws random numbers; known once it is started."""
-        self._work, self._piece, self._second_drives = work, batch.pieces[0], second_drives
+        self._work, self._piece, self._twice = work, batch.pieces[0], twice
         self._scene = work.scenes[self._piece.scene]
         self._time = self._scene.truth.time[work.scored_steps(self._scene)]
         self._scoring: EstimateScoring | TrackScoring
@@ -99,8 +97,8 @@ class TrackerRun:
                 return self
             self.tracker = self._started = self._start()
             self.random = is_random(self.tracker)
-            if self._second_drives is not None:
-                self.tracker = self._second_drives.around(self._work.driven(self.name), self.tracker)
+            if self._twice:
+                self.tracker = asked_again(self._work, self._piece, self._work.driven(self.name), self.tracker)
         except KeyboardInterrupt:
             raise
         except BaseException as error:

@@ -21,8 +21,7 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
 
     Returns:
-        What a recording implies and what is left out of it, which effects do nothing, and which trackers are not kept
-        apart here, a line each.
+        What a recording implies and what is left out of it, and which effects do nothing, a line each.
 
     Raises:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
@@ -35,29 +34,24 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         require_rates(loaded)
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
-    return [*notes, *_notes(loaded, isolation)]
+    return [*notes, *_notes(loaded)]
 
 
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Start each plug-in once, for a run.
 
     Returns:
-        Which effects do nothing, and which trackers are not kept apart here, a line each.
+        Which effects do nothing, a line each.
 
     Raises:
         InputError: every one that cannot be found or does not take its options, with file and line.
     """
     _all(loaded, list(_trackers(loaded, isolation, started=True)))
-    return _notes(loaded, isolation)
+    return _notes(loaded)
 
 
-def _notes(loaded: Scenario, isolation: Isolation) -> list[str]:
-    return [
-        *_replaced_truth(loaded),
-        *slowed_notes(loaded),
-        *_idle_effects(loaded),
-        *_not_apart(loaded, isolation),
-    ]
+def _notes(loaded: Scenario) -> list[str]:
+    return [*_replaced_truth(loaded), *slowed_notes(loaded), *_idle_effects(loaded)]
 
 
 def _replaced_truth(loaded: Scenario) -> list[str]:
@@ -80,12 +74,6 @@ def _idle_effects(loaded: Scenario) -> Iterator[str]:
         for effect in sensor.effects:
             if loaded.config.sensing.identities == "known" and not (effect.has("before") or effect.has("after")):
                 yield f"sensors.{name}.effects: {effect.type} does nothing: known identities have no false alarms"
-
-
-def _not_apart(loaded: Scenario, isolation: Isolation) -> list[str]:
-    trackers = loaded.config.trackers.items()
-    lines = (isolation.missing(name, config) for name, config in trackers if isinstance(config, PluginConfig))
-    return [line for line in lines if line]
 
 
 def _all(loaded: Scenario, steps: list[Step]) -> None:

@@ -19,8 +19,9 @@ from trackbench.base.types import Scan
 from trackbench.document.palette import sensor_colours
 from trackbench.results import Result
 from trackbench.results.declared import LABELLED
+from trackbench.runner.estimate_records import estimate_records, measurement_records
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
-from trackbench.runner.tables import estimate_records, measurement_records, road_records, truth_records
+from trackbench.runner.shared_records import road_records, truth_records
 from trackbench.subjects.recording import layout, scene, series, views
 from trackbench.subjects.recording.live import PATIENCE, LiveRun, Part
 from trackbench.subjects.recording.stream import Stream

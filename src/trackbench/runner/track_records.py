@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-import pyarrow as pa
 
-from trackbench.base.subjects import collected
 from trackbench.base.types import UNKNOWN_ORIGIN, Array, Indices, Scan, Truth
 from trackbench.metrics import Evaluation
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
@@ -16,11 +14,12 @@ from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.metrics.traffic.timeline import Timeline, dearest
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
-from trackbench.results.declared import GOSPA_PARTS, HIDDEN
+from trackbench.results.declared import GOSPA_PARTS
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.tables import Records, other_truth, road_records, run_keys, scan_record, truth_records
+from trackbench.runner.recorded import RecordedScans
+from trackbench.runner.shared_records import Records, run_keys, scan_record
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
@@ -30,44 +29,44 @@ from trackbench.trackers.multi.association import gate_threshold
 CORNERS = 17
 
 
-def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> dict[str, pa.Table]:
-    """Every table of a run with hidden identities, by name."""
+def records_of_tracks(
+    work: Work,
+    blocks: Sequence[Block],
+    evaluated: Evaluated,
+    scans: RecordedScans,
+    recorded: Mapping[str, RecordedTracks],
+) -> tuple[Records, list[str]]:
+    """By table, the records of what trackers say of hidden identities; and what "runs" has beside the declared.
+
+    Args:
+        work: what all blocks share.
+        blocks: all of them.
+        evaluated: the metrics of every tracker.
+        scans: of the recorded run.
+        recorded: by tracker that has not failed, its tracks in that run.
+    """
     scene = work.scenes[work.recorded_scene]
-    evaluations, block = evaluated.evaluations, next(block for block in blocks if block.recorded_scans is not None)
-    scans = block.recorded_scans
-    assert scans is not None
-    assert scans.status is not None
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
-    kept = {
-        name: item for name, item in block.recorded.items() if name in evaluations and isinstance(item, RecordedTracks)
-    }
     sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.outcomes.items()}
+    runs = _run_records(evaluated.evaluations, work)
+    assert scans.status is not None
     records: Records = {
         "steps": [_gospa_record(name, blocks, work.longest_time) for name, blocks in sums.items()],
-        "runs": _run_records(evaluations, work),
-        "truth": truth_records(scene.truth, work.recorded_run),
+        "runs": runs,
         "measurements": _detection_records(scene.truth, scans.scans, scans.origins),
-        "tracks": [_tracks_record(name, item, time) for name, item in kept.items()],
-        **({"other_tracks": _other_tracks(work, blocks, kept)} if len(work.scenes) > 1 else {}),
-        **other_truth(work),
-        "taken": [_taken_record(name, item, scans.scans) for name, item in kept.items()],
-        "gates": [record for name, item in kept.items() for record in _gate_records(work, name, item, scans.scans)],
+        "tracks": [_tracks_record(name, item, time) for name, item in recorded.items()],
+        **({"other_tracks": _other_tracks(work, blocks, recorded)} if len(work.scenes) > 1 else {}),
+        "taken": [_taken_record(name, item, scans.scans) for name, item in recorded.items()],
+        "gates": [each for name, item in recorded.items() for each in _gate_records(work, name, item, scans.scans)],
         "events": [_events_record(name, blocks, work) for name, blocks in sums.items()],
         "objects": [record for name, blocks in sums.items() for record in _stretch_records(name, blocks, ids, time)],
         "due": [
             {"object": name, "time_s": time, "status": scans.status[:, number].astype(float)}
             for number, name in enumerate(ids)
         ],
-        "roads": road_records(scene.truth),
-        **dict(collected("records", work, evaluated, kept)),
     }
-    # Those of the metrics, beside the declared ones.
-    columns = list(records["runs"][0])[4:] if evaluations else []
-    more = {"runs": columns}
-    return {
-        name: HIDDEN[name].written([record for record in parts if record], more.get(name, ()))
-        for name, parts in records.items()
-    }
+    # A run is known by its tracker, number, scene and count.
+    return records, list(runs[0])[4:] if runs else []
 
 
 def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Array:

@@ -1,0 +1,175 @@
+"""The records that the tables of a result with known identities are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices, Scan, Truth
+from trackbench.metrics import BlockScores, Evaluation
+from trackbench.metrics.consistency import mean_bounds, normalised_square
+from trackbench.metrics.sums import ERROR, NIS
+from trackbench.results.columns import Record, mean
+from trackbench.runner.block import Block
+from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.recorded import Outcome, RecordedEstimates, RecordedScans
+from trackbench.runner.shared_records import Records, run_keys, scan_record
+from trackbench.runner.work import Work
+from trackbench.trackers.config import FilterConfig, ImmConfig
+
+
+def records_of_estimates(
+    work: Work,
+    blocks: Sequence[Block],
+    evaluated: Evaluated,
+    scans: RecordedScans,
+    recorded: Mapping[str, RecordedEstimates],
+) -> tuple[Records, list[str]]:
+    """By table, the records of what trackers say of objects that are known; and what "runs" has beside the declared.
+
+    Args:
+        work: what all blocks share.
+        blocks: all of them.
+        evaluated: the metrics of every tracker.
+        scans: of the recorded run.
+        recorded: by tracker that has not failed, its estimates in that run.
+    """
+    scene = work.scenes[work.recorded_scene]
+    # Recorded scenes differ in how many measurements each sensor took.
+    times = {
+        each[0].name: max((sensor.time for sensor in each), key=len)
+        for each in zip(*(other.sensors for other in work.scenes), strict=True)
+    }
+    evaluations, scores = evaluated.evaluations, evaluated.scores
+    own_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
+    records: Records = {
+        "steps": [_step_record(name, item, work.longest_time) for name, item in evaluations.items()],
+        "nis": _nis_records(scores, times),
+        "runs": [
+            {**run_keys(name, work), **run_sums_record(item, scores[name], own_columns)}
+            for name, item in evaluations.items()
+        ],
+        "measurements": measurement_records(scans.scans, scene.truth.ids),
+        "estimates": estimate_records(recorded, scene.scored, scene.instants(), work.recorded_run),
+        "recorded_nis": [
+            {"tracker": name, "sensor": sensor.name, "object": target, "time_s": sensor.time, "nis": nis}
+            for name, estimates in recorded.items()
+            for sensor in scene.sensors
+            if sensor.name in estimates.nis
+            for target, nis in zip(scene.truth.ids, np.stack(estimates.nis[sensor.name]).T, strict=True)
+        ],
+        **_mode_records(work, blocks, list(evaluations)),
+    }
+    if work.over_stretches:
+        records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]
+    return records, own_columns
+
+
+def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Record]:
+    """Every measurement of a run with known identities."""
+    return [{**scan_record(scan), "object": list(ids), "valid": scan.valid} for scan in scans]
+
+
+def estimate_records(
+    recorded: Mapping[str, RecordedEstimates], truth: Truth, instants: Indices, run: int
+) -> list[Record]:
+    """Every tracker's estimates of one run at some steps of the truth, with their errors."""
+    state = truth.state_of_run(run)[:, instants]
+    records: list[Record] = []
+    for name, estimates in recorded.items():
+        error = estimates.mean - state
+        nees = normalised_square(error, estimates.covariance)[0]
+        records += [
+            {
+                "tracker": name,
+                "object": target,
+                "time_s": truth.time[instants],
+                "mean": estimates.mean[:, :, i],
+                "covariance": estimates.covariance[:, :, :, i],
+                "error": error[:, :, i],
+                "nees": nees[:, i],
+                "due": estimates.due[:, i].astype(float),
+            }
+            for i, target in enumerate(truth.ids)
+        ]
+    return records
+
+
+def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
+    """Errors at each instant over runs and objects, with the reference."""
+    sums = dict(zip(ERROR, evaluation.scores.per_step, strict=True))
+    return {"tracker": name, "time_s": time, **sums, **_bounds("nees", 4, sums["given"])}
+
+
+def _bounds(name: str, dof: int, count: Array) -> Record:
+    """Where the mean of a chi-square statistic is expected."""
+    low, high = mean_bounds(dof, count)
+    return {f"{name}_low": np.where(count > 0, low, np.nan), f"{name}_high": np.where(count > 0, high, np.nan)}
+
+
+def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Sequence[str]) -> Record:
+    """Errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
+    missing = np.full(len(scores.due), np.nan)
+    nis, nis_count = (
+        sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))
+        for row in ("nis", "count")
+    )
+    return {
+        **dict(zip(ERROR, scores.per_run, strict=True)),
+        "nis": nis,
+        "nis_count": nis_count,
+        "due": scores.due,
+        "diverged": scores.diverged,
+        "repaired": scores.repaired,
+        **{name: evaluation.run_columns.get(name, missing) for name in own_columns},
+    }
+
+
+def _stretch_record(name: str, evaluation: Evaluation, scores: BlockScores) -> Record:
+    """Errors in each stretch of time of a single run, or of few logs."""
+    sums = evaluation.scores.per_part
+    run = np.concatenate([[number] * count for number, count in enumerate(scores.stretches or ())])
+    keys = {"tracker": name, "run": run.astype(float), "stretch": np.arange(len(run), dtype=float)}
+    return {**keys, **dict(zip(ERROR, sums, strict=True))}
+
+
+def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) -> list[Record]:
+    records: list[Record] = []
+    for name, item in scores.items():
+        for sensor, nis in item.nis.items():
+            if nis.dof > 0:
+                sums = dict(zip(NIS, nis.per_step, strict=True))
+                keys = {"tracker": name, "sensor": sensor, "time_s": times[sensor], "dof": float(nis.dof)}
+                records.append({**keys, **sums, **_bounds("nis", nis.dof, sums["count"])})
+    return records
+
+
+def _mode_records(work: Work, blocks: Sequence[Block], trackers: Sequence[str]) -> Records:
+    """The mode probabilities: mean over runs and objects, and the recorded run; no tables where no tracker has any."""
+    scene, time = work.scenes[work.recorded_scene], work.longest_time
+    means: list[Record] = []
+    single: list[Record] = []
+    for tracker in trackers:
+        config, outcomes = work.trackers[tracker], [block.outcomes[tracker] for block in blocks]
+        sums = [item.modes for item in outcomes if isinstance(item, Outcome) and item.modes is not None]
+        if not sums:
+            continue
+        names = [f"mode {number}" for number in range(1, len(sums[0].total) + 1)]
+        if isinstance(config, FilterConfig) and isinstance(config.motion, ImmConfig):
+            names = config.motion.names
+        total, count = np.zeros((len(names), len(time))), np.zeros(len(time))
+        for part in sums:
+            total[:, : len(part.count)] += part.total
+            count[: len(part.count)] += part.count
+        means += [
+            {"tracker": tracker, "mode": mode, "time_s": time, "probability": probability}
+            for mode, probability in zip(names, mean(total, count), strict=True)
+        ]
+        for recorded in (part.recorded for part in sums if part.recorded is not None):
+            for (m, mode), (i, target) in product(enumerate(names), enumerate(scene.truth.ids)):
+                keys = {"tracker": tracker, "mode": mode, "object": target}
+                time_s = scene.truth.time[scene.instants()]
+                single.append({**keys, "time_s": time_s, "probability": recorded[m, :, i]})
+    return {"modes": means, "recorded_modes": single} if means else {}

@@ -1,0 +1,89 @@
+"""The records of tables that every run has: the motion, the roads, and what a scan or a run is known by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.types import Scan, Truth, of_runs
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.results.columns import Record
+from trackbench.results.folder import OBSERVER
+from trackbench.runner.work import Work
+
+#: By table, the records that it is made of.
+Records = dict[str, list[Record]]
+
+
+def truth_records(truth: Truth, run: int) -> list[Record]:
+    """The motion of every target and of the observer in one run."""
+    names = ("px", "py", "heading", "course", "speed", "vx", "vy", "acceleration", "yaw_rate")
+    # Some are computed, of all objects at once.
+    fields = {name: of_runs(getattr(truth, name), range(run, run + 1))[..., 0] for name in names}
+    records: list[Record] = [
+        {
+            "object": name,
+            "role": "target",
+            "time_s": truth.time,
+            "alive": truth.alive[:, i],
+            **{field: values[:, i] for field, values in fields.items()},
+            "length": float(truth.length[i]),
+            "width": float(truth.width[i]),
+        }
+        for i, name in enumerate(truth.ids)
+    ]
+    observer, steps = truth.observer, len(truth.time)
+    speed = np.hypot(observer.vx, observer.vy)
+    records.append(
+        {
+            "object": OBSERVER,
+            "role": OBSERVER,
+            "time_s": truth.time,
+            "alive": np.ones(steps, dtype=bool),
+            **{field: getattr(observer, field) for field in ("px", "py", "vx", "vy", "yaw_rate")},
+            "heading": observer.yaw,
+            "course": np.where(speed > 0, np.arctan2(observer.vy, observer.vx), observer.yaw),
+            "speed": speed,
+            "acceleration": np.gradient(speed, truth.time) if steps > 1 else np.zeros(steps),
+            "length": float(observer.length),
+            "width": float(observer.width),
+        }
+    )
+    return records
+
+
+def other_truth(work: Work) -> Records:
+    """The motion in the other scenes, in the run of the recorded run's number; no table where there is one scene."""
+    records: list[Record] = [
+        {**record, "scene": float(number)}
+        for number, scene in enumerate(work.scenes)
+        if number != work.recorded_scene and scene.truth.known
+        for record in truth_records(scene.truth, work.recorded_run)
+    ]
+    return {"other_truth": records} if records else {}
+
+
+def road_records(truth: Truth) -> list[Record]:
+    """Lane edges to draw."""
+    lines = truth.roads or [np.zeros((0, 2))]
+    return [{"line": float(i), "x_m": line[:, 0], "y_m": line[:, 1]} for i, line in enumerate(lines)]
+
+
+def run_keys(name: str, work: Work) -> Record:
+    scene = work.scene_of_run
+    return {"tracker": name, "run": np.arange(len(scene), dtype=float), "scene": scene.astype(float)}
+
+
+def scan_record(scan: Scan) -> dict[str, Any]:
+    """A scan with the position in the fixed frame that each of its measurements ``(m, rows)`` states."""
+    components, rows = scan.measurement.shape
+    return {
+        "sensor": scan.sensor,
+        "kind": scan.kind,
+        "time_s": float(scan.time),
+        "arrival_time_s": float(scan.arrival_time),
+        "measurement": np.concatenate([scan.measurement, np.full((max(0, 3 - components), rows), np.nan)]),
+        "position": SENSOR_MODELS[scan.kind].position(scan).mean,
+        "sensor_pose": scan.sensor_pose,
+    }
