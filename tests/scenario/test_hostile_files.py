@@ -11,7 +11,6 @@ from tests.support.places import DATA
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
-from trackbench.scenario.source import parse_yaml
 
 GOOD = (DATA / "scenario.yaml").read_text(encoding="utf-8")
 #: A file is refused in at most so many times the CPU time in which PyYAML reads a list of 10,000 values.
@@ -21,23 +20,6 @@ LONGEST = 20_000
 SECRET = "root:*:20228:0:99999:7:::"
 
 HOSTILE = {
-    "values": ("name: a\ntrackers: [" + ", ".join(["1.5"] * 760_000) + "]\n", "more than 100000 values"),
-    "merges": (
-        "a0: &a0 {}\n" + "".join(f"a{n}: &a{n} {{<<: [{', '.join([f'*a{n - 1}'] * 10)}]}}\n" for n in range(1, 10)),
-        "more than 100000 values",
-    ),
-    "texts": (f"a: &a '{'x' * 900_000}'\nb: [{'*a, ' * 9000}]\n", "more than 4194304 characters, aliases expanded"),
-    "texts_as_keys": (f"a: &a '{'x' * 90_000}'\nb: [{'{*a : 1}, ' * 9000}]\n", "more than 4194304 characters"),
-    "texts_merged": (
-        f"a: &a {{x: '{'x' * 90_000}'}}\nb: [{'{<<: [*a, *a]}, ' * 3000}]\n",
-        "more than 4194304 characters, aliases expanded",
-    ),
-    "numbers": (f"a: &a {'9' * 4000}\nb: [{'*a, ' * 50_000}]\n", "more than 4194304 characters"),
-    "fractions": (f"a: &a {'9' * 90_000}.0\nb: [{'*a, ' * 9000}]\n", "more than 4194304 characters"),
-    "laughs": (
-        f"a0: &a0 '{'x' * 1000}'\n" + "".join(f"a{n}: &a{n} [{f'*a{n - 1}, ' * 10}]\n" for n in range(1, 5)),
-        "more than 4194304 characters, aliases expanded",
-    ),
     "words": (f"name: a\nx: &a '{'y' * 100_000}'\nworlds: [{'*a, ' * 35}]\n", "is not known; choose from: human"),
     "tag": (f"name: !{'a' * 100_000} a\n", "is not known; remove it"),
     "keys": ("name: a\n" + "".join(f"k{n}: 1\n" for n in range(45_000)), "more errors"),
@@ -78,20 +60,3 @@ def test_a_file_of_another_kind_is_not_shown(tmp_path: Path, text: str) -> None:
         load_scenario(file)
     message = str(caught.value).removeprefix(str(file))
     assert not any(word in message for word in ("root", "99999", "password", "hunter2"))
-
-
-@pytest.mark.parametrize("name", ["texts", "texts_merged", "laughs"])
-def test_so_is_the_value_of_an_option(tmp_path: Path, name: str, patience: float) -> None:
-    (tmp_path / "scenario.yaml").write_text(GOOD, encoding="utf-8")
-    content = "{" + HOSTILE[name][0].strip().replace("\n", ", ") + "}"
-    begin = time.process_time()
-    with pytest.raises(InputError, match="more than 4194304 characters") as caught:
-        load_scenario(tmp_path / "scenario.yaml", [f"trackers.x={content}"])
-    assert time.process_time() - begin < patience
-    assert len(str(caught.value)) < LONGEST
-
-
-def test_aliases_of_a_short_text_are_read(tmp_path: Path) -> None:
-    (tmp_path / "scenario.yaml").write_text(GOOD, encoding="utf-8")
-    text = f"[&a '{'x' * 90}', {'*a, ' * 9000}]"
-    assert parse_yaml(text, "file").value == ["x" * 90] * 9001

@@ -15,16 +15,8 @@ import yaml
 
 from trackbench.base.config import KeyPath
 from trackbench.base.errors import InputError, InputErrors, shortened_text
-from trackbench.base.files import SCENARIO
 
-#: Of a file as it is read, and again with its aliases and merges expanded; no scenario comes near this.
-MAX_VALUES = 100_000
-#: Lists and mappings in each other.
-MAX_DEPTH = 100
 TOO_DEEP = "nested too deeply"
-_TOO_MANY = f"more than {MAX_VALUES} values, aliases expanded"
-#: As many as the largest file has: only aliases lead to more.
-_TOO_LONG = f"more than {SCENARIO} characters, aliases expanded"
 CONTROL = "a control character, which a scenario cannot hold"
 
 
@@ -71,11 +63,10 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     """Parse one YAML document.
 
     Raises:
-        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag, too many values
-            or characters.
+        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag.
     """
     try:
-        node = _Loader(text, file).get_single_node()
+        node = _Loader(text).get_single_node()
         builder = _Builder(file)
         value = builder.build(node, ()) if node is not None else None
     except yaml.MarkedYAMLError as error:
@@ -95,25 +86,7 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads no further than ``MAX_VALUES``, and no deeper than ``MAX_DEPTH``."""
-
-    def __init__(self, text: str, file: str) -> None:
-        super().__init__(text)
-        self._file = file
-        self._count = self._depth = 0
-
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        # A key has no index.
-        self._count += index is not None
-        if self._count > MAX_VALUES:
-            raise InputError(_TOO_MANY, file=self._file, line=self.line + 1)
-        if self._depth > MAX_DEPTH:
-            raise InputError(TOO_DEEP, file=self._file, line=self.line + 1)
-        self._depth += 1
-        try:
-            return super().compose_node(parent, index)
-        finally:
-            self._depth -= 1
+    """Reads by the core schema of YAML 1.2."""
 
 
 _Loader.yaml_implicit_resolvers = {}
@@ -139,10 +112,8 @@ class _Builder:
         self.origins: dict[KeyPath, Origin] = {}
         self.repeated: list[InputError] = []
         self._open: list[yaml.Node] = []
-        self._count = self._characters = 0
 
     def build(self, node: yaml.Node, path: KeyPath) -> Any:
-        self._require_bounds(node, path)
         if any(node is outer for outer in self._open):
             raise self._error("an anchor that contains itself", node, path)
         if node.tag not in _TAGS[type(node)]:
@@ -177,7 +148,6 @@ class _Builder:
         for key, value in node.value:
             if key.tag == _MERGE:
                 for part in reversed(value.value if isinstance(value, yaml.SequenceNode) else [value]):
-                    self._require_bounds(part, path)
                     if not isinstance(part, yaml.MappingNode) or part in self._open:
                         raise self._error("<< needs a mapping that was given before", key, path)
                     self._open.append(part)
@@ -185,11 +155,12 @@ class _Builder:
                     self._open.remove(part)
         for key, value in node.value:
             if key.tag != _MERGE:
-                self._require_bounds(key, path)
                 yield key, value
 
     def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
         text = node.value
+        if yaml.reader.Reader.NON_PRINTABLE.search(text):
+            raise self._error(CONTROL, node, path)
         try:
             match node.tag.removeprefix(_PREFIX):
                 case "null":
@@ -203,17 +174,6 @@ class _Builder:
         except (ValueError, KeyError):
             raise self._error(f"{text[:40]!r} does not fit its tag or is too long", node, path) from None
         return text
-
-    def _require_bounds(self, node: yaml.Node, path: KeyPath) -> None:
-        """Refuse values and characters that only aliases make so many, and what YAML allows as an escape alone."""
-        self._count += 1
-        self._characters += len(node.value) if isinstance(node, yaml.ScalarNode) else 0
-        if self._count > 2 * MAX_VALUES:
-            raise self._error(_TOO_MANY, node, path)
-        if self._characters > SCENARIO:
-            raise self._error(_TOO_LONG, node, path)
-        if isinstance(node, yaml.ScalarNode) and yaml.reader.Reader.NON_PRINTABLE.search(node.value):
-            raise self._error(CONTROL, node, path)
 
     def _error(self, message: str, node: yaml.Node, path: KeyPath) -> InputError:
         return InputError(message, key=dotted(path) or None, file=self.file, line=node.start_mark.line + 1)
