@@ -54,7 +54,7 @@ def test_every_track_is_drawn_at_every_instant(recording: ReadRecording, traffic
         drawn = lengths(recording, f"/world/tracks/{tracker}", "Points2D:positions")
         assert len(drawn) == 61
         assert sum(drawn) == (tracks["tracker"] == tracker).sum()
-        outlines = lengths(recording, f"/world/track_covariances/{tracker}", "LineStrips2D:strips")
+        outlines = lengths(recording, f"/world/covariances/{tracker}", "LineStrips2D:strips")
         assert sum(outlines) == sum(drawn)
 
 

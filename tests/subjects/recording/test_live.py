@@ -115,19 +115,19 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     entities = [
         ("/world/vehicles/v1", "Boxes2D:half_sizes"),
         ("/world/measurements/radar", "Points2D:positions"),
-        ("/world/estimates/ekf/v1/covariance", "Ellipses2D:half_sizes"),
+        ("/world/covariances/ekf", "LineStrips2D:strips"),
         ("/series/recorded_run/position_error/ekf", "Scalars:scalars"),
     ]
     for entity, component in entities:
         expected = {time: value for time, value in whole(entity, component).items() if value}
         assert {time: value for time, value in going(entity, component).items() if value} == expected
     for drawn in (going, whole):
-        assert drawn("/world/estimates/ekf/v1", "Points2D:colors")[None] == [int(colours["ekf"][1:] + "FF", 16)]
+        assert {*drawn("/world/tracks/ekf", "Points2D:colors")[1.0]} == {int(colours["ekf"][1:] + "FF", 16)}
     times = {time for time in half("/world/vehicles/v1", "Boxes2D:half_sizes") if time is not None}
     assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the trackers have come"
-    dots = half("/world/estimates/raw/v1", "Points2D:positions")
+    dots = half("/world/tracks/raw", "Points2D:positions")
     assert max(time for time in dots if time is not None) == pytest.approx(0.4)
-    assert len(dots[0.4]) == 1, "at the latest time, which the viewer shows, the first tracker is there"
+    assert len(dots[0.4]) == 2, "at the latest time, which the viewer shows, the first tracker is there"
     assert "/data" not in half.entities()
 
 
@@ -144,6 +144,6 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
     drawing.draw([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
     drawing.finish()
     read = ReadRecording(tmp_path / "failing.rrd")
-    raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))
-    assert [len(ekf[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 0, 0]
-    assert [len(raw[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 1, 1]
+    raw, ekf = (read(f"/world/tracks/{name}", "Points2D:positions") for name in ("raw", "ekf"))
+    assert [len(ekf[round(0.1 * i, 9)]) for i in range(1, 5)] == [2, 2, 0, 0]
+    assert [len(raw[round(0.1 * i, 9)]) for i in range(1, 5)] == [2, 2, 2, 2]

@@ -91,8 +91,8 @@ def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
 def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
     for name, colour in tracker_colours(list(result)).items():
         expected = [int(colour[1:] + "FF", 16)]
-        assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
-        assert read(f"/world/estimates/{name}/v1/covariance", "Ellipses2D:colors")[None] == expected
+        assert {*read(f"/world/tracks/{name}", "Points2D:colors")[8.0]} == {*expected}
+        assert {*read(f"/world/covariances/{name}", "LineStrips2D:colors")[8.0]} == {*expected}
         assert read(f"/series/all_runs/nees/{name}", "SeriesLines:colors")[None] == expected
     assert len(set(TRACKER_COLOURS)) == len(TRACKER_COLOURS)
 
@@ -110,8 +110,8 @@ def test_a_failed_tracker_is_named_with_its_cause(short: Result, rewritten: Rewr
     }
     read = rewritten(short.updated(trackers=trackers), **others)
     assert "**raw**: returned NaN (step 12, 0.60 s" in read("/ranking", "TextDocument:text")[None][0]
-    assert "/world/estimates/ekf_cv/v1" in read.entities()
-    assert "/world/estimates/raw/v1" not in read.entities()
+    assert "/world/tracks/ekf_cv" in read.entities()
+    assert "/world/tracks/raw" not in read.entities()
 
 
 @pytest.mark.parametrize("name", ["roads", "measurements", "estimates", "recorded_nis", "nis"])

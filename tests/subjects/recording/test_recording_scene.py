@@ -12,9 +12,8 @@ import pytest
 from tests.support.results import with_tables
 
 from trackbench.results import Result
-from trackbench.results.columns import Columns
 from trackbench.subjects.recording.focus import moment_of
-from trackbench.subjects.recording.stream import ellipse
+from trackbench.subjects.recording.stream import outlines
 
 
 def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
@@ -56,57 +55,53 @@ def test_measurements_are_where_the_sensor_put_them_and_misses_are_not_drawn(rea
         np.testing.assert_allclose(sorted(drawn[8.0]), sorted(at_8), rtol=1e-6)
 
 
+def drawn(read: Any, result: Result, tracker: str, name: str, time: float) -> int:
+    """Return the place of a vehicle among the estimates of a tracker that are drawn at a time."""
+    rows = [r for r in result.tables.estimates.to_pylist() if (r["tracker"], round(r["time_s"], 9)) == (tracker, time)]
+    (row,) = (row for row in rows if row["object"] == name)
+    away = np.array(read(f"/world/tracks/{tracker}", "Points2D:positions")[time]) - (row["px_m"], row["py_m"])
+    return int(np.argmin(np.hypot(*away.T)))
+
+
 def test_an_ellipse_encloses_95_percent() -> None:
     covariance = np.array([[2.0, 0.9], [0.9, 1.0]])
-    (half,), (angle,) = ellipse(*(np.array([covariance[i]]) for i in ((0, 0), (0, 1), (1, 1))))
-    rng = np.random.default_rng(0)
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    x, y = turn @ np.linalg.cholesky(covariance) @ rng.standard_normal((2, 200_000))
-    assert np.mean((x / half[0]) ** 2 + (y / half[1]) ** 2 < 1) == pytest.approx(0.95, abs=0.002)
-    assert np.corrcoef(x, y)[0, 1] == pytest.approx(0, abs=0.01)
+    (line,) = outlines(np.array([[3.0, -1.0]]), *(np.array([covariance[i]]) for i in ((0, 0), (0, 1), (1, 1))))
+    away = np.asarray(line, dtype=float) - (3.0, -1.0)
+    np.testing.assert_allclose(np.einsum("ki,ij,kj->k", away, np.linalg.inv(covariance), away), 5.991, rtol=1e-4)
+    assert np.ptp(away[:, 0]) == pytest.approx(2 * np.sqrt(5.991 * 2.0), rel=0.02), "it goes all the way round"
 
 
-def test_a_known_covariance_is_drawn_with_its_axes_and_rotation(read: Any, result: Result) -> None:
+def test_a_known_covariance_is_drawn_around_its_estimate(read: Any, result: Result) -> None:
     row = next(
         row
         for row in result.tables.estimates.to_pylist()
         if (row["tracker"], row["object"], round(row["time_s"], 9)) == ("ekf_cv", "v1", 8.0)
     )
-    variances, axes = np.linalg.eigh([[row["p_00"], row["p_01"]], [row["p_01"], row["p_11"]]])
-    entity = "/world/estimates/ekf_cv/v1"
-    assert read(entity, "Points2D:positions")[8.0][0] == pytest.approx([row["px_m"], row["py_m"]])
-    (half,) = read(f"{entity}/covariance", "Ellipses2D:half_sizes")[8.0]
-    assert half == pytest.approx(2.4477 * np.sqrt(variances[::-1]), rel=1e-4)
-    (quaternion,) = read(f"{entity}/covariance", "Transform3D:quaternion")[8.0]
-    angle = 2 * np.arctan2(quaternion[2], quaternion[3])
-    assert abs(axes[:, 1] @ [np.cos(angle), np.sin(angle)]) == pytest.approx(1.0, abs=1e-6)
+    place = drawn(read, result, "ekf_cv", "v1", 8.0)
+    assert read("/world/tracks/ekf_cv", "Points2D:positions")[8.0][place] == pytest.approx([row["px_m"], row["py_m"]])
+    line = np.array(read("/world/covariances/ekf_cv", "LineStrips2D:strips")[8.0][place])
+    away = line - (row["px_m"], row["py_m"])
+    inverse = np.linalg.inv([[row["p_00"], row["p_01"]], [row["p_01"], row["p_11"]]])
+    np.testing.assert_allclose(np.einsum("ki,ij,kj->k", away, inverse, away), 5.991, rtol=1e-3)
 
 
 def test_an_estimate_disappears_with_its_vehicle(read: Any) -> None:
-    for component, entity in (("Points2D:positions", ""), ("Ellipses2D:half_sizes", "/covariance")):
-        drawn = read(f"/world/estimates/ekf_cv/v5{entity}", component)
-        assert (len(drawn[11.95]), len(drawn[12.0])) == (1, 0)
-        assert max(t for t in drawn if t is not None) == 12.0
+    for component, entity in (("Points2D:positions", "tracks"), ("LineStrips2D:strips", "covariances")):
+        counts = read(f"/world/{entity}/ekf_cv", component)
+        assert (len(counts[11.95]), len(counts[12.0])) == (5, 4)
 
 
 def test_an_estimate_that_is_not_renewed_disappears(short: Result, rewritten: Callable[..., Any]) -> None:
     estimates = short.tables.estimates
-    read = rewritten(estimates=estimates.filter(pc.less(estimates["time_s"], 2.01)))
-    drawn = read("/world/estimates/ekf_cv/v1", "Points2D:positions")
-    assert (len(drawn[2.0]), len(drawn[2.1])) == (1, 0), "held for a period of the slowest sensor, 0.1 s"
-
-
-def vehicle(px: float, py: float) -> Columns:
-    full = np.full(3, 1.0)
-    return {
-        "px_m": px * full, "py_m": py * full, "length_m": 5 * full, "width_m": 2 * full, "alive": full > 0,
-        "time_s": np.arange(3.0),
-    }  # fmt: skip
+    others = pc.not_equal(estimates["tracker"], "ekf_cv")
+    read = rewritten(estimates=estimates.filter(pc.or_(others, pc.less(estimates["time_s"], 2.01))))
+    counts = read("/world/tracks/ekf_cv", "Points2D:positions")
+    assert (len(counts[2.0]), len(counts[2.05])) == (1, 0)
 
 
 def test_a_trail_is_the_path_piece_by_piece(read: Any, result: Result) -> None:
     rows = [row for row in result.tables.estimates.to_pylist() if row["tracker"] == "ekf_cv"]
-    pieces = read("/world/trails/estimates/ekf_cv", "LineStrips2D:strips")
+    pieces = read("/world/trails/tracks/ekf_cv", "LineStrips2D:strips")
     now, before = (
         {row["object"]: (row["px_m"], row["py_m"]) for row in rows if round(row["time_s"], 9) == t} for t in (8.0, 7.95)
     )
@@ -138,8 +133,3 @@ def test_the_plots_of_a_vehicle_are_of_it_alone(read: Any, result: Result) -> No
         ("nees", "nees"),
     ):
         assert np.isclose(read(f"/series/vehicles/v2/{name}/ekf_cv", "Scalars:scalars")[8.0], row[column])
-
-
-def labels(read: Any, entity: str) -> list[str]:
-    kinds = [f"{kind}:labels" for kind in ("LineStrips2D", "Points2D")]
-    return [name for kind in kinds if (entity, kind) in read.parts for name in read(entity, kind)[None]]

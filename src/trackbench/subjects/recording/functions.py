@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -14,12 +14,11 @@ from trackbench.base.types import Array
 from trackbench.document.palette import ERROR_COLOURS, TRUTH_COLOUR
 from trackbench.metrics.function_events import FunctionEvent
 from trackbench.results.columns import Columns, split
-from trackbench.subjects.recording.scene import WORLD
-from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
+from trackbench.subjects.recording.stream import Stream, path, rgba_of
+from trackbench.subjects.recording.tracks import WARNED, send_rings
 
 LANES = "functions"
 LOG = "function_events"
-WARNED = (*WORLD, "warned")
 #: No tracker is called so, and it comes before all.
 TRUTH = "_truth"
 #: Of a lane in which something is wrong.
@@ -60,8 +59,10 @@ def send_functions(
     for tracker in colours:
         _send_log(stream, tracker, [event for event in wrong if event.tracker == tracker])
     warned = {tracker: [own[tracker] for own in by_function.values() if tracker in own] for tracker in colours}
-    for number, (tracker, each) in enumerate(warned.items()):
-        _send_rings(stream, tracker, each, truth, colours[tracker], RING + WIDER * number)
+    for number, (tracker, rows_of) in enumerate(warned.items()):
+        if rows_of:
+            entity, radius = path(*WARNED, tracker), RING + WIDER * number
+            send_rings(stream, entity, rows_of[0]["time_s"], _warned(rows_of), truth, colours[tracker], radius)
 
 
 def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
@@ -99,7 +100,7 @@ def _send_lane(stream: Stream, place: tuple[str, ...], time: Array, states: Arra
     entity = path(LANES, *place)
     stream.columns(entity, time[change], rr.StateChange.columns(state=states[change].tolist()))
     values = np.unique(states).tolist()
-    colours = np.array([rgba(WRONG.get(value, colour)) for value in values], dtype=np.uint32)
+    colours = rgba_of(WRONG.get(value, colour) for value in values)
     visible = [value != NOTHING for value in values]
     stream.static(entity, rr.StateConfiguration(values=values, labels=values, colors=colours, visible=visible))
 
@@ -111,26 +112,10 @@ def _send_log(stream: Stream, tracker: str, events: Sequence[FunctionEvent]) -> 
     stream.log(path(LOG, tracker), [event.time_s for event in ordered], texts, warnings)
 
 
-def _send_rings(
-    stream: Stream, tracker: str, rows: Sequence[Columns], truth: pa.Table, colour: str, radius: float
-) -> None:
-    """A ring around every object that a function is active about, on the tracks of a tracker."""
-    if not rows:
-        return
-    vehicles = {name: of for (name,), of in split(truth, "object").items()}
-    marked: set[tuple[float, str]] = set()
-    for of in rows:
-        active = of["active"] > 0
-        marked |= {*zip(of["time_s"][active].tolist(), of["object"][active].astype(str).tolist(), strict=True)}
-    places = sorted((time, name) for time, name in marked if name in vehicles)
-    time = rows[0]["time_s"]
-    at = np.array([_place(vehicles[name], when) for when, name in places]).reshape(-1, 2)
-    count = np.bincount(np.searchsorted(time, [when - 1e-9 for when, _ in places]), minlength=len(time))
-    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(at), 2), radius), centers=at)
-    style = rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(1.5), draw_order=36.0)
-    stream.draw(path(*WARNED, tracker), time, style, rings, count=count)
-
-
-def _place(rows: Columns, time: float) -> tuple[float, float]:
-    step = int(np.searchsorted(rows["time_s"], time - 1e-9))
-    return float(rows["px_m"][step]), float(rows["py_m"][step])
+def _warned(rows: Sequence[Columns]) -> Iterator[tuple[str, Array]]:
+    """Yield the objects that functions are active about, with the times of it, s."""
+    times = np.concatenate([of["time_s"][of["active"] > 0] for of in rows])
+    objects = np.concatenate([of["object"][of["active"] > 0] for of in rows])
+    for name in np.unique(objects.astype(str)):
+        if name:
+            yield str(name), np.unique(times[objects == name])

@@ -16,10 +16,17 @@ from trackbench.report.numbers import joined_names
 from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.scene import MEASUREMENTS, TRAIL_S, TRUE
+from trackbench.subjects.recording.scene import MEASUREMENTS, TRAIL_S, TRUE_TRAILS
 from trackbench.subjects.recording.series import NOTHING, AllCharts, Charts, recorded_run
-from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, send_line
-from trackbench.subjects.recording.track_scene import ASSOCIATION_COLOUR, ASSOCIATIONS, MARKED, MISSED, entities, others
+from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, rgba_of, send_line
+from trackbench.subjects.recording.tracks import (
+    ASSOCIATION_COLOUR,
+    ASSOCIATIONS,
+    MARKED,
+    MISSED,
+    entities,
+    families,
+)
 from trackbench.subjects.recording.views import BACKGROUND, RECENT_S, Window, scene_view, scene_views
 
 LEGEND = "legend"
@@ -79,7 +86,7 @@ def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
         stream.static(path(LEGEND, str(number)), mark)
         if entry.others:
             beside = [(x + (MARK / 2) * (-1) ** i * (i // 2 + 1), y) for i in range(len(entry.others))]
-            colours = np.array([rgba(colour) for colour in entry.others], dtype=np.uint32)
+            colours = rgba_of(entry.others)
             stream.static(path(LEGEND, str(number), "others"), rr.Points2D(beside, colors=colours, radii=pixels(3.0)))
 
 
@@ -254,8 +261,9 @@ def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bo
     own = entities(tracker)
     if gates:
         own |= {path(*ASSOCIATIONS, tracker, *part): 0.0 for part in ((), ("detections",), ("gates",))}
-    shown |= {path(*TRUE): TRAIL_S, **own}
-    return scene_view(window, name, shown, *others(), *(f"+ {entity}" for entity in own))
+    shown |= {path(*TRUE_TRAILS): TRAIL_S, **own}
+    left_out = (f"- {family}/**" for family in families())
+    return scene_view(window, name, shown, *left_out, *(f"+ {entity}" for entity in own))
 
 
 def _opened(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Blueprint:

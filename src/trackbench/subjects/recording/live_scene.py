@@ -18,6 +18,7 @@ import rerun as rr
 from trackbench.base.types import Scan
 from trackbench.document.palette import sensor_colours
 from trackbench.results import Result
+from trackbench.results.columns import split
 from trackbench.results.declared import LABELLED
 from trackbench.runner.estimate_records import estimate_records, measurement_records
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
@@ -25,6 +26,7 @@ from trackbench.runner.shared_records import road_records, truth_records
 from trackbench.subjects.recording import layout, scene, series, views
 from trackbench.subjects.recording.live import PATIENCE, LiveRun, Part
 from trackbench.subjects.recording.stream import Stream
+from trackbench.subjects.recording.tracks import send_tracks
 from trackbench.subjects.recording.writer import application, send
 
 
@@ -76,7 +78,8 @@ class LiveScene:
                 recorded = {tracker: RecordedEstimates(mean, covariance, np.isfinite(mean[0]))}
                 records += estimate_records(recorded, truth, self._steps[numbers], 0)
         estimates = LABELLED["estimates"].written(records)
-        scene.send_estimates(self._stream, estimates, self._motion, self._live.colours)
+        for (tracker,), rows in split(estimates, "tracker").items():
+            send_tracks(self._stream, tracker, rows, np.unique(rows["time_s"]), self._live.colours[tracker])
         for chart in series.recorded_run(estimates, nothing, nothing, nothing, self._live.colours).all:
             layout.send_chart(self._stream, chart)
 

@@ -17,6 +17,8 @@ from trackbench.metrics.consistency import point95
 TIMELINE = "sim_time"
 #: The rotation of a frame whose y is down.
 Y_DOWN = np.diag([1.0, -1.0, 1.0])
+#: RGBA of rows.
+Colours = npt.NDArray[np.uint32]
 #: Rows at each time.
 Count = npt.NDArray[np.integer[Any]]
 
@@ -29,6 +31,11 @@ def path(*parts: str) -> str:
 def rgba(colour: str) -> int:
     """An opaque colour out of "#RRGGBB"."""
     return int(colour[1:] + "FF", 16)
+
+
+def rgba_of(colours: Iterable[str]) -> Colours:
+    """Return opaque colours out of "#RRGGBB" each."""
+    return np.array([rgba(colour) for colour in colours], dtype=np.uint32)
 
 
 def pixels(size: float) -> float:
@@ -83,13 +90,24 @@ class Stream:
 
 #: Half axes of the 95 % ellipse over the standard deviations.
 ELLIPSE_95 = float(np.sqrt(point95(2)))
+#: Corners of an ellipse, which is drawn as a line: Rerun turns one ellipse an entity.
+CORNERS = 25
 
 
-def ellipse(p_00: Array, p_01: Array, p_11: Array) -> tuple[Array, Array]:
-    """Half axes ``(rows, 2)`` m and rotation ``(rows,)`` rad of the 95 % ellipses of position covariances."""
+def outlines(at: Array, p_00: Array, p_01: Array, p_11: Array) -> npt.NDArray[np.float32]:
+    """Return the 95 % ellipses of positions ``at`` ``(rows, 2)`` m as closed lines, ``(rows, CORNERS, 2)`` m."""
     middle, spread = (p_00 + p_11) / 2, np.hypot((p_00 - p_11) / 2, p_01)
-    variances = np.stack([middle + spread, middle - spread], axis=1)
-    return ELLIPSE_95 * np.sqrt(np.maximum(variances, 0.0)), np.arctan2(2 * p_01, p_00 - p_11) / 2
+    major, minor = (ELLIPSE_95 * np.sqrt(np.maximum(middle + sign * spread, 0.0)) for sign in (1, -1))
+    rotation, angle = np.arctan2(2 * p_01, p_00 - p_11) / 2, np.linspace(0, 2 * np.pi, CORNERS)
+    along, across = major[:, None] * np.cos(angle), minor[:, None] * np.sin(angle)
+    cosine, sine = np.cos(rotation)[:, None], np.sin(rotation)[:, None]
+    turned = np.stack([cosine * along - sine * across, sine * along + cosine * across], axis=2)
+    return np.asarray(at[:, None] + turned, dtype=np.float32)
+
+
+def counts(when: Array, time: Array) -> Count:
+    """Return how many rows there are at each instant, ``(instants,)``, of the times of rows, s."""
+    return np.bincount(np.searchsorted(time, when - 1e-9), minlength=len(time))
 
 
 def send_points(
@@ -110,23 +128,6 @@ def send_points(
     stream.draw(entity, time, style, rr.Points2D.columns(positions=at.T), count=count)
 
 
-def send_ellipses(
-    stream: Stream,
-    entity: str,
-    time: Array,
-    at: Array,
-    covariance: Array,
-    colour: str,
-    order: float,
-    count: Count | None = None,
-) -> None:
-    """The 95 % ellipses of positions with their covariances ``(2, 2, dots)`` m^2; the rest as :func:`send_points`."""
-    half, rotation = ellipse(covariance[0, 0], covariance[0, 1], covariance[1, 1])
-    ellipses = rr.Ellipses2D.columns(half_sizes=half, centers=np.zeros_like(half))
-    style = rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=order)
-    stream.draw(entity, time, style, pose(at[0], at[1], rotation), ellipses, count=count)
-
-
 def send_line(
     stream: Stream, entity: str, time: Array, values: Array, name: str, colour: str, width: float = 1.5
 ) -> None:
@@ -136,15 +137,3 @@ def send_line(
     stream.columns(entity, time, rr.Scalars.columns(scalars=values[finite]).partition(finite.astype(int)))
     style: dict[str, Any] = {"colors": rgba(colour), "widths": width, "names": name}
     stream.static(entity, rr.SeriesLines(**style))
-
-
-def pose(x: Array, y: Array, angle: Array) -> rr.ComponentColumnList:
-    """Where something is, m, and how it is turned, rad."""
-    zero = np.zeros_like(x)
-    quaternion = np.stack([zero, zero, np.sin(angle / 2), np.cos(angle / 2)], axis=1)
-    return rr.Transform3D.columns(translation=in_plane(x, y), quaternion=quaternion)
-
-
-def in_plane(x: Array, y: Array) -> Array:
-    """``(rows, 3)`` of points in the plane."""
-    return np.stack([x, y, np.zeros_like(x)], axis=1)

@@ -20,8 +20,9 @@ from trackbench.document.replay import NamedColour
 from trackbench.results import Tables
 from trackbench.results.columns import Columns, split
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.scene import FRAMES, LABELS, MEASUREMENTS, ROADS, TRAIL_S, WORLD, trails
-from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba
+from trackbench.subjects.recording.scene import FRAMES, LABELS, MEASUREMENTS, ROADS, WORLD
+from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, rgba_of
+from trackbench.subjects.recording.tracks import trails
 
 #: How long a measurement stays in the picture, s.
 RECENT_S = 0.3
@@ -118,7 +119,7 @@ def scene_views(
 
     The one in focus is also in the middle of the wide view.
     """
-    shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | dict.fromkeys(trails(trackers), TRAIL_S)
+    shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | trails(trackers)
     name = "Seen from above"
     if focus.vehicle is not None:
         wide, name = wide.around(focus.vehicle), f"{name}, around {focus.vehicle}"
@@ -204,7 +205,7 @@ class ErrorMap:
     def send(self, stream: Stream) -> None:
         """The pieces of all paths, the largest errors on top."""
         stream.turn_y_down(FRAME)
-        palette = np.array([rgba(colour) for colour in ERROR_COLOURS], dtype=np.uint32)
+        palette = rgba_of(ERROR_COLOURS)
         for tracker, pieces in self._pieces.items():
             strips, error = (np.concatenate(part) for part in zip(*pieces, strict=True))
             level: Indices = np.digitize(error, self.limits)

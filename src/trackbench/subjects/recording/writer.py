@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
@@ -12,23 +14,16 @@ import rerun.blueprint as rrb
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
 from trackbench.document.replay import Replay, ReplayScene
-from trackbench.metrics.function_events import drawn_instants, events_of
-from trackbench.results import Result, Tables, write_bytes
-from trackbench.subjects.recording import functions, layout, scene, views
-from trackbench.subjects.recording.contents import about_text, contents_of, ranking_text
+from trackbench.metrics.function_events import TrackEvent, drawn_instants, events_of
+from trackbench.results import Result, write_bytes
+from trackbench.results.columns import split
+from trackbench.subjects.recording import functions, layout, scene, tracks, views
+from trackbench.subjects.recording.contents import Contents, about_text, contents_of, ranking_text
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import chart_tabs, opened, send_chart, send_legend, with_legend
 from trackbench.subjects.recording.series import charts_of, charts_of_tracks
-from trackbench.subjects.recording.stream import Stream, path, pixels, rgba, send_ellipses, send_points
-from trackbench.subjects.recording.track_scene import (
-    MARKED,
-    send_associations,
-    send_gates,
-    send_marks,
-    send_misses,
-    send_tracks,
-)
+from trackbench.subjects.recording.stream import Stream, outlines, path, pixels, rgba, send_points
 from trackbench.subjects.recording.views import from_above
 
 
@@ -85,14 +80,15 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     layout.send_legend(stream, layout.entries_of(contents))
     scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=contents.hidden)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
-    estimates = tables.if_there("estimates")
-    scene.send_estimates(stream, estimates, tables.truth, colours, contents.hold)
-    scene.send_trails(stream, tables.truth, estimates, colours, contents.hold)
+    scene.send_true_trail(stream, tables.truth)
     if contents.hidden:
-        for tracker in colours:
-            _draw_tracks(stream, tables, tracker)
-            _draw_events(stream, result, tracker, wide.metres_per_pixel)
+        _send_hidden(stream, contents, wide.metres_per_pixel)
         stream.markdown(layout.COSTS, costs(result, colours))
+    else:
+        estimates = split(tables.if_there("estimates"), "tracker")
+        time = np.unique(np.concatenate([rows["time_s"] for rows in estimates.values()] or [np.empty(0)]))
+        for (tracker,), rows in estimates.items():
+            tracks.send_tracks(stream, tracker, rows, time, colours[tracker])
     if contents.errors is not None:
         contents.errors.send(stream)
     for chart in charts:
@@ -101,27 +97,30 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     send_data(stream, result)
 
 
-def _draw_tracks(stream: Stream, tables: Tables, tracker: str) -> None:
-    time = drawn_instants(tables)
-    own = {
-        name: table.filter(pc.equal(table["tracker"], tracker))
-        for name in ("tracks", "taken", "gates", "objects")
-        if name in tables and (table := tables[name]).num_rows
-    }
-    if "tracks" in own:
-        send_tracks(stream, tracker, own["tracks"], time)
-    if "objects" in own:
-        send_misses(stream, tracker, own["objects"], tables.truth, time)
-    if "taken" in own and "tracks" in own:
-        send_associations(stream, tracker, own["taken"], own["tracks"], tables.measurements, time)
-    if "gates" in own:
-        send_gates(stream, tracker, own["gates"], time)
+def _send_hidden(stream: Stream, contents: Contents, metres_per_pixel: float) -> None:
+    """Send the tracks, gates, associations, misses and events of each tracker."""
+    result, tables, time = contents.result, contents.tables, drawn_instants(contents.tables)
+    for (tracker,), rows in split(tables.tracks, "tracker").items():
+        tracks.send_tracks(stream, tracker, rows, time)
+    for (tracker,), rows in split(tables.if_there("gates"), "tracker").items():
+        tracks.send_gates(stream, tracker, rows, time)
+    for tracker in contents.colours:
+        taken, own, objects = (_of(tables.if_there(name), tracker) for name in ("taken", "tracks", "objects"))
+        if objects.num_rows:
+            missed, radius = tracks.misses(objects, time), tracks.MISS_RADIUS
+            tracks.send_rings(stream, path(*tracks.MISSES, tracker), time, missed, tables.truth, tracks.MISSED, radius)
+        if taken.num_rows and own.num_rows:
+            tracks.send_associations(stream, tracker, taken, own, tables.measurements, time)
+        events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
+        tracks.send_marks(stream, tracker, events, metres_per_pixel)
+        _send_log(stream, tracker, events)
 
 
-def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel: float) -> None:
-    """On the map, and as a log."""
-    events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
-    send_marks(stream, tracker, events, metres_per_pixel)
+def _of(table: pa.Table, tracker: str) -> pa.Table:
+    return table.filter(pc.equal(table["tracker"], tracker)) if table.num_rows else table
+
+
+def _send_log(stream: Stream, tracker: str, events: Sequence[TrackEvent]) -> None:
     parts = (
         (
             event.kind,
@@ -133,7 +132,7 @@ def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel:
         for event in events
     )
     texts = [f"{tracker}: {', '.join(filter(None, of_event))}" for of_event in parts]
-    warnings = [event.kind in MARKED for event in events]
+    warnings = [event.kind in tracks.MARKED for event in events]
     stream.log(path(layout.EVENTS, tracker), [event.time_s for event in events], texts, warnings)
 
 
@@ -213,8 +212,10 @@ def _send_scene(stream: Stream, scene: ReplayScene) -> None:
         )
         stream.static(path(*place, "path"), line)
         if track.covariance is not None:
-            entity = path(*place, "covariance")
-            send_ellipses(stream, entity, track.time, track.position, track.covariance, track.colour, 15.0)
+            (p_00, p_01), (_, p_11) = track.covariance
+            ellipses = rr.LineStrips2D.columns(strips=outlines(track.position.T, p_00, p_01, p_11))
+            thin = rr.LineStrips2D.from_fields(colors=rgba(track.colour), radii=pixels(0.75), draw_order=15.0)
+            stream.draw(path(*place, "covariance"), track.time, thin, ellipses)
     for of in scene.measurements:
         entity = path(*world, "measurements", of.sensor)
         send_points(stream, entity, of.time, of.position, of.colour, 2.0, 10.0)

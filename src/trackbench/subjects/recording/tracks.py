@@ -1,0 +1,201 @@
+"""Tracks seen from above: dots, ellipses, trails and rings; with hidden identities also events, gates and associations.
+
+With known identities the tracks of a tracker are its estimates of the vehicles, in the tracker's colour. With hidden
+identities each track has a number and the colour of its identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+
+from trackbench.base.types import Array
+from trackbench.document.palette import ERROR_COLOURS, IDENTITY_COLOURS
+from trackbench.metrics.function_events import TrackEvent
+from trackbench.metrics.recorded_run import table_frame
+from trackbench.results.columns import Columns, split
+from trackbench.subjects.recording.scene import TRAIL_S, TRAILS, TRUE_TRAILS, WORLD, send_trail
+from trackbench.subjects.recording.stream import Colours, Stream, counts, outlines, path, pixels, rgba, rgba_of
+
+TRACKS = (*WORLD, "tracks")
+COVARIANCES = (*WORLD, "covariances")
+TRACK_TRAILS = (*TRAILS, "tracks")
+MISSES = (*WORLD, "misses")
+WARNED = (*WORLD, "warned")
+MARKS = (*WORLD, "marks")
+ASSOCIATIONS = (*WORLD, "associations")
+#: How long an event is marked, s.
+MARKED_S = 1.0
+#: Events that are marked; births and confirmations are not: a trail begins there.
+MARKED = {"switched": "#FFFFFF", "merged": ERROR_COLOURS[4], "lost": ERROR_COLOURS[4], "false": ERROR_COLOURS[3]}
+MISSED = ERROR_COLOURS[4]
+#: Radius of the ring around a vehicle without a track, m.
+MISS_RADIUS = 3.0
+ASSOCIATION_COLOUR = "#FFFFFF"
+#: Opacity of a track that surely does not exist.
+FAINTEST = 0.2
+#: Height of the number of a track, pixels.
+NUMBER_HEIGHT = 22.0
+
+
+def trails(trackers: Iterable[str]) -> dict[str, float]:
+    """Return the entities of all trails, and how long a view shows them, s."""
+    return dict.fromkeys([path(*TRUE_TRAILS), *(path(*TRACK_TRAILS, name) for name in trackers)], TRAIL_S)
+
+
+def entities(tracker: str) -> dict[str, float]:
+    """Return what a view of one tracker shows beside the vehicles, and for how long, s; 0 for the latest alone."""
+    return {
+        path(*TRACKS, tracker): 0.0,
+        path(*COVARIANCES, tracker): 0.0,
+        path(*TRACK_TRAILS, tracker): TRAIL_S,
+        path(*MISSES, tracker): 0.0,
+        path(*MARKS, tracker): MARKED_S,
+        path(*MARKS, tracker, "labels"): MARKED_S,
+        path(*WARNED, tracker): 0.0,
+    }
+
+
+def families() -> list[str]:
+    """Return the entities below which each tracker has one of its own; a view of one tracker leaves the others out."""
+    return [path(*family) for family in (TRACKS, COVARIANCES, TRACK_TRAILS, MISSES, MARKS, ASSOCIATIONS, WARNED)]
+
+
+def send_tracks(stream: Stream, tracker: str, tracks: Columns, time: Array, colour: str | None = None) -> None:
+    """Send one tracker's tracks at all instants (s), with 95 % ellipses and trails.
+
+    Args:
+        stream: the recording.
+        tracker: name.
+        tracks: rows of the tracker in ``estimates`` or in ``tracks``, in the order of time.
+        time: ``(instants,)`` s.
+        colour: of the tracker; None with hidden identities.
+    """
+    known = np.isfinite(tracks["px_m"])
+    rows = {name: values[known] for name, values in tracks.items()}
+    hidden = colour is None
+    colours = np.full(len(rows["time_s"]), rgba(colour), dtype=np.uint32) if colour else _identity_colours(rows)
+    labels = [f"{int(track)}" for track in rows["track"]] if hidden else None
+    count = counts(rows["time_s"], time)
+    at = np.stack([rows["px_m"], rows["py_m"]], axis=1)
+    points = rr.Points2D.columns(positions=at, colors=colours, labels=labels)
+    style = rr.Points2D.from_fields(radii=pixels(2.5), draw_order=30.0, show_labels=hidden)
+    stream.draw(path(*TRACKS, tracker), time, style, points, count=count)
+    ellipses = rr.LineStrips2D.columns(strips=outlines(at, rows["p_00"], rows["p_01"], rows["p_11"]), colors=colours)
+    thin = rr.LineStrips2D.from_fields(radii=pixels(0.75), draw_order=25.0)
+    stream.draw(path(*COVARIANCES, tracker), time, thin, ellipses, count=count)
+    identity = rows["track" if hidden else "object"]
+    send_trail(stream, path(*TRACK_TRAILS, tracker), time, rows, identity, colours, 1.2 if hidden else 0.5)
+
+
+def send_rings(
+    stream: Stream,
+    entity: str,
+    time: Array,
+    marked: Iterable[tuple[str, Array]],
+    truth: pa.Table,
+    colour: str,
+    radius: float,
+) -> None:
+    """Send rings around vehicles at some of the instants.
+
+    Args:
+        stream: the recording.
+        entity: of the rings.
+        time: ``(instants,)`` s.
+        marked: names of vehicles, each with the times of its rings, s.
+        truth: the table.
+        colour: of the rings.
+        radius: of the rings, m.
+    """
+    vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
+    parts = [np.empty((0, 3))]
+    for name, times in marked:
+        rows = vehicles[name]
+        step = np.searchsorted(rows["time_s"], times - 1e-9)
+        parts.append(np.stack([times, rows["px_m"][step], rows["py_m"][step]], axis=1))
+    places = np.concatenate(parts)
+    places = places[np.argsort(places[:, 0], kind="stable")]
+    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(places), 2), radius), centers=places[:, 1:])
+    style = rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(1.5), draw_order=35.0)
+    stream.draw(entity, time, style, rings, count=counts(places[:, 0], time))
+
+
+def misses(objects: pa.Table, time: Array) -> Iterable[tuple[str, Array]]:
+    """Yield the due vehicles without a track, with the instants (s) of it, from the states of objects."""
+    for (name, state), rows in split(objects, "object", "state").items():
+        if state in ("waiting", "lost"):
+            start, until = rows["time_s"][:, None], rows["until_s"][:, None]
+            yield name, time[((time >= start - 1e-9) & (time < until - 1e-9)).any(axis=0)]
+
+
+def send_marks(stream: Stream, tracker: str, events: Iterable[TrackEvent], metres_per_pixel: float) -> None:
+    """Send switches, losses and the beginnings of false tracks, where and when they happened.
+
+    ``metres_per_pixel`` is the scale of the view: what they are is written below the numbers of the tracks.
+    """
+    shown = [event for event in events if event.kind in MARKED]
+    if not shown:
+        return
+    time, count = np.unique([event.time_s for event in shown], return_counts=True)
+    at = np.array([(event.x_m, event.y_m) for event in shown])
+    colours = rgba_of(MARKED[event.kind] for event in shown)
+    style = rr.Points2D.from_fields(radii=pixels(5.0), draw_order=38.0)
+    points = rr.Points2D.columns(positions=at, colors=colours)
+    stream.draw(path(*MARKS, tracker), time, style, points, count=count)
+    below = at - (0.0, NUMBER_HEIGHT * metres_per_pixel)
+    texts = rr.Points2D.columns(positions=below, colors=colours, labels=[_label(event) for event in shown])
+    style = rr.Points2D.from_fields(radii=0.0, draw_order=38.0, show_labels=True)
+    stream.draw(path(*MARKS, tracker, "labels"), time, style, texts, count=count)
+
+
+def send_associations(
+    stream: Stream, tracker: str, taken: pa.Table, tracks: pa.Table, measurements: pa.Table, time: Array
+) -> None:
+    """Send a line from each track to the detection that it took, which has a ring, at all instants (s).
+
+    ``taken`` and ``tracks`` are rows of the tracker; ``measurements`` are all detections of the recorded run.
+    """
+    detections = table_frame(measurements)[["scan", "detection", "x_m", "y_m"]]
+    pairs = table_frame(taken).merge(table_frame(tracks), on=["time_s", "track"])
+    pairs = pairs.merge(detections, on=["scan", "detection"]).sort_values("time_s", kind="stable")
+    strips = pairs[["px_m", "py_m", "x_m", "y_m"]].to_numpy().reshape(-1, 2, 2)
+    count = counts(pairs["time_s"].to_numpy(), time)
+    entity = path(*ASSOCIATIONS, tracker)
+    style = rr.LineStrips2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(1.0), draw_order=33.0)
+    stream.draw(entity, time, style, rr.LineStrips2D.columns(strips=strips), count=count)
+    # Behind the dot of the detection, as a ring around it.
+    ring = rr.Points2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(3.0), draw_order=19.0)
+    used = path(*ASSOCIATIONS, tracker, "detections")
+    stream.draw(used, time, ring, rr.Points2D.columns(positions=strips[:, 1]), count=count)
+
+
+def send_gates(stream: Stream, tracker: str, rows: Columns, time: Array) -> None:
+    """Send the outline of the gate of each track before the scans of each instant (s), in the track's colour."""
+    first = np.flatnonzero((np.diff(rows["scan"], prepend=-1) != 0) | (np.diff(rows["track"], prepend=-1) != 0))
+    strips = np.split(np.stack([rows["x_m"], rows["y_m"]], axis=1).astype(np.float32), first[1:])
+    colours = _plain_colours(rows["track"][first])
+    lines = rr.LineStrips2D.columns(strips=strips, colors=colours)
+    style = rr.LineStrips2D.from_fields(radii=pixels(0.5), draw_order=24.0)
+    count = counts(rows["time_s"][first], time)
+    stream.draw(path(*ASSOCIATIONS, tracker, "gates"), time, style, lines, count=count)
+
+
+def _plain_colours(identity: Array) -> Colours:
+    return np.asarray(rgba_of(IDENTITY_COLOURS)[identity.astype(int) % len(IDENTITY_COLOURS)])
+
+
+def _identity_colours(rows: Columns) -> Colours:
+    """Return RGBA of each track's identity, ``(rows,)``, fainter where the track states that it may not exist."""
+    existence = np.nan_to_num(rows["existence"], nan=1.0)
+    alpha = np.round(255 * (FAINTEST + (1 - FAINTEST) * existence)).astype(np.uint32)
+    return np.asarray((_plain_colours(rows["track"]) & 0xFFFFFF00) | alpha)
+
+
+def _label(event: TrackEvent) -> str:
+    if event.kind == "switched":
+        return f"switched {event.other_track} to {event.track}"
+    return f"{event.kind} {event.track}" if event.track is not None else event.kind
