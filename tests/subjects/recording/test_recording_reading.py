@@ -58,17 +58,17 @@ def test_every_number_comes_back(folder: Path) -> None:
 def test_the_scene_at_a_time_is_the_latest_of_everything(folder: Path) -> None:
     scene = inspect(folder / "recording.rrd", Opening(at_s=1.07)).at
     assert scene is not None
-    assert scene.time_s == pytest.approx(1.0)
+    assert scene["time_s"] == pytest.approx(1.0)
     tables = Result.load(folder).tables
     truth = {row["object"]: row for row in tables["truth"].to_pylist() if abs(row["time_s"] - 1.0) < 1e-9}
-    assert {vehicle["name"]: vehicle["px_m"] for vehicle in scene.vehicles} == {
+    assert {vehicle["name"]: vehicle["px_m"] for vehicle in scene["vehicles"]} == {
         name: row["px_m"] for name, row in truth.items() if row["alive"]
     }
     estimates = [row for row in tables["estimates"].to_pylist() if abs(row["time_s"] - 1.0) < 1e-9]
-    assert {(e.tracker, e.object, e.nees) for e in scene.estimates} == {
+    assert {(e["tracker"], e["object"], e["nees"]) for e in scene["estimates"]} == {
         (row["tracker"], row["object"], row["nees"]) for row in estimates if row["px_m"] is not None
     }
-    assert all(0.8 - 1e-9 <= measurement["time_s"] <= 1.0 + 1e-9 for measurement in scene.measurements)
+    assert all(0.8 - 1e-9 <= measurement["time_s"] <= 1.0 + 1e-9 for measurement in scene["measurements"])
 
 
 def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:

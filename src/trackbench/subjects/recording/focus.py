@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.errors import InputError, counted, nearest_choices
-from trackbench.metrics.function_events import TrackEvent, events_of, function_events
-from trackbench.metrics.recorded_run import recorded_estimates, worst
+from trackbench.metrics.function_events import FunctionEvent, TrackEvent, events_of, function_events
+from trackbench.metrics.recorded_run import EstimateMoment, recorded_estimates, worst
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
+
+Moment = EstimateMoment | TrackEvent | FunctionEvent
 
 
 @dataclass(frozen=True)
@@ -54,35 +56,73 @@ def focus_of(result: Result, opening: Opening) -> Focus:
     Raises:
         InputError: a vehicle, tracker, time or moment that it does not have.
     """
-    summary, worst_number = result.summary, opening.worst
-    require_worst(result, worst_number, opening.tracker)
-    if opening.vehicle is not None:
-        require_name(opening.vehicle, summary.truth.objects, "vehicle")
-    if worst_number is not None and opening.function is not None:
-        return _function_focus(result, opening, opening.function, worst_number)
-    if worst_number is not None and summary.identities == "hidden":
-        events = costly_events(result, opening.tracker, opening.vehicle)
-        if len(events) < worst_number:
-            raise InputError(f"only {len(events)} such events: no other costs anything", key="--worst")
-        event = events[worst_number - 1]
-        vehicle, beside = _vehicle_at(result, event)
-        return Focus(vehicle, event.time_s, tracker=event.tracker, beside=beside)
-    if worst_number is not None:
-        estimates = recorded_estimates(result)
-        names = list(estimates["tracker"].unique())
-        trackers = [tracker.name for tracker in result.filtering if tracker.name in names] or names
-        if opening.tracker is not None:
-            trackers = [require_name(opening.tracker, names, "tracker")]
-        moments = worst(estimates, trackers, worst_number, opening.vehicle)
-        if len(moments) < worst_number:
-            raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
-        moment = moments[worst_number - 1]
-        return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
+    moments = worst_moments(result, opening)
+    if opening.worst is not None:
+        if len(moments) < opening.worst:
+            raise _too_few(result, opening, len(moments))
+        return _focus_on(result, moments[opening.worst - 1])
     if opening.at_s is not None:
-        require_time(0.0, summary.truth.duration_s, opening.at_s)
+        require_time(0.0, result.summary.truth.duration_s, opening.at_s)
         if opening.vehicle is not None:
             _require_present(result, opening.vehicle, opening.at_s)
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
+
+
+def worst_moments(result: Result, opening: Opening, *, each: bool = False) -> Sequence[Moment]:
+    """Return as many of the worst moments as an opening asks for, the worst first.
+
+    They are events of its function; else with hidden identities what costs most; else the largest position errors.
+
+    Args:
+        result: of the run.
+        opening: with the tracker and the vehicle of the moments.
+        each: as many of each tracker, contenders first, and the events of a function of all runs.
+
+    Raises:
+        InputError: the run has no such tracker, vehicle or function.
+    """
+    hidden, tracker, vehicle = result.summary.identities == "hidden", opening.tracker, opening.vehicle
+    if tracker is not None:
+        _require_use_of_tracker(result, opening, tracker)
+    if vehicle is not None:
+        require_name(vehicle, result.summary.truth.objects, "vehicle")
+    if opening.worst is None:
+        return []
+    if opening.function is not None:
+        run = None if each else result.summary.recorded_run
+        return function_events(result, opening.function, tracker, run, vehicle)[: opening.worst]
+    if hidden:
+        return costly_events(result, tracker, vehicle)[: opening.worst]
+    estimates = recorded_estimates(result)
+    names = list(estimates["tracker"].unique())
+    filtering = [item.name for item in result.filtering if item.name in names]
+    if tracker is not None:
+        groups = [[require_name(tracker, names, "tracker")]]
+    elif each:
+        groups = [[name] for name in dict.fromkeys([*filtering, *names])]
+    else:
+        groups = [filtering or names]
+    return [moment for group in groups for moment in worst(estimates, group, opening.worst, vehicle)]
+
+
+def _focus_on(result: Result, moment: Moment) -> Focus:
+    if isinstance(moment, EstimateMoment):
+        return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
+    tracker = moment.tracker if result.summary.identities == "hidden" else None
+    if isinstance(moment, FunctionEvent):
+        return Focus(moment.object or None, moment.time_s, tracker=tracker, function=moment.function)
+    vehicle, beside = _vehicle_at(result, moment)
+    return Focus(vehicle, moment.time_s, tracker=tracker, beside=beside)
+
+
+def _too_few(result: Result, opening: Opening, number: int) -> InputError:
+    if opening.function is not None:
+        run, wrong = result.summary.recorded_run, counted(number, "event")
+        message = f"in run {run}, the recorded one, {wrong} of {opening.function} went wrong"
+        return InputError(f"{message}; trackbench inspect has all runs", key="--worst")
+    if result.summary.identities == "hidden":
+        return InputError(f"only {number} such events: no other costs anything", key="--worst")
+    return InputError(f"only {number} such moments: no other estimate counts", key="--worst")
 
 
 def require_time(first: float, last: float, time: float) -> None:
@@ -164,31 +204,13 @@ def _most_apart(tracks: Sequence[Columns]) -> tuple[float, float]:
     return float(smooth.max()), float(time[smooth.argmax()])
 
 
-def _function_focus(result: Result, opening: Opening, function: str, worst: int) -> Focus:
-    run = result.summary.recorded_run
-    events = function_events(result, function, opening.tracker, run, opening.vehicle)
-    if len(events) < worst:
-        wrong = counted(len(events), "event")
-        message = f"in run {run}, the recorded one, {wrong} of {function} went wrong; trackbench inspect has all runs"
-        raise InputError(message, key="--worst")
-    event = events[worst - 1]
-    hidden = result.summary.identities == "hidden"
-    return Focus(event.object or None, event.time_s, tracker=event.tracker if hidden else None, function=function)
-
-
-def require_worst(result: Result, worst: int | None, tracker: str | None) -> None:
-    """Make sure that a tracker is named for its worst moments, or, where identities are hidden, for its tracks.
-
-    Raises:
-        InputError: it is not, or with hidden identities there is no such tracker or it failed.
-    """
-    if tracker is None:
-        return
+def _require_use_of_tracker(result: Result, opening: Opening, tracker: str) -> None:
+    """Require that a tracker is named for its worst moments, or, with hidden identities, for its tracks."""
     if result.summary.identities == "hidden":
         failed = result[require_name(tracker, list(result), "tracker")].failed
         if failed is not None:
             raise InputError(f"{tracker} failed, so it has no tracks: {failed}", key="--tracker")
-    elif worst is None:
+    elif opening.worst is None:
         raise InputError("names whose worst moments are meant: give --worst with it", key="--tracker")
 
 
