@@ -41,7 +41,7 @@ class LogFinding:
     """Something that is wrong."""
 
     kind: str
-    """Such as ``time_offset``, ``mount_yaw``, ``bias_range``, ``sigma``, ``unit``, ``sign``, ``gaps``."""
+    """Such as ``time_offset``, ``mount_yaw``, ``bias_range``, ``sigma``, ``unit``, ``sign``, ``silence``."""
     sensor: str | None
     """None: the truth."""
     title: str

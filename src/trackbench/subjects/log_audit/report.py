@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from trackbench.report.numbers import NOT_AVAILABLE
 from trackbench.subjects.log_audit.audit import LogAudit, corrected
 from trackbench.subjects.log_audit.figures import band_figures
 from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, quantity_text, spelt
-from trackbench.subjects.log_audit.noise import GATE_M, ResidualNoise
+from trackbench.subjects.log_audit.noise import GATE_M
 
 _METHOD = (
     "The errors of time, mount and bias of a sensor are estimated together, by least squares of measurement minus "
@@ -34,8 +34,9 @@ def log_audit_document(audit: LogAudit) -> Document:
         Paragraph(f"{titles}." if titles else "Nothing is found wrong with this log.", strong=True),
         *_verdict(audit),
         *_findings(audit),
+        Section("Noise", (noise_table(audit),)),
+        Section("Detections", (rates_table(audit), *_unlabelled(audit))),
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
-        *(Section("Unlabelled detections", (table,)) for table in _unlabelled(audit)),
         Section("Truth and clocks", (clocks_table(audit), velocities_table(audit))),
         Section("The scenario with the findings put in", (Code(corrected(audit.scenario, audit.findings), "yaml"),)),
     ]
@@ -90,7 +91,6 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     rows = len(item.log.log.time)
     if item.fit is None:
         yield Paragraph(f"{counted(rows, 'measurement')}: too few to estimate anything.")
-        yield detections_table(item)
         return
     outliers = int(item.fit.outlier.sum())
     yield Paragraph(f"{counted(rows, 'measurement')}, {counted(outliers, 'outlier')} beyond four sigma.")
@@ -100,9 +100,13 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     if hidden:
         yield Items(tuple(Item(text) for text in hidden))
         yield Paragraph(_ALIKE)
-    yield components_table(item)
     yield measured_covariance_table(item)
-    yield detections_table(item)
+    if item.detections.narrower:
+        azimuth, distance = np.rad2deg(item.detections.seen_half_angle), item.detections.seen_range_m
+        yield Paragraph(
+            f"No object is detected beyond {azimuth:.1f}° to either side of the boresight and {distance:.4g} m, and "
+            "only those within are counted: state fov_deg and max_range_m."
+        )
 
 
 def _hidden(item: SensorAudit) -> Iterator[str]:
@@ -130,13 +134,22 @@ _INTERVAL = "95 % interval"
 
 def noise_table(audit: LogAudit) -> Table:
     """Mean error and standard deviation of all components."""
-    rows: list[tuple[str, ResidualNoise | None]] = []
+    rows = []
     for name, item in audit.sensors.items():
-        rows += [(name if number == 0 else "", component) for number, component in enumerate(item.noise or (None,))]
-    sensors = [Cell(name) for name, _ in rows]
-    return Table.of_columns(
-        "noise", [(Column("sensor", left=True), sensors), *_component_columns([component for _, component in rows])]
+        if not item.noise:
+            rows.append([Cell(name), Cell("all"), *[Cell(NOT_AVAILABLE, reason="too few measurements")] * 3])
+        for number, component in enumerate(item.noise):
+            unit, stated = component.unit, Cell(quantity_text(component.stated, component.unit))
+            found = [_interval(component.mean, unit), _interval(component.sigma, unit), stated]
+            rows.append([Cell("" if number else name), Cell(component.name.replace("_", " ")), *found])
+    columns = (
+        Column("sensor", left=True),
+        Column("component", left=True),
+        Column("mean error", "measurement minus truth, as logged", details=_INTERVAL),
+        Column("sigma", "of what the errors that were found leave", details=_INTERVAL),
+        Column("stated"),
     )
+    return Table("noise", columns, tuple(map(tuple, rows)))
 
 
 def rates_table(audit: LogAudit) -> Table:
@@ -185,45 +198,6 @@ def _number(interval: BlockInterval) -> Cell:
     return Cell(f"{interval.value:.3g}", (f"{max(low, 0.0):.3g} to {high:.3g}",))
 
 
-def components_table(item: SensorAudit) -> Table:
-    """The noise of each component, and how it changes with the range."""
-    power = Column("proportional to range to the power", "0: the same at all ranges", details=_INTERVAL)
-    exponents = []
-    for component in item.noise:
-        if component.exponent is None:
-            exponents.append(Cell(NOT_AVAILABLE, reason="the range hardly changes in this log"))
-        else:
-            low, high = component.exponent.bounds()
-            exponents.append(Cell(f"{component.exponent.value:.2f}", (f"{low:.2f} to {high:.2f}",)))
-    columns = [*_component_columns(item.noise), (power, exponents)]
-    return Table.of_columns(f"components-{item.log.name}", columns, "Noise")
-
-
-def _component_columns(noises: Sequence[ResidualNoise | None]) -> list[tuple[Column, list[Cell]]]:
-    """Mean error, standard deviation and stated one of components; None of a sensor with too few measurements."""
-    rows = []
-    for component in noises:
-        if component is None:
-            rows.append([Cell("all"), *(Cell(NOT_AVAILABLE, reason="too few measurements") for _ in range(3))])
-            continue
-        unit = component.unit
-        rows.append(
-            [
-                Cell(component.name.replace("_", " ")),
-                _interval(component.mean, unit),
-                _interval(component.sigma, unit),
-                Cell(quantity_text(component.stated, unit)),
-            ]
-        )
-    columns = (
-        Column("component", left=True),
-        Column("mean error", "measurement minus truth, as logged", details=_INTERVAL),
-        Column("sigma", "of what the errors that were found leave", details=_INTERVAL),
-        Column("stated"),
-    )
-    return [(column, [row[place] for row in rows]) for place, column in enumerate(columns)]
-
-
 def errors_table(item: SensorAudit) -> Table:
     """The errors that were estimated together."""
     assert item.fit is not None
@@ -255,25 +229,6 @@ def measured_covariance_table(item: SensorAudit) -> Table:
         for name, row in zip(names, item.covariance.tolist(), strict=True)
     ]
     return Table("covariance", columns, tuple(rows), "Suggested covariance of a measurement, SI units and radians")
-
-
-def detections_table(item: SensorAudit) -> Table:
-    """How often the sensor detects, by range."""
-    shares = item.detections
-    rows = [
-        ("all", shares.chances, shares.share),
-        *((f"{band.from_m:.0f} to {band.to_m:.0f}", band.count, band.interval) for band in shares.bands),
-    ]
-    columns = [
-        (Column("range, m", left=True), [Cell(name) for name, _, _ in rows]),
-        (Column("chances"), [Cell(str(chances)) for _, chances, _ in rows]),
-        (Column("detected, %", details=_INTERVAL), [_percents(share) for _, _, share in rows]),
-    ]
-    rate = "no regular rate" if shares.rate_hz is None else f"{shares.rate_hz:.4g} Hz"
-    seen = f"{np.rad2deg(shares.seen_half_angle):.1f}° to either side of the boresight and {shares.seen_range_m:.4g} m"
-    stated = f"; none beyond {seen}, which is what is counted: state fov_deg and max_range_m" if shares.narrower else ""
-    caption = f"Detections of objects in the field of view, {rate}{stated}"
-    return Table.of_columns("detections", columns, caption)
 
 
 def clocks_table(audit: LogAudit) -> Table:

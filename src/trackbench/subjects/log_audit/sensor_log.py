@@ -292,10 +292,6 @@ def _moved_along_course(motion: Motion, ahead: float) -> Motion:
     return motion if heading is None or not ahead else moved_ahead(motion, heading, ahead)
 
 
-#: A gap is longer than this many usual intervals.
-GAP = 5.0
-
-
 @dataclass(frozen=True)
 class Clock:
     """The times of one sensor's rows, or of the truth's."""
@@ -306,13 +302,11 @@ class Clock:
     """Rows outside the time of the truth."""
     usual_s: float | None
     """Median interval between different times."""
-    gaps: int
     longest_gap_s: float
-    longest_gap_at_s: float
 
 
 def clock_of(name: str, time: Array, order: RowOrder, outside: int = 0) -> Clock:
-    """What there is to say of some times.
+    """Return what there is to say of some times.
 
     Args:
         name: of the sensor, or "truth".
@@ -320,13 +314,10 @@ def clock_of(name: str, time: Array, order: RowOrder, outside: int = 0) -> Clock
         order: in which the rows stand in the file.
         outside: rows outside the time of the truth.
     """
-    different = np.unique(time)
-    intervals = np.diff(different)
+    intervals = np.diff(np.unique(time))
     if not len(intervals):
-        return Clock(name, order, outside, None, 0, 0.0, 0.0)
-    usual, longest = float(np.median(intervals)), int(np.argmax(intervals))
-    gaps = int((intervals > GAP * usual).sum())
-    return Clock(name, order, outside, usual, gaps, float(intervals[longest]), float(different[longest]))
+        return Clock(name, order, outside, None, 0.0)
+    return Clock(name, order, outside, float(np.median(intervals)), float(intervals.max()))
 
 
 #: Another unit must make the spread of the residuals smaller by this factor.
