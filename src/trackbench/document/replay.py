@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import Array
-
-#: Values that differ by more than this factor, but for the smallest tenth, span a large range.
-LARGE = 15.0
 
 
 class ChartLine(NamedTuple):
@@ -45,18 +40,6 @@ class Chart:
     """Whether zero is in the middle of its axis."""
     share: bool = False
     """Whether the values are shares of one; its lines then have a legend, being no trackers."""
-    apart: Collection[str] = ()
-    """Names of lines that have a view of their own, so that they do not stretch the axis of the others."""
-
-    @property
-    def together(self) -> tuple[ChartLine, ...]:
-        """The lines that are not apart."""
-        return tuple(line for line in self.lines if line.name not in self.apart)
-
-    @property
-    def others(self) -> tuple[ChartLine, ...]:
-        """Those that are."""
-        return tuple(line for line in self.lines if line.name in self.apart)
 
     @property
     def title(self) -> str:
@@ -64,23 +47,9 @@ class Chart:
         return f"{self.quantity}, {self.unit}" if self.unit else self.quantity
 
     @property
-    def log_title(self) -> str:
-        """That of the same values as decimal logarithms."""
-        return f"log10 of {self.title[0].lower() if self.unit else self.title[0]}{self.title[1:]}"
-
-    @cached_property
-    def large(self) -> bool:
-        """Whether the values span too large a range for one axis."""
-        values = _finite(self.together)
-        values = values[values > 0]
-        if self.signed or self.share:
-            return False
-        return bool(len(values) and values.max() > LARGE * np.quantile(values, 0.1))
-
-    @property
     def largest(self) -> float:
         """The largest value of a line, 0 where there is none."""
-        return float(_finite(self.together).max(initial=0.0))
+        return float(_finite(self.lines).max(initial=0.0))
 
     def span(self, shown: float = 0.0) -> tuple[float, float]:
         """An axis on which neither the start of a track nor one bad tracker flattens everything else.
@@ -91,7 +60,7 @@ class Chart:
         if self.share:
             return 0.0, 1.0
         if self.signed:
-            values = np.abs(_finite((*self.together, *self.bounds)))
+            values = np.abs(_finite((*self.lines, *self.bounds)))
             side = 1.2 * float(np.quantile(values, 0.99)) if len(values) else 1.0
             return -side, side
         return 0.0, max(self._top(), 1.15 * shown) or 1.0
@@ -100,10 +69,10 @@ class Chart:
     def beyond(self) -> list[str]:
         """The names of the lines that are more above the axis than on it."""
         top = self.span()[1]
-        return [line.name for line in self.together if np.sum(line.value > top) > len(_finite([line])) / 2]
+        return [line.name for line in self.lines if np.sum(line.value > top) > len(_finite([line])) / 2]
 
     def _top(self) -> float:
-        values, limits = _finite(self.together), _finite(self.bounds)
+        values, limits = _finite(self.lines), _finite(self.bounds)
         top = 1.2 * float(np.percentile(values, 97)) if len(values) else 1.0
         if self.unit == "" and len(limits):
             limit = max(float(np.median(_finite([bound]))) for bound in self.bounds)

@@ -97,6 +97,18 @@ def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, resul
     assert len(set(TRACKER_COLOURS)) == len(TRACKER_COLOURS)
 
 
+def test_a_baseline_has_no_lines_in_the_plots_and_no_bounds_of_its_own(short: Result, rewritten: Rewritten) -> None:
+    trackers = [tracker.model_copy(update={"baseline": tracker.name == "raw"}) for tracker in short.summary.trackers]
+    steps = short.tables.steps.to_pandas()
+    steps.loc[steps["tracker"] == "raw", "nees_low"] /= 2
+    read = rewritten(short.updated(trackers=trackers), steps=pa.Table.from_pandas(steps))
+    assert "/world/tracks/raw" in read.entities()
+    assert not any(entity.startswith("/series") and entity.endswith("/raw") for entity in read.entities())
+    bounds = {entity for entity in read.entities() if entity.startswith("/series/all_runs/nees/bounds/nees_low")}
+    assert bounds == {"/series/all_runs/nees/bounds/nees_low_1"}
+    assert "Left out of plots: raw" in read("/ranking", "TextDocument:text")[None][0]
+
+
 def test_a_failed_tracker_is_named_with_its_cause(short: Result, rewritten: Rewritten) -> None:
     failed = Failure(cause="returned NaN", step=12, time_s=0.6, sensor="roof_lidar", run=3, object="v1")
     trackers = [

@@ -64,6 +64,11 @@ class Contents:
         return frozenset(name for name, baseline in own.items() if baseline and not all(own.values()))
 
     @property
+    def plotted(self) -> Mapping[str, str]:
+        """Colour by tracker, of those that have lines in the plots: a baseline would cover the others."""
+        return {name: colour for name, colour in self.colours.items() if name not in self.baselines}
+
+    @property
     def decisions(self) -> pa.Table:
         """Decisions of functions; without rows where there are none."""
         return self.tables.if_there("decisions")
@@ -78,7 +83,7 @@ class Contents:
     @cached_property
     def errors(self) -> ErrorMap | None:
         """The map of errors; None where identities are hidden, or there are no errors."""
-        shown = [] if self.hidden else [name for name in self.colours if name not in self.baselines]
+        shown = [] if self.hidden else [*self.plotted]
         return ErrorMap(self.tables, shown, self.hold) or None
 
     @property
@@ -110,8 +115,8 @@ IN_THE_SCENE = (
     " the true and the estimated paths of the last 2 s."
 )
 IN_THE_PLOTS = (
-    "Grey lines are the reference and bounds; one of one tracker alone has its colour. Plots of log10 are of the same"
-    " values, where they span a large range: 0 is 1, -1 is 0.1. All have one time axis."
+    "Grey lines are the reference and bounds; one of one tracker alone has its colour. All have one time axis. Peaks"
+    " may be beyond the axis of values: zoom out to see them."
 )
 IN_THE_SCENE_OF_TRACKS = (
     "A tab for each tracker. Boxes are the true vehicles, small dots detections of the last 0.3 s, false alarms among "

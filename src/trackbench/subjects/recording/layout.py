@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
-from trackbench.document.replay import Chart, ChartLine, NamedColour
+from trackbench.document.replay import Chart, NamedColour
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents
@@ -115,80 +115,53 @@ def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, floa
 
 
 SERIES = "series"
-#: Rerun 0.41 has no logarithmic axis, so what spans orders of magnitude is also there as decimal logarithms.
-LOG10 = "log10"
 #: How far the axis of time goes, in ends of the last line.
 ROOM = 1.05
 
 
 def send_chart(stream: Stream, chart: Chart) -> None:
-    """The values, and their decimal logarithms where the range is large."""
+    """Send the lines of a chart."""
     for line in (*chart.lines, *chart.bounds):
-        entity = path(SERIES, *chart.place, *line.entity)
         # An empty place after the end leaves room for the last label of the time axis.
         time, value = np.append(line.time, line.time[-1:] * ROOM), np.append(line.value, line.value[-1:] * np.nan)
+        entity = path(SERIES, *chart.place, *line.entity)
         send_line(stream, entity, time, value, line.name, line.colour, line.width)
-        if chart.large:
-            logarithm = np.log10(np.where(line.value > 0, line.value, np.nan))
-            entity = path(SERIES, LOG10, *chart.place, *line.entity)
-            send_line(stream, entity, line.time, logarithm, line.name, line.colour, line.width)
 
 
 def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
-    """Errors of position and velocity, NEES and the NIS of the sensors, each with its logarithms where it needs them.
+    """Return errors of position and velocity, NEES, the NIS of the sensors and the modes of trackers.
 
     ``shown`` (m) is a position error that must be seen.
     """
     position, velocity = charts.errors
-    left = rrb.Vertical(chart_tabs([position], shown), chart_tabs([velocity]))
-    right = rrb.Vertical(chart_tabs([charts.nees]), *(chart_tabs(each) for each in (charts.nis, charts.modes) if each))
-    return rrb.Horizontal(left, right, name=name)
-
-
-def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
-    """Charts as tabs, after them the logarithms of those whose range is large, and what is apart."""
-    charts = list(charts)
-    plain = [plot(chart.title, chart.place, chart.span(shown), chart.share, chart.others) for chart in charts]
-    logarithms = [plot(chart.log_title, (LOG10, *chart.place), without=chart.others) for chart in charts if chart.large]
-    apart = [
-        plot(", ".join(line.name for line in chart.others), chart.place, without=chart.together)
-        for chart in charts
-        if chart.others
-    ]
-    return rrb.Tabs(*plain, *logarithms, *apart, active_tab=0)
-
-
-def left_out(charts: Iterable[Chart]) -> str:
-    """Which plots leave which lines out: "Left out of plots: raw (in tabs of its own); div (Position RMSE, m)"."""
-    left: dict[str, dict[str, None]] = {}
-    for chart in charts:
-        for line in chart.others:
-            left[line.name] = {"in tabs of its own": None}
-        for name in chart.beyond:
-            left.setdefault(name, {})[chart.title] = None
-    return (
-        f"Left out of plots: {'; '.join(f'{name} ({joined_names([*of])})' for name, of in left.items())}."
-        if left
-        else ""
+    tabs = [rrb.Tabs(*map(plot, group)) for group in (charts.nis, charts.modes) if group]
+    return rrb.Horizontal(
+        rrb.Vertical(plot(position, shown), plot(velocity)), rrb.Vertical(plot(charts.nees), *tabs), name=name
     )
 
 
-def plot(
-    name: str,
-    place: tuple[str, ...],
-    span: tuple[float, float] | None = None,
-    legend: bool = False,
-    without: Iterable[ChartLine] = (),
-) -> rrb.TimeSeriesView:
-    """Its time axis is that of all other plots. Trackers are in the legend of the page; one here would cover curves."""
-    origin = path(SERIES, *place)
+def left_out(charts: Iterable[Chart], baselines: Iterable[str] = ()) -> str:
+    """Say which lines are in no plot, or beyond its axis: "Left out of plots: raw; div (Position RMSE, m)"."""
+    titles: dict[str, dict[str, None]] = {}
+    for chart in charts:
+        for name in chart.beyond:
+            titles.setdefault(name, {})[chart.title] = None
+    texts = [*sorted(baselines), *(f"{name} ({joined_names([*of])})" for name, of in titles.items())]
+    return f"Left out of plots: {'; '.join(texts)}." if texts else ""
+
+
+def plot(chart: Chart, shown: float = 0.0, *, whole: bool = False) -> rrb.TimeSeriesView:
+    """Return the view of a chart, whose time axis is that of all others; a value ``shown`` is on its other axis.
+
+    Trackers are in the legend of the page, as one in the view would cover curves. A chart that is ``whole`` has all
+    values on its axis.
+    """
     return rrb.TimeSeriesView(
-        origin=origin,
-        contents=[f"+ {origin}/**", *(f"- {path(SERIES, *place, *line.entity)}" for line in without)],
-        name=name,
+        origin=path(SERIES, *chart.place),
+        name=chart.title,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
-        axis_y=None if span is None else rrb.ScalarAxis(range=span),
-        plot_legend=rrb.PlotLegend(visible=legend),
+        axis_y=None if whole else rrb.ScalarAxis(range=chart.span(shown)),
+        plot_legend=rrb.PlotLegend(visible=chart.share),
     )
 
 
@@ -240,7 +213,7 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         ),
         active_tab=trackers.index(front) if front in trackers else 0,
     )
-    parts = [plot(chart.title, chart.place, chart.span(chart.largest)) for chart in charts]
+    parts = [plot(chart, chart.largest) for chart in charts]
     lanes = list[rrb.View]()
     logs: list[rrb.View] = [
         rrb.TextDocumentView(origin=COSTS, name="Events by cost"),
@@ -279,7 +252,7 @@ def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], co
     """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
     scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
     empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
-    below = rrb.Horizontal(*(plot(chart.title, chart.place) for chart in (*empty.errors, empty.nees)))
+    below = rrb.Horizontal(*(plot(chart, whole=True) for chart in (*empty.errors, empty.nees)))
     main = rrb.Vertical(scene, below, row_shares=[3, 2])
     return opened(with_legend(main, entries(colours, list(sensors))), "following")
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -64,11 +63,6 @@ class Charts(NamedTuple):
     def all(self) -> tuple[Chart, ...]:
         return (*self.errors, self.nees, *self.nis, *self.modes)
 
-    def with_apart(self, names: Collection[str]) -> Charts:
-        """The same with the lines of some trackers apart."""
-        errors, nis = (tuple(replace(chart, apart=names) for chart in charts) for charts in (self.errors, self.nis))
-        return Charts(errors, replace(self.nees, apart=names), nis, self.modes)
-
 
 class AllCharts(NamedTuple):
     """Every chart of a recording."""
@@ -79,8 +73,8 @@ class AllCharts(NamedTuple):
 
 
 def charts_of(contents: Contents) -> AllCharts:
-    """Every chart of a recording."""
-    tables, colours = contents.tables, contents.colours
+    """Return every chart of a recording, without baselines."""
+    tables, colours = contents.tables, contents.plotted
     recorded_modes = tables.if_there("recorded_modes")
     recorded = recorded_run(tables.estimates, tables.recorded_nis, recorded_modes, tables.nis, colours)
     estimates, nis, modes = map(_by_object, (tables.estimates, tables.recorded_nis, recorded_modes))
@@ -88,14 +82,12 @@ def charts_of(contents: Contents) -> AllCharts:
     for name in contents.vehicles:
         estimate, own_nis, own_modes = (of.get(name, NOTHING) for of in (estimates, nis, modes))
         vehicles[name] = recorded_run(estimate, own_nis, own_modes, tables.nis, colours, name)
-    apart = contents.baselines
-    of_vehicles = {name: charts.with_apart(apart) for name, charts in vehicles.items()}
-    return AllCharts(_all_runs(contents).with_apart(apart), recorded.with_apart(apart), of_vehicles)
+    return AllCharts(_all_runs(contents), recorded, vehicles)
 
 
 def _all_runs(contents: Contents) -> Charts:
     """RMSE with that of the reference, and mean NEES and NIS with their 95 % bounds."""
-    tables, colours = contents.tables, contents.colours
+    tables, colours = contents.tables, contents.plotted
     reference = contents.result.summary.reference
     label = "" if reference is None else reference.label
     rows = _by_tracker(tables.steps)
@@ -229,7 +221,7 @@ def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mappin
     for field in fields:
         shared: list[list[str]] = []
         for tracker, tracker_rows in rows.items():
-            if np.isfinite(tracker_rows[field]).any():
+            if tracker in colours and np.isfinite(tracker_rows[field]).any():
                 group = next((group for group in shared if _same(rows[group[0]], tracker_rows, field)), None)
                 if group is None:
                     shared.append([tracker])

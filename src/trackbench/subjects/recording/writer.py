@@ -21,7 +21,7 @@ from trackbench.subjects.recording import functions, layout, scene, tracks, view
 from trackbench.subjects.recording.contents import Contents, about_text, contents_of, ranking_text
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.layout import chart_tabs, opened, send_chart, send_legend, with_legend
+from trackbench.subjects.recording.layout import opened, plot, send_chart, send_legend, with_legend
 from trackbench.subjects.recording.series import charts_of, charts_of_tracks
 from trackbench.subjects.recording.stream import Stream, outlines, path, pixels, rgba, send_points
 from trackbench.subjects.recording.views import from_above
@@ -73,7 +73,8 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     recording.send_recording_name(result.name)
     kept = {name: getattr(result.summary, name) for name in ("seed", "recorded_run", "fingerprint", "engine")}
     recording.send_property("trackbench", rr.AnyValues(scenario=result.summary.scenario.name, **kept))
-    stream.markdown("ranking", "\n\n".join(filter(None, [ranking_text(result), layout.left_out(charts)])))
+    baselines = () if contents.hidden else contents.baselines
+    stream.markdown("ranking", "\n\n".join(filter(None, [ranking_text(result), layout.left_out(charts, baselines)])))
     stream.markdown("about", about_text(result))
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
@@ -195,9 +196,9 @@ def _scene_tab(scene: ReplayScene) -> rrb.Container:
         ((left, right), (-high, -low)),
         {path(scene.name, "world", "measurements", of.sensor): RECENT_S for of in scene.measurements if len(of.time)},
     )
-    charts = rrb.Vertical(*(chart_tabs([chart]) for chart in scene.beside))
+    charts = rrb.Vertical(*map(plot, scene.beside))
     above = rrb.Horizontal(view, charts, column_shares=[3, 2])
-    below = rrb.Grid(*(chart_tabs([chart]) for chart in scene.below), grid_columns=min(3, max(1, len(scene.below))))
+    below = rrb.Grid(*map(plot, scene.below), grid_columns=min(3, max(1, len(scene.below))))
     return rrb.Vertical(above, below, row_shares=[1, 1], name=scene.name)
 
 
