@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.document import Code, Document, Item, Items, Paragraph, Section
+from trackbench.document import Code, Document, Paragraph, Section
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_colours
 from trackbench.metrics.function_events import FunctionEvent, function_events
@@ -145,20 +145,8 @@ def about_text(result: Result) -> str:
         Paragraph(shown),
         Section("In the scene", (Paragraph(IN_THE_SCENE_OF_TRACKS if hidden else IN_THE_SCENE),)),
         *plots,
-        Section("Sensors", (Items(tuple(_sensors(summary.sensors))),)),
         Section("Again", (Code(summary.command, "sh"), Paragraph(summary.made_with))),
         Paragraph(f"Fingerprint of the measurements: {summary.fingerprint}"),
     )
     lead, in_short = summary.scenario.description, facts(result, len(result.summary.trackers))
     return to_markdown(Document("recording", result.name, blocks, lead, in_short))
-
-
-def _sensors(sensors: Mapping[str, SensorSummary]) -> Iterator[Item]:
-    for name, sensor in sensors.items():
-        preset = f", {sensor.preset}" if sensor.preset else ""
-        share = sensor.detection_rate
-        detected = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
-        rate = "" if sensor.rate_hz is None else f", {sensor.rate_hz:.4g} Hz"
-        sees = f"field of view {sensor.fov_deg:g} deg, range {sensor.range_in_words}"
-        noise, mount = f"noise (1 sigma) {sensor.noise_in_words}", f"mount {sensor.mount_in_words}"
-        yield Item(f"{sensor.kind}{preset}{rate}, {detected}; {noise}; {sees}; {mount}", name)

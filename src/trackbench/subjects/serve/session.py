@@ -40,12 +40,9 @@ class TrackerFailed(Exception):
 class ServedSensor(NamedTuple):
     """A sensor of the scenario."""
 
-    name: str
     config: Lidar | Radar
-    noise_covariance: Array
-    """``(m, m)``"""
-    pose: Array
-    """``(3,)`` x m, y m, yaw rad in the simulator's frame."""
+    scan: Scan
+    """At time 0, without a measurement; its pose is in the simulator's frame."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,7 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
     for sensor_name, sensor in config.sensors.items():
         kind = sensor_type(sensor.type)
         if kind in sensors:
-            message = f"a second {kind} beside {sensors[kind].name}; the simulator has one lidar and one radar"
+            message = f"a second {kind} beside {sensors[kind].scan.sensor}; the simulator has one lidar and one radar"
             raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
         if isinstance(sensor, Lidar | Radar):
             sensors[kind] = _served_sensor(sensor_name, sensor, getattr(config.truth, "observer", None))
@@ -106,11 +103,12 @@ def _served_sensor(name: str, config: Lidar | Radar, observer: object) -> Served
     at = observer if isinstance(observer, FixedObserver) else FixedObserver()
     x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
     pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
-    noise = config.noise_covariance()
-    for shared in (noise, pose):
+    noise, nothing = config.noise_covariance(), np.full((len(config.components), 1), np.nan)
+    scan = Scan(0.0, name, config.type, nothing, np.zeros(1, dtype=bool), noise, pose, np.zeros(2), 0.0)
+    for shared in (noise, pose, scan.sensor_velocity):
         # One client's tracker must not change what another's reads.
         shared.setflags(write=False)
-    return ServedSensor(name, config, noise, pose)
+    return ServedSensor(config, scan)
 
 
 def _refuse_truth(tracker: LateScans) -> LateScans:
@@ -199,16 +197,7 @@ class Session:
             self._first = measurement.stamp
         time = (measurement.stamp - self._first) / MICROSECONDS
         valid = ~silent(sensor.config, np.array([time]))
-        scan = Scan(
-            time=time,
-            sensor=sensor.name,
-            kind=sensor.config.type,
-            measurement=np.where(valid, values, np.nan),
-            valid=valid,
-            noise_covariance=sensor.noise_covariance,
-            sensor_pose=sensor.pose,
-            sensor_velocity=np.zeros(2),
-            arrival_time=time,
-        )
+        values = np.where(valid, values, np.nan)
+        scan = sensor.scan._replace(time=time, arrival_time=time, measurement=values, valid=valid)
         named = self._served.config.sensors_used
-        return scan if named is None or sensor.name in named else empty_scan(scan)
+        return scan if named is None or scan.sensor in named else empty_scan(scan)
