@@ -119,12 +119,12 @@ IN_THE_PLOTS = (
     " may be beyond the axis of values: zoom out to see them."
 )
 IN_THE_SCENE_OF_TRACKS = (
-    "A tab for each tracker. Boxes are the true vehicles, small dots detections of the last 0.3 s, false alarms among "
-    "them. Larger dots are tracks with their numbers and 95 % ellipses, in pale colours by identity; a track "
-    "that states a smaller existence probability is fainter. Lines are the paths of the last 2 s, true and tracked. "
-    "A red ring is a due vehicle without a track. Switches, losses and false tracks are marked for 1 s. The view on "
-    "the right also has the gates of the built-in trackers' tracks, and a line from each track to the detection that "
-    "it took, where the tracker says so."
+    "A tab for each tracker, whose colour is that of its lines in the plots. Boxes are the true vehicles, small dots"
+    " detections of the last 0.3 s, false alarms among them. Larger dots are tracks with their numbers and 95 %"
+    " ellipses, in pale colours by identity; a track that states a smaller existence probability is fainter. Lines are"
+    " the paths of the last 2 s, true and tracked. A red ring is a due vehicle without a track. Switches, losses and"
+    " false tracks are marked for 1 s. The view on the right also has the gates of the built-in trackers' tracks, and a"
+    " line from each track to the detection that it took, where the tracker says so."
 )
 
 

@@ -38,27 +38,25 @@ ROW, MARK, RING = 40.0, 22.0, 6.0
 
 
 def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = False) -> list[NamedColour]:
-    """What is in the scene and the plots: trackers by their colours, measurements of each sensor, truth, observer.
+    """Return what is in the scene and the plots: trackers by their colours, measurements of each sensor, truth.
 
     With ``hidden`` identities the colours of the trackers are those of the plots alone.
     """
-    measurements = [NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()]
-    observer = NamedColour("observer", OBSERVER_COLOUR)
-    if not hidden:
-        lines = [NamedColour(name, colour) for name, colour in trackers.items()]
-        return [*lines, *measurements, NamedColour("truth, bounds", BOUND_COLOUR), observer]
-    return [
+    tracks = [
         NamedColour("tracks", IDENTITY_COLOURS[0], "dot", IDENTITY_COLOURS[1:]),
         NamedColour("faint: unsure", FAINT_COLOUR, "dot"),
         NamedColour("due, no track", MISSED, "ring"),
         NamedColour("false track", MARKED["false"], "mark"),
         NamedColour("lost, merged", MARKED["lost"], "mark"),
         NamedColour("switch", MARKED["switched"], "mark"),
-        *measurements,
-        NamedColour("association", ASSOCIATION_COLOUR, "line"),
-        NamedColour("truth", BOUND_COLOUR),
-        observer,
-        *(NamedColour(f"{name} (plots)", colour) for name, colour in trackers.items()),
+        NamedColour("association", ASSOCIATION_COLOUR),
+    ]
+    return [
+        *(NamedColour(name, colour) for name, colour in trackers.items()),
+        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
+        NamedColour("truth" if hidden else "truth, bounds", BOUND_COLOUR),
+        NamedColour("observer", OBSERVER_COLOUR),
+        *(tracks if hidden else ()),
     ]
 
 
