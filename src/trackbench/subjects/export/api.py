@@ -41,7 +41,7 @@ def _truth_tables(source: ScanSource) -> Iterable[pa.Table]:
 
 
 def _write_csv(tables: Iterable[pa.Table], path: Path) -> None:
-    """The shortest digits that give the same number back, nothing where one is missing, no needless quotation marks."""
+    """Write numbers in the shortest digits that give the same number back, and nothing where one is missing."""
     from pyarrow import compute, csv
 
     with path.open("wb") as stream:
@@ -122,7 +122,7 @@ def export(
 
 
 def _require_apart(folders: list[Path]) -> None:
-    """A program that reads the scans must not come upon the truth."""
+    """Require separate folders: a program that reads the scans must not come upon the truth."""
     places = [folder.resolve() for folder in folders]
     if len(places) == 2 and (places[0].is_relative_to(places[1]) or places[1].is_relative_to(places[0])):
         raise InputError("the truth goes into a folder of its own, apart from the scans", key="--truth")

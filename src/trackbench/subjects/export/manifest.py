@@ -27,7 +27,7 @@ FRAME = (
 
 
 def scan_manifest(source: ScanSource) -> dict[str, Any]:
-    """Of a folder of scans, without its files."""
+    """Return the manifest of a folder of scans, without its files."""
     config, hidden = source.loaded.config, source.hidden
     scenes = [_scene(source, number) for number in range(len(source.truths))]
     if not hidden:
@@ -47,13 +47,13 @@ def scan_manifest(source: ScanSource) -> dict[str, Any]:
 
 
 def truth_manifest(source: ScanSource) -> dict[str, Any]:
-    """Of a folder of truths, without its files."""
+    """Return the manifest of a folder of truths, without its files."""
     scenes = [_scene(source, number) for number in range(len(source.truths))]
     return {**_head("truth", source.loaded), "frame": FRAME, "scenes": scenes, "columns": _columns(TRUTH)}
 
 
 def manifest_writer(made: Callable[[], Mapping[str, Any]]) -> Callable[[Path], None]:
-    """What writes the manifest after all other files of its folder, with the hash of each.
+    """Return what writes the manifest after all other files of its folder, with the hash of each.
 
     Args:
         made: gives the manifest without its files.
@@ -96,7 +96,7 @@ def _scene(source: ScanSource, number: int) -> dict[str, Any]:
 
 
 def _sensor(sensor: IdealSensor, hidden: bool) -> dict[str, Any]:
-    """What a sensor states of itself."""
+    """Return what a sensor states of itself."""
     config, view = sensor.config, field_of_view(sensor.config)
     names = zip(config.components, component_columns(config), config.units, strict=True)
     entry: dict[str, Any] = {

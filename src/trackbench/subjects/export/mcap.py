@@ -30,8 +30,11 @@ TRANSFORM = {"timestamp": STAMP, "parent_frame_id": str, "child_frame_id": str, 
 
 
 def schema_of(shape: Any) -> dict[str, Any]:
-    """The JSON schema of a type; of a list of an item, of two or more so many; of a dict of which keys with a question
-    mark may be missing; and of a tuple of such a shape and what else the schema says of it."""
+    """Return the JSON schema of a shape.
+
+    A shape is a type, a list of one item or of a fixed number of equal ones, a dict whose keys with a question mark may
+    be missing, or a tuple of a shape and what else its schema says.
+    """
     if isinstance(shape, tuple):
         return {**schema_of(shape[0]), **shape[1]}
     if isinstance(shape, list):
@@ -96,12 +99,12 @@ Write = Callable[[str, str, float, Any], None]
 
 
 def mcap_scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
-    """A file for each run."""
+    """Return what writes the file of each run."""
     return {f"{key.stem}.mcap": partial(_write_scans, source, key) for key in source.keys}
 
 
 def mcap_truth_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
-    """A file for each scene; where motion is drawn anew, one for each run."""
+    """Return what writes the file of each scene; where motion is drawn anew, of each run."""
     return {f"{name}.mcap": partial(_write_truth, truth, run) for name, truth, run in source.truth_runs()}
 
 
@@ -128,7 +131,7 @@ def _write_truth(truth: Truth, run: int, path: Path) -> None:
 
 @contextmanager
 def mcap_messages(path: Path) -> Iterator[Write]:
-    """A new file; yields what writes a message.
+    """Open a new file, and yield what writes a message.
 
     Raises:
         InputError: the package is missing.
@@ -158,7 +161,7 @@ def mcap_messages(path: Path) -> Iterator[Write]:
 
 
 def stamp_of(time: float) -> dict[str, int]:
-    """A time in s to the nanosecond."""
+    """Return a time in s as seconds and nanoseconds."""
     seconds, nanoseconds = divmod(round(time * 1e9), 10**9)
     return {"sec": seconds, "nsec": nanoseconds}
 
@@ -172,7 +175,7 @@ def _vector(x: float, y: float, z: float = 0.0) -> dict[str, float]:
 
 
 def _transforms(scan: Scan, mount: Mount) -> list[dict[str, Any]]:
-    """The poses of the observer in the fixed frame and of the sensor on it."""
+    """Return the poses of the observer in the fixed frame and of the sensor on it."""
     x, y, yaw = scan.sensor_pose
     heading = yaw - np.radians(mount.yaw_deg)
     cos, sin = np.cos(heading), np.sin(heading)
@@ -191,7 +194,7 @@ def _transforms(scan: Scan, mount: Mount) -> list[dict[str, Any]]:
 
 
 def _point_cloud(scan: Scan) -> dict[str, Any]:
-    """The detections of a scan, in the sensor's frame: x, y, z and each component of the measurement."""
+    """Return the detections of a scan in the sensor's frame: x, y, z and each component of the measurement."""
     model = SENSOR_MODELS[scan.kind]
     measurement = scan.measurement[:, scan.valid]
     dx, dy = model.position(scan._replace(measurement=measurement)).mean - scan.sensor_pose[:2, None]
@@ -209,7 +212,7 @@ def _point_cloud(scan: Scan) -> dict[str, Any]:
 
 
 def _scan(scan: Scan, objects: tuple[str, ...] | None) -> dict[str, Any]:
-    """All that a tracker gets of a scan."""
+    """Return all that a tracker gets of a scan."""
     columns = component_columns(SENSOR_MODELS[scan.kind])
     rows = []
     for number, (valid, measured) in enumerate(zip(scan.valid.tolist(), scan.measurement.T.tolist(), strict=True)):
@@ -232,7 +235,7 @@ def _scan(scan: Scan, objects: tuple[str, ...] | None) -> dict[str, Any]:
 
 
 def _entity(truth: Truth, step: int, body: int, run: int) -> dict[str, Any]:
-    """A body as a box, with its velocity as metadata."""
+    """Return a body as a box, with its velocity as metadata."""
     at = step, body, run
     metadata = {
         "vx_mps": repr(float(truth.vx[at])),

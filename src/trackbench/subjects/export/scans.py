@@ -81,11 +81,11 @@ class ScanSource:
         return [RunKey(scene, run) for scene in range(len(self.truths)) for run in range(self.work.runs)]
 
     def truth(self, scene: int) -> Truth:
-        """Of a scene: with hidden identities all objects, else the targets."""
+        """Return the truth of a scene: with hidden identities of all objects, else of the targets."""
         return self.truths[scene].truth
 
     def truth_runs(self) -> Iterator[tuple[str, Truth, int]]:
-        """The stem of a file, the truth and the number of the run, once where motion is the same in every run."""
+        """Yield a file's stem, the truth and the number of the run, once where motion is the same in every run."""
         for scene, item in enumerate(self.truths):
             runs = item.truth.px.shape[-1]
             for run in range(runs):
@@ -98,7 +98,7 @@ class ScanSource:
         return [source.scene_name or f"scene {number + 1}" for number, source in enumerate(sources)]
 
     def scans(self, key: RunKey) -> RunScans:
-        """The scans of one run, the same whatever else is exported."""
+        """Return the scans of one run, which do not depend on what else is exported."""
         work, scene, runs = self.work, self.work.scenes[key.scene], range(key.run, key.run + 1)
         noise, objects = work.noise_of(key.scene), None
         if self.hidden:
@@ -112,7 +112,7 @@ class ScanSource:
         return RunScans(key, self.fingerprints[key], arrived, objects)
 
     def runs(self) -> Iterator[RunScans]:
-        """The scans of every run."""
+        """Yield the scans of every run."""
         return map(self.scans, self.keys)
 
 
@@ -165,12 +165,12 @@ TRUTH = {
 
 
 def component_columns(sensor: Sensor | type[Sensor]) -> list[str]:
-    """The column of each component of a measurement, with its SI unit at the end: ``range_rate_mps``."""
+    """Return the column of each component of a measurement, with its SI unit at the end: ``range_rate_mps``."""
     return [f"{name}_{SPELLINGS.get(unit, unit)}" for name, unit in zip(sensor.components, sensor.units, strict=True)]
 
 
 def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, ExportColumn]:
-    """The columns of a table of scans.
+    """Return the columns of a table of scans.
 
     Args:
         sensors: by name.
@@ -185,7 +185,7 @@ def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, Expor
 
 
 def scan_table(of_run: RunScans, sensors: Mapping[str, Sensor], hidden: bool) -> pa.Table:
-    """The scans of a run, with the columns of ``scan_columns``."""
+    """Return the scans of a run, with the columns of ``scan_columns``."""
     scans = of_run.scans
     counts = np.array([max(scan.valid.size, 1) for scan in scans], dtype=np.intp)
     starts, rows = np.cumsum(counts) - counts, int(counts.sum())
@@ -220,7 +220,7 @@ def scan_table(of_run: RunScans, sensors: Mapping[str, Sensor], hidden: bool) ->
 
 
 def truth_table(scene: int, truth: Truth) -> pa.Table:
-    """What moved in a scene, with the columns of ``TRUTH``: a row an object and instant at which it is there."""
+    """Return a scene's truth with the columns of ``TRUTH``: a row an object and instant at which it is there."""
     runs = truth.px.shape[-1]
     parts = []
     for run in range(runs):

@@ -22,7 +22,7 @@ class Unreadable(Exception):
 
 
 def read_chunks(path: Path) -> list[dict[str, bytes]]:
-    """The components of the entity of data by name, once for each run in a recording; none in that of another program.
+    """Return the components of the entity of data by name, for each run in a recording; none of another program's.
 
     Raises:
         Unreadable: the file is damaged, or of a version of Rerun that this one does not read.

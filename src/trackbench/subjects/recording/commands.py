@@ -172,7 +172,7 @@ def _add(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _check(scenarios: Sequence[Scenario], values: OptionValues) -> None:
-    """Only estimates of known objects are shown while a run goes on."""
+    """Refuse hidden identities: only estimates of known objects are shown while a run goes on."""
     for scenario in scenarios:
         if values["live"] and scenario.config.sensing.identities == "hidden":
             problem = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"

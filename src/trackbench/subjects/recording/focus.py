@@ -166,7 +166,7 @@ SMOOTH_S, MARGIN_S = 0.5, 1.0
 
 
 def moment_of(result: Result) -> Focus:
-    """A moment of the recorded run that is worth seeing first.
+    """Return a moment of the recorded run that is worth seeing first.
 
     Where identities are hidden, the costliest event of the best contender that is no start of a track. With functions,
     where the first is due. Else where the errors of two contenders differ most for half a second.
@@ -190,7 +190,7 @@ def moment_of(result: Result) -> Focus:
 
 
 def _most_apart(tracks: Sequence[Columns]) -> tuple[float, float]:
-    """By how much the position errors of an object's tracks differ at most, m, and when, s; of one, its error."""
+    """Return by how much the position errors of an object's tracks differ at most, m, and when, s."""
     time = np.unique(np.concatenate([rows["time_s"] for rows in tracks]))
     if not len(time):
         return 0.0, 0.0
@@ -215,15 +215,14 @@ def _require_use_of_tracker(result: Result, opening: Opening, tracker: str) -> N
 
 
 def costly_events(result: Result, tracker: str | None, vehicle: str | None) -> list[TrackEvent]:
-    """The events of the recorded run that cost something, in the order of :func:`events_of`; unless a tracker is named,
-    those of the contenders."""
+    """Return the events of the recorded run that cost something, of a tracker or the contenders, costliest first."""
     events = events_of(result, tracker, result.summary.recorded_run, vehicle)
     names = [item.name for item in result.filtering] if tracker is None else [tracker]
     return [event for event in events if event.cost_m2 > 0 and event.tracker in names]
 
 
 def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:
-    """The vehicle of an event, or the nearest to it, and where the event is from there, m."""
+    """Return the vehicle of an event, or the nearest to it, and the place of the event seen from there, m."""
     away = {}
     for (_, name), rows in split(result.tables.truth, "role", "object").items():
         step = int(np.searchsorted(rows["time_s"], event.time_s - 1e-9))

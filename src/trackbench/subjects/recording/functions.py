@@ -36,7 +36,7 @@ def send_functions(
     truth: pa.Table,
     colours: Mapping[str, str],
 ) -> None:
-    """Everything that is shown of functions.
+    """Send the lanes, the log and the rings of functions.
 
     Args:
         stream: the recording.
@@ -66,7 +66,7 @@ def send_functions(
 
 
 def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
-    """``(instants,)`` what a tracker's lane says: of which object the function warns, what is wrong, or nothing."""
+    """Return what a tracker's lane says at each instant: the object that is warned of, what is wrong, or nothing."""
     time, active = rows["time_s"], rows["active"] > 0
     states = np.where(active, _named(rows["object"]), NOTHING)
     for event in events:
@@ -78,19 +78,19 @@ def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
 
 
 def lanes_view() -> rrb.StateTimelineView:
-    """The lanes of every function, one below the other."""
+    """Return a view of the lanes of every function, one below the other."""
     return rrb.StateTimelineView(
         origin=path(LANES), name="Functions", time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
     )
 
 
 def log_view() -> rrb.TextLogView:
-    """The events of all functions."""
+    """Return a view of the events of all functions."""
     return rrb.TextLogView(origin=path(LOG), name="Missed, late, false, early")
 
 
 def _named(objects: Array) -> Array:
-    """A lane has the names of objects; a track on none has none."""
+    """Return the names of objects, with a text for tracks on no object."""
     names = objects.astype(str)
     return np.where(names == "", "no object", names)
 

@@ -61,14 +61,14 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
 
 
 def entries_of(contents: Contents) -> list[NamedColour]:
-    """Those of a recording."""
+    """Return the entries of the legend of a recording."""
     shown = entries(contents.colours, list(contents.sensors), contents.hidden)
     active = [NamedColour("function active", BOUND_COLOUR, "ring")] if contents.decisions.num_rows else []
     return [*shown, *active, *(contents.errors.legend if contents.errors else [])]
 
 
 def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
-    """A line, dots or a ring above each name, in rows."""
+    """Send the legend: a line, dots or a ring above each name, in rows."""
     for number, (entry, x, y) in enumerate(_placed(shown)):
         style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.name, "show_labels": True}
         if entry.mark == "line":
@@ -89,7 +89,7 @@ def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
 
 
 def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
-    """The view, as wide as the names take."""
+    """Return the view of the legend, as wide as the names take."""
     return rrb.Spatial2DView(
         origin=LEGEND,
         name="Legend",
@@ -99,12 +99,12 @@ def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
 
 
 def height(shown: list[NamedColour]) -> float:
-    """Pixels that the rows take."""
+    """Return the height of the legend, pixels."""
     return max(y for _, _, y in _placed(shown)) + 0.9 * ROW
 
 
 def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
-    """Each entry with the middle of its mark, in columns as wide as the longest name."""
+    """Yield each entry with the middle of its mark, in columns as wide as the longest name."""
     longest = max(len(entry.name) for entry in shown)
     columns = max(1, min(len(shown), int(WIDTH / (LETTER * longest + AROUND))))
     row, column = np.divmod(np.arange(len(shown)), columns)
@@ -172,7 +172,7 @@ EVENTS, COSTS = "events", "costs"
 
 
 def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus = WHOLE) -> rrb.Blueprint:
-    """The layout of a recording: a tab for all runs, one for the recorded run, and one for each vehicle."""
+    """Return the layout of a recording: a tab for all runs, one for the recorded run, and one for each vehicle."""
     vehicles = _shown(contents.vehicles, focus)
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus, contents.moment.vehicle)
     runs = _page(charts.all_runs, contents.runs)
@@ -191,7 +191,7 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
 
 
 def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: Focus) -> rrb.Blueprint:
-    """The layout of a recording of tracks: a tab for each tracker, the one in focus or else the best in front."""
+    """Return the layout of a recording of tracks: a tab for each tracker, in front that in focus or the best."""
     # With nothing in focus a close view would show a place where nobody may be.
     window = near = wide
     if focus.vehicle is not None:
@@ -227,7 +227,7 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
 
 
 def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bool = False) -> rrb.Spatial2DView:
-    """The scene with one tracker's tracks, and with their gates and the detections that they took."""
+    """Return a view of one tracker's tracks, with their ``gates`` and the detections that they took."""
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in contents.sensors}
     own = entities(tracker)
     if gates:
@@ -247,7 +247,7 @@ def _opened(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Bluepr
 
 
 def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:
-    """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
+    """Return the layout while a run goes on, which follows the trackers; only the recorded run is known."""
     scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
     empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
     below = rrb.Horizontal(*(plot(chart, whole=True) for chart in (*empty.errors, empty.nees)))
@@ -263,7 +263,7 @@ def _shown(vehicles: list[str], focus: Focus) -> list[str]:
 def with_legend(
     main: rrb.Container, shown: list[NamedColour], text: rrb.Container | rrb.View | None = None
 ) -> rrb.Container:
-    """A container with the legend on its right, and texts under that."""
+    """Return a container with the legend on its right, and texts under the legend."""
     names = legend_view(shown)
     share = height(shown) / BESIDE
     side = names if text is None else rrb.Vertical(names, text, row_shares=[share, 1 - share])
@@ -277,7 +277,7 @@ BEFORE_S, AFTER_S = 3.0, 3.0
 def opened(
     container: rrb.Container, play_state: Literal["playing", "paused", "following"], moment: float | None = None
 ) -> rrb.Blueprint:
-    """A layout with its time panel; what plays starts again at its end, or at the end of the time around a moment."""
+    """Return a layout with its time panel, which plays in a loop: all, or the time around a moment."""
     loop: dict[str, Any] = {"loop_mode": "all"} if play_state == "playing" else {}
     if moment is not None:
         ends = (round(1e9 * max(0.0, moment - BEFORE_S)), round(1e9 * (moment + AFTER_S)))

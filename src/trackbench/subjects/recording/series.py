@@ -65,7 +65,7 @@ class Charts(NamedTuple):
 
 
 class AllCharts(NamedTuple):
-    """Every chart of a recording."""
+    """All charts of a recording."""
 
     all_runs: Charts
     recorded: Charts
@@ -86,7 +86,7 @@ def charts_of(contents: Contents) -> AllCharts:
 
 
 def _all_runs(contents: Contents) -> Charts:
-    """RMSE with that of the reference, and mean NEES and NIS with their 95 % bounds."""
+    """Return RMSE with that of the reference, and mean NEES and NIS with their 95 % bounds."""
     tables, colours = contents.tables, contents.plotted
     reference = contents.result.summary.reference
     label = "" if reference is None else reference.label
@@ -119,7 +119,7 @@ def recorded_run(
     colours: Mapping[str, str],
     vehicle: str | None = None,
 ) -> Charts:
-    """The recorded run's errors, NEES and NIS: root mean squares and means over its vehicles, or of one of them.
+    """Return the recorded run's errors, NEES and NIS: root mean squares and means over its vehicles, or of one.
 
     ``estimates``, ``recorded_nis`` and ``modes`` are of these vehicles, ``nis`` is over all runs: a tracker may take
     less of a measurement than its sensor gives, so the degrees of freedom are its own.
@@ -155,7 +155,7 @@ def _nis(
     dof: Mapping[tuple[str, ...], int],
     colours: Mapping[str, str],
 ) -> Chart:
-    """With the bounds of its mean, or the line of a single innovation where none is a mean of several."""
+    """Return the NIS with bounds of its mean, or with the line of single innovations where none is a mean."""
     value, *limits = columns
     if rows and max(float(np.nanmax(of["count"], initial=0.0)) for of in rows.values()) <= 1:
         lined: ByTracker = {
@@ -209,14 +209,14 @@ def _lines(
 
 
 def _broken(rows: Columns, value: str, gap: float = GAP_S) -> tuple[Array, Array]:
-    """Times and values, with a missing value where none follows within ``gap`` s."""
+    """Return times and values, with a missing value where none follows within ``gap`` s."""
     time, values = rows["time_s"], rows[value]
     before = np.flatnonzero(np.diff(time) > gap)
     return np.insert(time, before + 1, time[before] + gap), np.insert(values, before + 1, np.nan)
 
 
 def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
-    """One line for all trackers that share it, in its tracker's colour where only some do and it is of one."""
+    """Return one line for all trackers that share a bound, in the colour of a tracker that has its own."""
     lines = []
     for field in fields:
         shared: list[list[str]] = []
@@ -237,7 +237,7 @@ def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mappin
 
 
 def _same(a: Columns, b: Columns, field: str) -> bool:
-    """Whether it is the same at nearly all instants that both have: tracks may start a measurement apart."""
+    """Return whether two bounds agree at nearly all common instants: tracks may start a measurement apart."""
     _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)
@@ -245,7 +245,7 @@ def _same(a: Columns, b: Columns, field: str) -> bool:
 
 
 def _mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str]) -> tuple[Chart, ...]:
-    """A chart for each tracker that has modes, with a line for each: the mean over the vehicles of the table."""
+    """Return a chart for each tracker that has modes, with a line for each mode: the mean over vehicles."""
     by_mode = split(modes, "tracker", "mode")
     colours = mode_colours(mode for _, mode in by_mode)
     lines: dict[str, list[ChartLine]] = {}
@@ -260,7 +260,7 @@ def _mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str
 
 
 def charts_of_tracks(contents: Contents) -> list[Chart]:
-    """GOSPA and its parts over all runs, and how many tracks and due objects there are in the recorded one."""
+    """Return GOSPA and its parts over all runs, and the numbers of tracks and due objects in the recorded run."""
     tables, colours = contents.tables, contents.colours
     steps = _by_tracker(tables.steps)
     parts = [

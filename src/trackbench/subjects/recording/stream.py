@@ -24,12 +24,12 @@ Count = npt.NDArray[np.integer[Any]]
 
 
 def path(*parts: str) -> str:
-    """An entity path; names are escaped, so that any name of a tracker or sensor is one part."""
+    """Return an entity path; names are escaped, so that any name of a tracker or sensor is one part."""
     return str(rr.new_entity_path(list(parts)))
 
 
 def rgba(colour: str) -> int:
-    """An opaque colour out of "#RRGGBB"."""
+    """Return an opaque colour out of "#RRGGBB"."""
     return int(colour[1:] + "FF", 16)
 
 
@@ -39,7 +39,7 @@ def rgba_of(colours: Iterable[str]) -> Colours:
 
 
 def pixels(size: float) -> float:
-    """A radius on the screen, whatever the zoom: Rerun takes negative radii for that."""
+    """Return a radius on the screen, whatever the zoom: Rerun takes negative radii for that."""
     return -size
 
 
@@ -50,11 +50,11 @@ class Stream:
         self._recording = recording
 
     def static(self, entity: str, *archetypes: AsComponents) -> None:
-        """What does not change over time."""
+        """Send what does not change over time."""
         self._recording.log(entity, *archetypes, static=True, strict=True)
 
     def columns(self, entity: str, time: Array, *batches: Iterable[ComponentColumn]) -> None:
-        """What changes over time: one row for each of ``time`` (s) in every batch."""
+        """Send what changes over time: one row for each of ``time`` (s) in every batch."""
         if len(time):
             nanoseconds = np.round(time * 1e9).astype("timedelta64[ns]")
             index: Any = rr.TimeColumn(TIMELINE, duration=nanoseconds)
@@ -69,7 +69,7 @@ class Stream:
         *batches: rr.ComponentColumnList,
         count: Count | None = None,
     ) -> None:
-        """What changes over time in a style that does not: one row, or ``count`` rows, for each of ``time`` (s)."""
+        """Send what changes over time in a style that does not: a row, or ``count`` rows, for each of ``time`` (s)."""
         self.columns(entity, time, *(batches if count is None else [batch.partition(count) for batch in batches]))
         self.static(entity, style)
 
@@ -78,13 +78,13 @@ class Stream:
         self.static(entity, rr.Transform3D(mat3x3=Y_DOWN))
 
     def log(self, entity: str, time: list[float], texts: list[str], warnings: list[bool]) -> None:
-        """A log: a text at each time (s), as a warning or as information."""
+        """Send a log: a text at each time (s), as a warning or as information."""
         if texts:
             levels = ["WARN" if warning else "INFO" for warning in warnings]
             self.columns(entity, np.array(time), rr.TextLog.columns(text=texts, level=levels))
 
     def markdown(self, entity: str, text: str) -> None:
-        """A text."""
+        """Send a text in Markdown."""
         self.static(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
 
@@ -120,7 +120,7 @@ def send_points(
     order: float,
     count: Count | None = None,
 ) -> None:
-    """Dots of ``size`` pixels at the places ``at`` ``(2, dots)`` m and the times ``(times,)`` s.
+    """Send dots of ``size`` pixels at the places ``at`` ``(2, dots)`` m and the times ``(times,)`` s.
 
     ``count`` ``(times,)`` is how many there are at each time, one unless given; the highest ``order`` is on top.
     """
@@ -131,7 +131,7 @@ def send_points(
 def send_line(
     stream: Stream, entity: str, time: Array, values: Array, name: str, colour: str, width: float = 1.5
 ) -> None:
-    """A line of a plot, broken where there is no value; its ``width`` is in pixels."""
+    """Send a line of a plot, broken where there is no value; its ``width`` is in pixels."""
     finite = np.isfinite(values)
     # An empty row breaks the line.
     stream.columns(entity, time, rr.Scalars.columns(scalars=values[finite]).partition(finite.astype(int)))

@@ -177,7 +177,7 @@ def pictures(file: Path, times: Sequence[float], size: tuple[int, int] = SIZE, z
 
 
 def ended(log: IO[bytes]) -> InputError:
-    """Why a viewer ended by itself, and what to do about it."""
+    """Return why a viewer ended by itself, and what to do about it."""
     with log:
         log.seek(0)
         text = log.read().decode(errors="replace")

@@ -55,19 +55,19 @@ class Window(NamedTuple):
         return max(side / pixels for side, pixels in zip(sides, WIDE_PIXELS, strict=True))
 
     def around(self, vehicle: str) -> Window:
-        """As large, with a vehicle in the middle."""
+        """Return a view of this size with a vehicle in the middle."""
         half = [(high - low) / 2 for low, high in (self.across, self.down)]
         return Window(vehicle, "around", (-half[0], half[0]), (-half[1], half[1]), self.scale)
 
     def closer(self, beside: tuple[float, float] = (0.0, 0.0)) -> Window:
-        """What is up to ``NEAR`` from its middle, or from a place ``beside`` that, m to the right and up."""
+        """Return the view up to ``NEAR`` from the middle, or from a place ``beside`` it, m to the right and up."""
         (left, right), (top, bottom) = self.across, self.down
         x, y = (left + right) / 2 + beside[0], (top + bottom) / 2 - beside[1]
         return self._replace(across=(x - NEAR, x + NEAR), down=(y - NEAR, y + NEAR))
 
 
 def wide_window(truth: pa.Table) -> Window:
-    """The observer's view: it has the vehicles nearby most of the time, or the surroundings where there are none."""
+    """Return the observer's view, which has the vehicles nearby most of the time, or else the surroundings."""
     vehicles = split(truth, "role", "object")
     observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
     targets = [rows for (role, _), rows in vehicles.items() if role == "target"]
@@ -88,12 +88,12 @@ def wide_window(truth: pa.Table) -> Window:
 
 
 def close_up(vehicle: str) -> Window:
-    """A vehicle and little else."""
+    """Return a view of a vehicle and little else."""
     return Window(vehicle, "close", (-CLOSE, CLOSE), (-CLOSE, CLOSE), 1.0)
 
 
 def send_scales(stream: Stream, wide: Window, vehicles: Iterable[str]) -> None:
-    """A scale bar at the lower left of each view that may be opened."""
+    """Send a scale bar at the lower left of each view that may be opened."""
     for window in (wide, *(each for name in vehicles for each in (wide.around(name), close_up(name)))):
         top, bottom = window.down
         x, y = window.across[0] + window.scale / 2, bottom - 0.08 * (bottom - top)
@@ -115,7 +115,7 @@ def scene_views(
     focus: Focus,
     first: str | None = None,
 ) -> rrb.Container:
-    """The wide view beside tabs with a close-up of each of ``vehicles``, ``first`` in front.
+    """Return the wide view beside tabs with a close-up of each of ``vehicles``, ``first`` in front.
 
     The one in focus is also in the middle of the wide view.
     """
@@ -143,7 +143,7 @@ def from_above(
     bounds: tuple[tuple[float, float], tuple[float, float]],
     shown: Mapping[str, float],
 ) -> rrb.Spatial2DView:
-    """A view of a scene.
+    """Return a view of a scene.
 
     Args:
         frame: entity whose frame is the view's own; y is down in it.
@@ -203,7 +203,7 @@ class ErrorMap:
         return [NamedColour(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)]
 
     def send(self, stream: Stream) -> None:
-        """The pieces of all paths, the largest errors on top."""
+        """Send the pieces of all paths, the largest errors on top."""
         stream.turn_y_down(FRAME)
         palette = rgba_of(ERROR_COLOURS)
         for tracker, pieces in self._pieces.items():
@@ -214,7 +214,7 @@ class ErrorMap:
             stream.static(path(ERRORS, tracker), lines)
 
     def view(self) -> rrb.Container:
-        """The maps, each in a view."""
+        """Return the maps, each in a view."""
         at = np.concatenate([strips.reshape(-1, 2) for pieces in self._pieces.values() for strips, _ in pieces])
         (left, low), (right, high) = at.min(axis=0) - MARGIN, at.max(axis=0) + MARGIN
         views = (
@@ -235,7 +235,7 @@ class ErrorMap:
 
 
 def _pieces(truth: Columns, rows: Mapping[str, Array], hold: float) -> tuple[Array, Array]:
-    """``(pieces, 2, 2)`` m from each estimate to the next, and the larger error at their ends, m."""
+    """Return the pieces from each estimate to the next, ``(pieces, 2, 2)`` m, and the larger error at their ends, m."""
     time, error = rows["time_s"], rows["position_error_m"]
     step = np.searchsorted(truth["time_s"], time - 1e-9)
     at = np.stack([truth["px_m"][step], truth["py_m"][step]], axis=1)

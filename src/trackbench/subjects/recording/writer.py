@@ -53,7 +53,7 @@ def write_recording(path: Path, name: str, send_all: Callable[[rr.RecordingStrea
 
 
 def application(scenario: str) -> str:
-    """The name under which the viewer keeps the layout of a scenario's recordings."""
+    """Return the name under which the viewer keeps the layout of a scenario's recordings."""
     return f"trackbench {scenario}"
 
 
@@ -142,7 +142,7 @@ MOST_EVENTS = 40
 
 
 def costs(result: Result, trackers: Collection[str]) -> str:
-    """The events of the recorded run that cost anything as Markdown: the costliest first, track starts apart."""
+    """Return the events of the recorded run that cost anything as Markdown, the costliest first, track starts apart."""
     shown = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
     lines = []
     for title, starts in (("Events by cost", False), ("Track starts", True)):

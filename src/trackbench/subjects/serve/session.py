@@ -99,7 +99,7 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
 
 
 def _served_sensor(name: str, config: Lidar | Radar, observer: object) -> ServedSensor:
-    """The simulator's sensors sit at its origin, unless the scenario puts them elsewhere; they never move."""
+    """Return a sensor at rest in the simulator's origin, unless the scenario puts it elsewhere."""
     at = observer if isinstance(observer, FixedObserver) else FixedObserver()
     x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
     pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
