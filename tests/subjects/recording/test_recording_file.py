@@ -17,7 +17,7 @@ from rerun.chunk import RrdReader
 from scipy import stats
 from tests.support.recordings import shown_views
 
-from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.errors import InputError
 from trackbench.document.palette import TRACKER_COLOURS, tracker_colours
 from trackbench.results import Failure, Result
 from trackbench.subjects.recording import writer as recording
@@ -145,24 +145,6 @@ def test_names_need_not_be_plain(short: Result, rewritten: Rewritten) -> None:
     result = short.updated(sensors=sensors | {"front/radar é": sensors["front_radar"]})
     entities = rewritten(result, measurements=renamed).entities()
     assert any(entity.startswith("/world/measurements/front\\/radar") for entity in entities)
-
-
-def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(short: Result, tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    path.write_bytes(b"old")
-    recording.write(short, path)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
-    assert len(RrdReader(path).recordings()) == 1
-
-
-def test_a_folder_that_cannot_be_written_is_one_clear_error(short: Result, tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(TrackbenchError, match=r"cannot write .*file/run\.rrd: "):
-        recording.write(short, tmp_path / "file" / "run.rrd")
-    (tmp_path / "run.rrd").mkdir()
-    with pytest.raises(TrackbenchError, match="Is a directory"):
-        recording.write(short, tmp_path / "run.rrd")
-    assert {entry.name for entry in tmp_path.iterdir()} == {"file", "run.rrd"}
 
 
 def test_rerun_switched_off_by_the_environment_is_said(

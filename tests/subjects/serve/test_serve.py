@@ -170,8 +170,6 @@ def test_an_idle_simulator_is_kept_going(server):
 GARBAGE = {
     "binary": b"\x00\xff\x42",
     "ten megabytes": "42" + "[" * 10_000_000,
-    "ten megabytes of bytes": b"4" * 10_000_000,
-    "a wrong letter": telemetry("X" + LINES[0][1:]),
 }
 
 
