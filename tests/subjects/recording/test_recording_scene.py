@@ -99,6 +99,18 @@ def test_an_estimate_that_is_not_renewed_disappears(short: Result, rewritten: Ca
     assert (len(counts[2.0]), len(counts[2.05])) == (1, 0)
 
 
+def test_a_name_is_below_its_vehicle_whatever_its_heading(short: Result, rewritten: Callable[..., Any]) -> None:
+    rows = short.tables.truth.to_pylist()
+    for row in rows:
+        row["heading_rad"] = np.pi / 2 if row["object"] == "v1" else 0.0
+    read = rewritten(truth=pa.Table.from_pylist(rows))
+    names, places = (read("/world/labels", f"Points2D:{part}")[1.0] for part in ("labels", "positions"))
+    below = dict(zip(names, places, strict=True))
+    middle = {row["object"]: (row["px_m"], row["py_m"]) for row in rows if round(row["time_s"], 9) == 1.0}
+    for name, reach in (("v1", 2.5), ("ego", 1.0)):
+        assert below[name] == pytest.approx((middle[name][0], middle[name][1] - reach), abs=1e-4)
+
+
 def test_a_trail_is_the_path_piece_by_piece(read: Any, result: Result) -> None:
     rows = [row for row in result.tables.estimates.to_pylist() if row["tracker"] == "ekf_cv"]
     pieces = read("/world/trails/tracks/ekf_cv", "LineStrips2D:strips")

@@ -103,13 +103,19 @@ def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float, above: boo
     alive = np.stack([rows["alive"].astype(bool) for rows in vehicles.values()], axis=1)
     at = np.stack([np.stack([rows["px_m"], rows["py_m"]], axis=1) for rows in vehicles.values()], axis=1)
     # A name is drawn below its point.
-    half_width = np.stack([rows["width_m"] for rows in vehicles.values()], axis=1) / 2
-    at[..., 1] += half_width + NAME_HEIGHT * metres_per_pixel if above else -half_width
+    reach = np.stack([_reach(rows) for rows in vehicles.values()], axis=1)
+    at[..., 1] += reach + NAME_HEIGHT * metres_per_pixel if above else -reach
     names = np.broadcast_to(np.array(list(vehicles)), alive.shape)
     shown = rr.Points2D.columns(positions=at[alive], labels=[str(name) for name in names[alive]])
     time = next(iter(vehicles.values()))["time_s"]
     style = rr.Points2D.from_fields(colors=rgba(LABEL_COLOUR), radii=0.0, show_labels=True, draw_order=40.0)
     stream.draw(path(*LABELS), time, style, shown, count=alive.sum(axis=1))
+
+
+def _reach(vehicle: Columns) -> Array:
+    """Return how far a body reaches from its middle along y, ``(times,)`` m."""
+    along, across = np.abs(np.sin(vehicle["heading_rad"])), np.abs(np.cos(vehicle["heading_rad"]))
+    return np.asarray((along * vehicle["length_m"] + across * vehicle["width_m"]) / 2)
 
 
 def send_true_trail(stream: Stream, truth: pa.Table) -> None:
