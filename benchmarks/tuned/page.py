@@ -113,7 +113,7 @@ def _covariance(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield (
         "Mean NEES with the values of the family, of which 4 is right, and the verdict on it in every condition "
         "([its words](../../docs/metrics.md)). The values are those of the smallest position error; `trackbench tune "
-        "--objective consistent_rmse` tunes for both."
+        "--objective likelihood` judges the covariance too."
     )
     yield ""
     rows = []

@@ -16,7 +16,6 @@ from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.machine import KernelCache, Processor
 from trackbench.filters import Belief, select
-from trackbench.subjects.tuning.entry import combined
 from trackbench.trackers.builtin import build, filter_of
 from trackbench.trackers.config import FilterConfig
 
@@ -49,6 +48,26 @@ class CountingProcessor(Processor):
 def counted(kernels: Kernels, tmp_path: Path) -> Kernels:
     """Kernels of which none is kept from before."""
     return Kernels(CountingProcessor(), KernelCache(tmp_path))
+
+
+def combined(entry: FilterConfig, columns: dict[str, Any]) -> FilterConfig:
+    """The entry with the value, or the values ``(batch,)``, of some noise levels."""
+    noise: dict[str, dict[str, Any]] = {}
+    motion: Any = entry.motion
+    for key, column in columns.items():
+        *path, option = key.split(".")
+        if path[:1] == ["measurement_noise"]:
+            noise.setdefault(path[1], {})[option] = column
+        elif path == ["motion", "stay_s"]:
+            stay_s = [*motion.stay_s[: int(option)], column, *motion.stay_s[int(option) + 1 :]]
+            motion = motion.model_copy(update={"stay_s": stay_s})
+        elif path:
+            models = list(motion.imm)
+            models[int(path[2])] = models[int(path[2])].model_copy(update={option: column})
+            motion = motion.model_copy(update={"imm": models})
+        else:
+            motion = motion.model_copy(update={option: column})
+    return entry.model_copy(update={"motion": motion, "measurement_noise": noise})
 
 
 def own_values(name: str, seed: int = 1) -> tuple[FilterConfig, dict[str, np.ndarray]]:

@@ -92,6 +92,9 @@ class Innovation(NamedTuple):
     """``(batch,)`` where the measurement is valid and the estimate is scored."""
     due: Mask
     """``(batch,)`` where also the tracker had an estimate of the object before, so that there should be one."""
+    log_density: Array | None = None
+    """``(batch,)`` of the measurement under the prediction; None where the tracker gives no innovation, and where no
+    metric is ``of_density``."""
 
 
 @dataclass(frozen=True)
@@ -267,6 +270,8 @@ class Metric(Config):
     """The sums that it is made of; None where they are its own."""
     of_squares: ClassVar[bool] = False
     """Whether ``update`` looks at no more of a chunk than :class:`SquaredErrors` have."""
+    of_density: ClassVar[bool] = False
+    """Whether ``update`` looks at the log densities of innovations."""
     at_least: ClassVar[float] = -np.inf
     """What its mean over runs cannot be below."""
     at_most: ClassVar[float] = np.inf

@@ -24,6 +24,7 @@ from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.protocol import Chunk, Innovation, Metric, Scope, SquaredErrors, Target, raise_fault
 from trackbench.metrics.silence import Silence
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
+from trackbench.trackers.track_steps import log_likelihood
 
 if TYPE_CHECKING:
     from trackbench.engine.kernels import Kernels
@@ -94,6 +95,7 @@ class Scorer:
         self._expected = self._due | scope.labelled.each(target.starting)
         self._classes = classes
         self._accumulators = accumulators(metrics)
+        self._of_density = any(metric.of_density for metric in metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
         self._mean = np.empty((4, self.chunk, batch))
         self._covariance = np.empty((4, 4, self.chunk, batch))
@@ -124,7 +126,8 @@ class Scorer:
             white, used = whitened_innovation(estimate), scan.valid & self._due[instant]
             # A view would keep all that the step computed, so that the next one found no memory that is in the cache.
             white = None if white is None else white.copy()
-            self._innovations[scan.sensor].append(Innovation(instant, white, used, used & self._had))
+            density = log_likelihood(estimate) if self._of_density else None
+            self._innovations[scan.sensor].append(Innovation(instant, white, used, used & self._had, density))
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._due[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)

@@ -58,7 +58,7 @@ def _held(
 class Silence:
     """Puts what a tracker is charged with in the place of its missing estimates, some instants at a time, in order."""
 
-    def __init__(self, state: Array, expected: Mask, measured: Callable[[slice], Array], copies: int = 1) -> None:
+    def __init__(self, state: Array, expected: Mask, measured: Callable[[slice], Array]) -> None:
         """Before the first instant.
 
         Args:
@@ -67,16 +67,13 @@ class Silence:
                 new one.
             measured: gives ``(2, instants, objects * runs)`` m of :func:`measured_positions` at some instants; called
                 where an estimate is missing.
-            copies: of the objects and runs, which the batch has one after the other.
         """
         self._state, self._expected, self._measured = state, expected, measured
-        self._shape = (copies, *expected.shape[1:])
-        self._latest = np.full((4, math.prod(self._shape)), np.nan)
+        self._latest = np.full((4, math.prod(expected.shape[1:])), np.nan)
 
     def note(self, mean: Array, instant: int) -> None:
         """Note the estimates ``(4, batch)`` of an instant at which all that are expected were given."""
-        expected = np.broadcast_to(self._expected[instant], self._shape).reshape(-1)
-        self._latest = np.where(expected, mean, np.nan)
+        self._latest = np.where(self._expected[instant].reshape(-1), mean, np.nan)
 
     def charge(self, mean: Array, given: Mask, here: slice) -> None:
         """Change ``(4, instants, batch)`` estimates in place where they are expected and not given.
@@ -86,20 +83,15 @@ class Silence:
             given: ``(instants, batch)`` where there is one.
             here: which instants they are.
         """
-        shape = len(given), *self._shape
-        expected = np.broadcast_to(self._expected[here, None], shape).reshape(given.shape)
+        expected = self._expected[here].reshape(given.shape)
         if given[expected].all():
             self.note(mean[:, -1], here.stop - 1)
             return
         own = own_estimates(self._latest, mean, given, expected)
         self._latest = own[:, -1]
         missing = expected & ~given
-        measured = self._measured(here).reshape(2, len(given), *self._expected.shape[1:])
-        truth, measured = (
-            np.broadcast_to(values[:, :, None], (len(values), *shape))[:, missing.reshape(shape)]
-            for values in (self._state[:, here], measured)
-        )
-        mean[:, missing] = charged_states(truth, measured, own[:, missing])
+        truth = np.broadcast_to(self._state[:, here], (4, *self._expected[here].shape)).reshape(4, *given.shape)
+        mean[:, missing] = charged_states(truth[:, missing], self._measured(here)[:, missing], own[:, missing])
 
 
 def own_estimates(latest: Array, mean: Array, given: Mask, expected: Mask) -> Array:

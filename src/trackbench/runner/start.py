@@ -26,9 +26,7 @@ from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 RUNS = 2
 
 
-def stepper_of(
-    work: Work, piece: BlockRuns, entry: FilterConfig | PluginConfig, scans: Iterable[Scan], copies: int = 1
-) -> Any:
+def stepper_of(work: Work, piece: BlockRuns, entry: FilterConfig | PluginConfig, scans: Iterable[Scan]) -> Any:
     """A fresh tracker for a block of runs.
 
     Args:
@@ -36,25 +34,23 @@ def stepper_of(
         piece: the runs of this block.
         entry: the scenario's.
         scans: what it will be given, which a smoother looks at before.
-        copies: how often the block is in the batch.
     """
-    with_states = partial(with_initial_states, work, piece, copies=copies)
+    with_states = partial(with_initial_states, work, piece)
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
         tracker = replace(build(entry).tracker, engine=work.engine_here)
         return Offline(SmoothedTracker(with_states(tracker)), list(scans))
-    batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
+    batch = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
     prepare = partial(work.prepared, change=with_states)
     return start_stepper(entry, work.folder, batch, prepare, work.isolation, sensors=work.sensors)
 
 
-def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
+def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker) -> FilterTracker:
     """Return the tracker, given its first states drawn from the truth if that is how it starts.
 
     Args:
         work: what all blocks share.
         piece: the runs of this block.
-        tracker: of a batch ``(copies * objects * runs,)``.
-        copies: how often the block is in the batch, with the same draws.
+        tracker: of a batch ``(objects * runs,)``.
     """
     scene, runs = work.scenes[piece.scene], piece.runs
     truth = scene.truth
@@ -69,7 +65,7 @@ def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, co
 
     def at_start(values: Array) -> Array:
         start = of_runs(values[first, objects], runs)
-        return np.tile(np.broadcast_to(start, shape).reshape(-1), copies)
+        return np.broadcast_to(start, shape).reshape(-1)
 
     fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
     motion = Kinematics(*(at_start(values) for values in fields))
@@ -81,7 +77,7 @@ def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, co
     normal = np.stack(draws, axis=-1).reshape(size, -1)
     when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
     times = np.broadcast_to(when[:, None], shape).reshape(-1)
-    return tracker.with_prior(np.tile(times, copies), motion, np.tile(normal, (1, copies)))
+    return tracker.with_prior(times, motion, normal)
 
 
 def asked_again(work: Work, piece: BlockRuns, config: FilterConfig | PluginConfig, tracker: Any) -> Any:

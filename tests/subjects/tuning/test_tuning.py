@@ -20,7 +20,6 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.filters import InteractingMultipleModel
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.tuning import measures
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
@@ -70,7 +69,7 @@ def scenario() -> Scenario:
 
 
 def evaluator(scenario: Scenario, tracker: str) -> Evaluator:
-    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], Executor())
+    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, Executor())
 
 
 @pytest.mark.parametrize("tracker", ["ekf", "ukf", "lidar_only"])
@@ -81,26 +80,6 @@ def test_a_trial_is_scored_as_a_run_is(scenario: Scenario, tracker: str) -> None
     for name in ("position_rmse", "velocity_rmse", "nees"):
         assert outcome.sums.value(name) == pytest.approx(getattr(result[tracker], name).value, rel=1e-12)
     assert outcome.sums.values["log_likelihood"][1].sum() > 0
-
-
-@pytest.mark.parametrize("tracker", ["ekf", "ukf", "lidar_only"])
-def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker: str) -> None:
-    stated = tb.run(load(TEXT, trackers=[tracker]))[tracker].breakdown
-    expected = {name: found.nees.value for name, found in {**stated.manoeuvre, **stated.range, **stated.age}.items()}
-    expected |= {"position alone": stated.all.nees_position.value, "velocity alone": stated.all.nees_velocity.value}
-    (outcome,) = evaluator(scenario, tracker)([{}])[0]
-    found = dict(measures.log_nees_by_condition(outcome.sums, outcome.sums))
-    assert {"turning", "straight", "first second", "50 to 100 m"} < set(found)
-    for name, off in found.items():
-        dof = 2 if "alone" in name else 4
-        assert dof * np.exp(off) == pytest.approx(expected[name], rel=1e-12), name
-
-
-@pytest.mark.parametrize(
-    ("nees", "off"), [(4.0, 0.0), (5.3, 0.0), (8.0, np.log(2) - measures.HIGH), (2.0, np.log(2) + measures.LOW)]
-)
-def test_a_condition_is_off_beyond_what_a_verdict_tolerates(nees: float, off: float) -> None:
-    assert measures.condition_excess(np.log(nees / 4.0)) == pytest.approx(off, abs=1e-12)
 
 
 def test_the_likelihood_is_that_of_the_innovations() -> None:
@@ -271,7 +250,7 @@ def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(tmp_path: Path) ->
     plan = TunePlan(OBJECTIVES["position_rmse"])
     (found,) = tune_trackers([scenario], ["ukf"], plan, Executor(), Listener())
     bench = Bench(scenario, truths_of(scenario), held_out=False)
-    rows = [Evaluator([bench], name, [], Executor()).start[0].sums for name in table]
+    rows = [Evaluator([bench], name, Executor()).start[0].sums for name in table]
     best = min(sums.value("position_rmse") for sums in rows if sums is not None)
     assert found.best.measures["position_rmse"] < best
     # Half of the log shows that the gain is none: on the other half it is gone.

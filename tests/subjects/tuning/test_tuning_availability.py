@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,13 @@ import pytest
 import trackbench as tb
 from trackbench.api.scenario import load
 from trackbench.base.execution import Executor
+from trackbench.runner import work
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.tuning import evaluation
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import compare_held_out
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
-from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.subjects.tuning.trials import trial_of
 
 CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
@@ -49,7 +47,7 @@ def scenario() -> Scenario:
 
 
 def evaluator(scenario: Scenario, tracker: str) -> Evaluator:
-    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], Executor())
+    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, Executor())
 
 
 def sums_of(evaluate: Evaluator, point: dict[str, Any]) -> Sums:
@@ -73,7 +71,7 @@ def test_a_trial_that_lacks_an_innovation_of_the_start_is_refused(scenario: Scen
     start, trial = evaluate.start[0].sums, sums_of(evaluate, {"initial.skip": 5})
     assert start is not None
     counts = [sums.values["log_likelihood"][1].sum() for sums in (trial, start)]
-    assert trial.lacking(start, ["log_likelihood"]) == (
+    assert trial.lacking(start, "log_likelihood") == (
         f"it gives {counts[0]:.0f} of the {counts[1]:.0f} innovations that the start gives"
     )
     held_out = compare_held_out(evaluate, {"initial.skip": 5})
@@ -94,109 +92,21 @@ def test_an_error_is_charged_for_missing_estimates_as_in_a_run(scenario: Scenari
         np.testing.assert_array_equal(trial.values[name][1], start.values[name][1])
         assert trial.value(name) == pytest.approx(late.metrics[name].value, rel=1e-12)
         assert trial.value(name) > start.value(name)
-    assert trial.lacking(start, ["position_rmse", "velocity_rmse"]) is None
-    assert "estimates that the start gives" in str(trial.lacking(start, ["nees"]))
+    assert trial.lacking(start, "position_rmse") is None
+    assert "estimates that the start gives" in str(trial.lacking(start, "nees"))
 
 
 def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     points = [{"acceleration_sigma_mps2": sigma} for sigma in (1.0, 3.0)]
 
     def tried() -> list[Sums | None]:
-        several = Evaluator(
-            [Bench(scenario, truths_of(scenario))],
-            "late",
-            [Parameter("acceleration_sigma_mps2", "log", 0.1, 10.0)],
-            Executor(),
-        )
+        several = Evaluator([Bench(scenario, truths_of(scenario))], "late", Executor())
         return [outcomes[0].sums for outcomes in (*several(points), several.start)]
 
     whole = tried()
-    # The start goes in two pieces, and a batch of both trials in four.
-    monkeypatch.setattr(evaluation, "LARGEST_BATCH", 4)
+    # Two objects: blocks of one run, then of two.
+    monkeypatch.setattr(work, "BATCH_SIZE", 2)
     for one, other in zip(tried(), whole, strict=True):
-        assert one is not None
-        assert other is not None
-        for name, values in one.values.items():
-            np.testing.assert_allclose(values, other.values[name], rtol=1e-12, err_msg=name)
-
-
-SENSORS = {
-    "lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15, "detection_probability": 0.8},
-    "radar": {
-        "type": "radar",
-        "rate_hz": 10,
-        "phase_s": 0.05,
-        "range_sigma_m": 0.3,
-        "azimuth_sigma_deg": 0.5,
-        "range_rate_sigma_mps": 0.3,
-    },
-}
-CTRV = {"acceleration_sigma_mps2": 1.0, "yaw_acceleration_sigma_radps2": 0.3}
-TRACKERS = {
-    "kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1.0},
-    "ekf": {"filter": "ekf", "motion": "ca", "jerk_sigma_mps3": 1.0},
-    "ukf": {"filter": "ukf", "motion": "ctrv", **CTRV},
-    "plain_ukf": {"filter": "ukf", "motion": "cv", "acceleration_sigma_mps2": 1.0, "augmented": False},
-    "linear_ukf": {"filter": "ukf", "motion": "cv", "acceleration_sigma_mps2": 1.0},
-    "ckf": {"filter": "ckf", "motion": "ctrv", **CTRV},
-    "from_truth": {"filter": "ekf", "motion": "ctrv", **CTRV, "initial": "truth"},
-    "imm": {
-        "filter": "ekf",
-        "motion": {
-            "imm": [{"model": "cv", "acceleration_sigma_mps2": 0.5}, {"model": "ctrv", **CTRV}],
-            "stay_s": [5, 5],
-        },
-    },
-}
-NOISES = {
-    "kf": ["acceleration_sigma_mps2", "measurement_noise.radar.azimuth_sigma_deg"],
-    "ekf": ["jerk_sigma_mps3", "measurement_noise.radar.range_rate_sigma_mps"],
-    "ukf": [*CTRV, "measurement_noise.lidar.position_sigma_m"],
-    "plain_ukf": ["acceleration_sigma_mps2"],
-    "linear_ukf": ["acceleration_sigma_mps2"],
-    "ckf": [*CTRV],
-    "from_truth": [*CTRV],
-    "imm": [
-        "motion.imm.0.acceleration_sigma_mps2",
-        "motion.imm.1.yaw_acceleration_sigma_radps2",
-        "motion.stay_s.0",
-    ],
-}
-
-
-def batch_evaluator(tracker: str, keys: Sequence[str]) -> Evaluator:
-    scenario = load(
-        {
-            "name": "batched",
-            "truth": {
-                "source": "scripted",
-                "duration_s": 4,
-                "rate_hz": 20,
-                "objects": {
-                    "a": {"start": {"x": 60, "y": 0, "vx_mps": 8, "vy_mps": 1}, "pieces": [{"turn_rate_degps": 10}]},
-                    "b": {"start": {"x": -20, "y": 60, "vx_mps": 12}},
-                },
-            },
-            "sensors": SENSORS,
-            "trackers": {tracker: {"initial": "two_measurements", **TRACKERS[tracker]}},
-            "monte_carlo": {"runs": 3, "seed": 4},
-        }
-    )
-    parameters = [Parameter(key, "log", 0.01, 10.0) for key in keys]
-    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, parameters, Executor())
-
-
-@pytest.mark.parametrize("tracker", TRACKERS)
-def test_a_batch_of_trials_gives_what_each_gives_by_itself(tracker: str) -> None:
-    random = np.random.default_rng(3)
-    evaluate = batch_evaluator(tracker, NOISES[tracker])
-    points = [{key: float(random.uniform(0.1, 3.0)) for key in NOISES[tracker]} for _ in range(4)]
-    together, apart = evaluate(points), [evaluate([point])[0] for point in points]
-    assert not [outcome.failed for outcomes in (*together, *apart) for outcome in outcomes if outcome.failed]
-    apart = [outcomes[0].sums for outcomes in apart]
-    together = [outcomes[0].sums for outcomes in together]
-    assert len({one.value("position_rmse") for one in apart if one is not None}) == len(points)
-    for one, other in zip(together, apart, strict=True):
         assert one is not None
         assert other is not None
         for name, values in one.values.items():

@@ -269,7 +269,7 @@ def test_a_search_with_another_setting_is_refused_and_says_which(cli: Cli, own_f
 
 
 def test_a_search_with_another_plug_in_is_refused(cli: Cli, own_file: Path) -> None:
-    last = (*TUNE, "--trackers", "raw", "--range", "options.sigma=0.1:10", "--objective", "consistent_rmse",
+    last = (*TUNE, "--trackers", "raw", "--range", "options.sigma=0.1:10", "--objective", "position_rmse",
             )  # fmt: skip
     assert cli(*last).status == 0, cli(*last).err
     own_file.with_name("last.py").write_text(PLUGIN.replace("OFF", "2"), encoding="utf-8")

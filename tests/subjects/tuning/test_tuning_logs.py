@@ -10,7 +10,7 @@ from tests.support.udacity import synthetic_lines
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.subjects.tuning.labelled import LogTime
+from trackbench.subjects.tuning.trial_sums import LogTime
 
 SCENARIO = """
 name: log

@@ -215,8 +215,8 @@ def tune(
         trackers: names of those that are tuned, each by itself.
         ranges: by option the least and the largest value as a tuple, or a list of choices; or texts such as
             ``"acceleration_sigma_mps2=0.1:30"``. The process noise, unless given.
-        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``tgospa`` or a metric of the
-            scenario; unless given, ``tgospa`` with hidden identities and a truth, else ``likelihood``.
+        objective: ``likelihood``, ``position_rmse``, ``tgospa`` or a metric of the scenario; unless given, ``tgospa``
+            with hidden identities and a truth, else ``likelihood``.
         trials: how many sets of values are tried.
         storage: an SQLite file that keeps the trials, so that an interrupted search goes on.
         train_scenes: scenes that are tuned on.

@@ -36,8 +36,8 @@ from trackbench.scenario.shipped import files_of_scenarios
 @click.option(
     "--objective",
     metavar="NAME",
-    help="likelihood, position_rmse, consistent_rmse, tgospa, or a metric of the scenario.  [tgospa with "
-    "hidden identities and a truth, else likelihood]",
+    help="likelihood, position_rmse, tgospa, or a metric of the scenario.  [tgospa with hidden identities and a "
+    "truth, else likelihood]",
 )
 @click.option("--trials", type=Whole(2, 100_000), metavar="N", help="How many sets of values are tried.")
 @click.option(

@@ -10,13 +10,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from trackbench.base.config.messages import explain
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array
 from trackbench.models.motion import MotionModel
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
-from trackbench.trackers.config import AnyTracker, FilterConfig, ImmConfig, PluginConfig
+from trackbench.trackers.config import AnyTracker, FilterConfig, PluginConfig
 
 Entry = FilterConfig | PluginConfig
 Values = Mapping[str, Any]
@@ -82,50 +81,3 @@ def current(loaded: Scenario, tracker: str, key: str) -> Any:
             fields = getattr(type(node), "model_fields", {})
             node = getattr(node, next((name for name, field in fields.items() if field.alias == part), part), None)
     return node
-
-
-def varies_in_batch(entry: Entry, key: str) -> bool:
-    """Return whether trials that differ in this option alone can go through the filter as one batch."""
-    if not isinstance(entry, FilterConfig) or entry.associate is not None:
-        return False
-    if key.startswith("measurement_noise."):
-        return True
-    if entry.process_noise_diag is not None:
-        return False
-    if isinstance(entry.motion, ImmConfig) and key.startswith(STAYS):
-        return True
-    option = _motion_option(entry, key)
-    return option is not None and option[1] in option[0].driving_noise
-
-
-def combined(entry: FilterConfig, columns: Mapping[str, Array]) -> FilterConfig:
-    """Return the entry with an array ``(batch,)`` for each of some noise levels, one level a member."""
-    noise: dict[str, dict[str, Any]] = {name: dict(sigmas) for name, sigmas in entry.measurement_noise.items()}
-    motion: Any = entry.motion
-    for key, column in columns.items():
-        if key.startswith("measurement_noise."):
-            _, sensor, option = key.split(".")
-            noise.setdefault(sensor, {})[option] = column
-        elif isinstance(motion, ImmConfig) and key.startswith(STAYS):
-            stay_s: list[Any] = list(motion.stay_s)
-            stay_s[int(key.removeprefix(STAYS))] = column
-            motion = motion.model_copy(update={"stay_s": stay_s})
-        elif isinstance(motion, ImmConfig):
-            _, _, place, option = key.split(".")
-            models = list(motion.imm)
-            models[int(place)] = models[int(place)].model_copy(update={option: column})
-            motion = motion.model_copy(update={"imm": models})
-        else:
-            motion = motion.model_copy(update={key.rpartition(".")[2]: column})
-    return entry.model_copy(update={"motion": motion, "measurement_noise": noise})
-
-
-def _motion_option(entry: FilterConfig, key: str) -> tuple[MotionModel, str] | None:
-    """Return the motion model that a key is an option of, and the option's name."""
-    parts = key.split(".")
-    if isinstance(entry.motion, ImmConfig):
-        if len(parts) == 4 and parts[:2] == ["motion", "imm"] and parts[2].isdecimal():
-            return entry.motion.imm[int(parts[2])], parts[3]
-        return None
-    option = parts[1] if len(parts) == 2 and parts[0] == "motion" else parts[0] if len(parts) == 1 else ""
-    return (entry.motion, option) if option in type(entry.motion).model_fields else None

@@ -1,9 +1,8 @@
-"""The trials of one tracker: all on identical measurements, as many in one batch as differ in noise levels alone."""
+"""The trials of one tracker, all on identical measurements: each is a tracker of its own in a run."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -13,29 +12,26 @@ from pydantic import ValidationError
 
 from trackbench.base.execution import Executor
 from trackbench.base.types import Indices, Progress, no_progress
-from trackbench.driving.faults import fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, chosen
 from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import Metric
+from trackbench.metrics.built_in.basic import Coverage
+from trackbench.metrics.evaluate import accumulators
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure
 from trackbench.runner.loop import run_block
-from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
+from trackbench.runner.recorded import Outcome
+from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
-from trackbench.subjects.tuning.entry import Entry, Values, combined, entry_with, varies_in_batch
-from trackbench.subjects.tuning.labelled import GAP, Availability, LogTime, score_labelled
+from trackbench.subjects.tuning.entry import Entry, Values, entry_with
 from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
-from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.trackers.config import FilterConfig
+from trackbench.subjects.tuning.trial_sums import GAP, Availability, LogTime, TrialSums
 from trackbench.truth import LoadedTruth
 
-TRIAL = "trial"
-
-
-#: Most trials of one batch, so that several processes share them.
-MOST_TRIALS = 64
+#: Trials that go through the only block of a search one after the other, so that several processes share the search.
+TOGETHER = 3
 
 
 class TrialOutcome(NamedTuple):
@@ -66,54 +62,40 @@ class Bench:
         return self.scenario.config.sensing.identities == "hidden"
 
 
-class _Batch(NamedTuple):
-    """Trials that go through the measurements together."""
-
-    trials: tuple[int, ...]
-    """Indices of the trials among all."""
-    entries: tuple[Entry, ...]
-    points: tuple[Values, ...]
-    keys: tuple[str, ...]
-    """Options in which the trials differ."""
-
-    def part(self, here: slice) -> _Batch:
-        """Return the batch of some of the trials."""
-        return _Batch(self.trials[here], self.entries[here], self.points[here], self.keys)
-
-
-class _Start(NamedTuple):
-    """Result of the tracker before it is tuned, in one scenario."""
-
-    outcome: TrialOutcome
-    counted: tuple[Availability | None, ...]
-    """Counted innovations by scene; None where the tracker failed or identities are hidden."""
-    engine: EngineUsed | None
-    """What computed a built-in tracker; None for any other."""
-
-
-class _Piece(NamedTuple):
-    """Result of a trial in some runs of one scene."""
-
-    sums: Sums | str
-    """Sums, or the reason why there are none."""
-    available: Availability | None = None
-    """Innovations of the start, if identities are known."""
-    engine: EngineUsed | None = None
-    """What computed a built-in tracker."""
-
-
-class _Scene(NamedTuple):
-    """Constants of all trials of a scene."""
+class _Block(NamedTuple):
+    """What the trials of a block of runs share."""
 
     work: Work
+    piece: BlockRuns
     counted: Availability | None
     """Counted innovations; None where identities are hidden, and for the start, which decides what counts."""
     metric: Metric | None
     """Metric of the objective, if it is none of the usual measures."""
     measure: str
     """Measure of tracks that is summed beside the usual ones."""
-    log_time: LogTime | None = None
+    log_time: LogTime | None
     """Stretches of a single run that are summed by themselves."""
+
+
+class _Piece(NamedTuple):
+    """Result of a trial in a block of runs."""
+
+    sums: Sums | str
+    """Sums, or the reason why there are none."""
+    available: Availability | None = None
+    """Innovations that were summed, if identities are known."""
+    engine: EngineUsed | None = None
+    """What computed a built-in tracker."""
+
+
+class _Start(NamedTuple):
+    """Result of the tracker before it is tuned, in one scenario."""
+
+    outcome: TrialOutcome
+    counted: Mapping[BlockRuns, Availability | None]
+    """Innovations that count, by block."""
+    engine: EngineUsed | None
+    """What computed a built-in tracker; None for any other."""
 
 
 class Evaluator:
@@ -122,8 +104,7 @@ class Evaluator:
     Args:
         benches: the scenarios.
         tracker: its name in each.
-        parameters: what differs between trials.
-        executor: what makes them.
+        executor: what makes the trials.
         isolation: how a tracker that is not built in is kept apart.
         engine: what computes.
         trials: about how many will be made.
@@ -135,7 +116,6 @@ class Evaluator:
         self,
         benches: Sequence[Bench],
         tracker: str,
-        parameters: Sequence[Parameter],
         executor: Executor,
         isolation: Isolation = ISOLATED,
         engine: EngineName = "numpy",
@@ -143,26 +123,20 @@ class Evaluator:
         metric: Metric | None = None,
         measure: str = "tgospa",
     ) -> None:
-        self.benches, self.tracker, self.parameters = benches, tracker, parameters
+        self.benches, self.tracker = benches, tracker
         self._executor = executor
         self._metric, self._measure = metric, measure
-        work = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
-        self.engine = chosen(engine, trials * sum(item.steps for item in work))
-        self._work = [replace(item, engine=self.engine) for item in work]
+        works = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
+        self.engine = chosen(engine, trials * sum(work.steps for work in works))
+        self._work = [replace(work, engine=self.engine, recorded_run=-1, driven_twice=None) for work in works]
 
     def scenes(self, bench: int) -> Indices:
         """``(runs,)`` number of the scene of each run of a scenario; of stretches of time, which are taken for
         independent, ``(stretches,)`` the same."""
         sums = self._start[bench].outcome.sums
-        if self._log_time(self.benches[bench], self._work[bench]) is None or sums is None:
+        if self._log_time(bench) is None or sums is None:
             return self._work[bench].scene_of_run
         return np.zeros(sums.values["nees"].shape[1], dtype=np.intp)
-
-    def _log_time(self, bench: Bench, work: Work) -> LogTime | None:
-        """Return the stretches of time of a single run; None where runs or scenes are independent."""
-        if bench.hidden or self._metric is not None or not work.over_stretches:
-            return None
-        return LogTime(max(work.settle, GAP), bench.held_out)
 
     @property
     def start(self) -> list[TrialOutcome]:
@@ -173,6 +147,34 @@ class Evaluator:
     def engine_used(self) -> EngineUsed | None:
         """What computes a built-in tracker; None for any other."""
         return joined_engines(start.engine for start in self._start if start.engine is not None)
+
+    def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[TrialOutcome]]:
+        """Return the outcome of each point in each scenario; the start must not fail in any.
+
+        Args:
+            points: values by the options' keys; empty for the tracker as it is.
+            progress: called with how many parts are done and how many there are.
+        """
+        parts: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
+        pending = []
+        for bench in range(len(self.benches)):
+            entries: dict[int, Entry] = {}
+            for trial, point in enumerate(points):
+                try:
+                    entries[trial] = entry_with(self.benches[bench].scenario, self.tracker, point)
+                except ValidationError as invalid:
+                    parts[trial][bench].append(invalid.errors()[0]["msg"])
+            trials, blocks = [*entries], len(self._work[bench].pieces())
+            size = TOGETHER if blocks == 1 else max(1, len(trials))
+            groups = [trials[first : first + size] for first in range(0, len(trials), size)]
+            made = self._made(bench, [{trial: entries[trial] for trial in group} for group in groups], self._start)
+            pending += [(bench, made)] * (len(groups) * blocks)
+        for done, (bench, made) in enumerate(pending):
+            progress(done, len(pending))
+            for trial, piece in next(made).items():
+                parts[trial][bench].append(piece.sums)
+        progress(len(pending), len(pending))
+        return [[_joined(of_bench) for of_bench in of_trial] for of_trial in parts]
 
     @cached_property
     def _start(self) -> list[_Start]:
@@ -185,147 +187,70 @@ class Evaluator:
         return [start._replace(engine=engine) for start, engine in zip(self._started(), engines, strict=True)]
 
     def _started(self) -> list[_Start]:
-        benches = []
-        for bench, work in zip(self.benches, self._work, strict=True):
-            batch = _Batch((0,), (bench.scenario.config.driven(self.tracker),), ({},), ())
-            benches.append((work, self._made(bench, work, [batch])))
+        made = [
+            self._made(number, [{0: bench.scenario.config.driven(self.tracker)}])
+            for number, bench in enumerate(self.benches)
+        ]
         starts = []
-        for work, made in benches:
-            scenes = range(len(work.scenes))
-            results = [[next(made)[0] for _ in _pieces(work, scene, 1)] for scene in scenes]
-            counted = []
-            for pieces in results:
-                masks = [piece.available for piece in pieces if piece.available is not None]
-                counted.append(np.concatenate(masks, axis=-1) if len(masks) == len(pieces) else None)
-            every = [piece for pieces in results for piece in pieces]
-            engine = joined_engines(piece.engine for piece in every if piece.engine is not None)
-            starts.append(_Start(_joined([piece.sums for piece in every]), tuple(counted), engine))
+        for work, results in zip(self._work, made, strict=True):
+            pieces = {piece: next(results)[0] for piece in work.pieces()}
+            counted = {place: piece.available for place, piece in pieces.items()}
+            engine = joined_engines(piece.engine for piece in pieces.values() if piece.engine is not None)
+            starts.append(_Start(_joined([piece.sums for piece in pieces.values()]), counted, engine))
         return starts
 
-    def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[TrialOutcome]]:
-        """Return the outcome of each point in each scenario.
-
-        Args:
-            points: values by the parameters' keys; empty for the tracker as it is.
-            progress: called with how many parts are done and how many there are.
-        """
-        sums: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
-        pending = []
-        for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
-            start = self._start[number]
-            batches = [*self._batches(bench.scenario, points, [outcomes[number] for outcomes in sums])]
-            if start.outcome.sums is None:
-                for trial in (trial for batch in batches for trial in batch.trials):
-                    sums[trial][number].append("the tracker fails as it is")
-                continue
-            made = self._made(bench, work, batches, start.counted)
-            pending += [(number, batch, made) for batch in batches for _ in _all_pieces(work, batch)]
-        for done, (number, batch, made) in enumerate(pending):
-            progress(done, len(pending))
-            for trial, outcome in zip(batch.trials, next(made), strict=True):
-                sums[trial][number].append(outcome.sums)
-        progress(len(pending), len(pending))
-        return [[_joined(parts) for parts in outcomes] for outcomes in sums]
-
     def _made(
-        self, bench: Bench, work: Work, batches: Sequence[_Batch], counted: Sequence[Availability | None] = ()
-    ) -> Iterator[list[_Piece]]:
-        """Make the pieces of some batches, as ``_all_pieces`` orders them; an outcome for each trial of the batch."""
-        make, log_time = _hidden if bench.hidden else _labelled, self._log_time(bench, work)
-        constants = [
-            _Scene(work.of_scenes([scene]), counted[scene] if counted else None, self._metric, self._measure, log_time)
-            for scene in range(len(work.scenes))
+        self, bench: int, groups: Sequence[Mapping[int, Entry]], starts: Sequence[_Start] = ()
+    ) -> Iterator[dict[int, _Piece]]:
+        """Make the trials of each group in each block of runs of a scenario."""
+        work, log_time = self._work[bench], self._log_time(bench)
+        blocks = [
+            _Block(
+                work.of_scenes([piece.scene]),
+                piece,
+                starts[bench].counted[piece] if starts else None,
+                self._metric,
+                self._measure,
+                log_time,
+            )
+            for piece in work.pieces()
         ]
-        calls = [(constants[piece.scene], piece, batch) for batch in batches for piece in _all_pieces(work, batch)]
-        return self._executor.map(make, calls, own_folder(bench.scenario))
+        calls = [(block, group) for group in groups for block in blocks]
+        return self._executor.map(_trials_of_block, calls, own_folder(self.benches[bench].scenario))
 
-    def _batches(
-        self, loaded: Scenario, points: Sequence[Values], sums: Sequence[list[Sums | str]]
-    ) -> Iterator[_Batch]:
-        """Yield the trials in batches; note why a trial has values that do not go together."""
-        groups: dict[str, _Batch] = {}
-        for trial, point in enumerate(points):
-            try:
-                entry = entry_with(loaded, self.tracker, point)
-            except ValidationError as invalid:
-                sums[trial].append(invalid.errors()[0]["msg"])
-                continue
-            keys = tuple(key for key in point if varies_in_batch(entry, key))
-            name = json.dumps({key: None if key in keys else value for key, value in point.items()}, sort_keys=True)
-            group = groups.get(name, _Batch((), (), (), keys))
-            groups[name] = _Batch((*group.trials, trial), (*group.entries, entry), (*group.points, point), keys)
-        for group in groups.values():
-            for first in range(0, len(group.trials), MOST_TRIALS):
-                yield group.part(slice(first, first + MOST_TRIALS))
+    def _log_time(self, bench: int) -> LogTime | None:
+        """Return the stretches of time of a single run; None where runs or scenes are independent."""
+        work = self._work[bench]
+        if work.hidden or self._metric is not None or not work.over_stretches:
+            return None
+        return LogTime(max(work.settle, GAP), self.benches[bench].held_out)
 
 
-def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
-    """Yield the runs of a scene in pieces that fit the processor's cache; pieces do not change the results."""
-    size = max(1, LARGEST_BATCH // (trials * max(1, len(work.scenes[scene].truth.ids))))
-    for first in range(0, work.runs, size):
-        yield BlockRuns(scene, range(first, min(first + size, work.runs)))
+def _trials_of_block(block: _Block, entries: Mapping[int, Entry]) -> dict[int, _Piece]:
+    """Make some trials in a block of runs; called in any process."""
+    work, own = block.work, () if block.metric is None else metrics_of_trial(block.metric)
+    work = replace(work, trackers={str(trial): entry for trial, entry in entries.items()})
+    if not work.hidden:
+        sums = TrialSums(log_time=block.log_time, counted=block.counted)
+        work = replace(work, metrics=(Coverage(), sums, *own[1:]))
+    made = run_block(work, block.piece)
+    return {trial: _piece(block, made.outcomes[str(trial)], made.engines.get(str(trial))) for trial in entries}
 
 
-def _all_pieces(work: Work, batch: _Batch) -> Iterator[BlockRuns]:
-    """Yield the runs of all scenes, in pieces for the trials of a batch."""
-    for scene in range(len(work.scenes)):
-        yield from _pieces(work, scene, len(batch.trials))
-
-
-def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
-    """Make trials with hidden identities, one after the other."""
-    pieces = []
-    for entry in batch.entries:
-        block = run_block(replace(scene.work, trackers={TRIAL: entry}), piece)
-        scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
-        if isinstance(scores, Failure):
-            pieces.append(_Piece(scores.cause, None, engine))
-            continue
-        measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in TRACK_METRICS}
+def _piece(block: _Block, outcome: Outcome | Failure, engine: EngineUsed | None) -> _Piece:
+    """Return what is kept of a trial in a block."""
+    if isinstance(outcome, Failure):
+        return _Piece(outcome.cause, None, engine)
+    available = None
+    if block.work.hidden:
+        measures = {path: path for path in (*OF_TRACKS, block.measure) if path in TRACK_METRICS}
         measures["prediction_score"] = "log_likelihood"
-        values = {name: run_sums(scores.sums[TRACKS.name], path) for path, name in measures.items()}
-        blocks = () if scene.metric is None else (scores.sums,)
-        pieces.append(_Piece(Sums(values, scene.metric, blocks), None, engine))
-    return pieces
-
-
-def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
-    """Make trials with known identities; the metric of the objective is summed in a second pass, as a run does."""
-    pieces = _together(scene, piece, batch)
-    if scene.metric is None:
-        return pieces
-    metrics = metrics_of_trial(scene.metric)
-    for number, (made, entry) in enumerate(zip(pieces, batch.entries, strict=True)):
-        if isinstance(made.sums, Sums):
-            outcome = run_block(replace(scene.work, trackers={TRIAL: entry}, metrics=metrics), piece).outcomes[TRIAL]
-            if isinstance(outcome, Failure):
-                pieces[number] = made._replace(sums=outcome.cause)
-                continue
-            assert not isinstance(outcome, Failure)
-            pieces[number] = made._replace(sums=replace(made.sums, metric=scene.metric, blocks=(outcome.sums,)))
-    return pieces
-
-
-def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
-    """Return the usual measures of a batch; where the arithmetic of one trial fails, make each trial by itself."""
-    number, entry, work = len(batch.trials), batch.entries[0], scene.work
-    counted = None if scene.counted is None else scene.counted[..., piece.runs.start : piece.runs.stop]
-    if number > 1 and isinstance(entry, FilterConfig) and batch.keys:
-        size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
-        # Trials come slowest.
-        columns = {key: np.repeat(np.array([float(point[key]) for point in batch.points]), size) for key in batch.keys}
-        entry = combined(entry, columns)
-    try:
-        sums, available, engine = score_labelled(work, piece, entry, number, counted, scene.log_time)
-    except (KeyboardInterrupt, GeneratorExit):
-        raise
-    except BaseException as error:
-        if number == 1:
-            return [_Piece(fault_of(error).cause)]
-        if not isinstance(error, np.linalg.LinAlgError):
-            raise
-        return [_together(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
-    return [_Piece(item, available if counted is None else None, engine) for item in sums]
+        values = {name: run_sums(outcome.sums[TRACKS.name], path) for path, name in measures.items()}
+    else:
+        values, available = outcome.sums[TrialSums.name]
+    own = () if block.metric is None else metrics_of_trial(block.metric)
+    blocks = ({name: outcome.sums[name] for name in accumulators(own)},) if own else ()
+    return _Piece(Sums(values, block.metric, blocks), available, engine)
 
 
 def _joined(parts: Sequence[Sums | str]) -> TrialOutcome:

@@ -20,9 +20,9 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.validate import same_every_run
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
-from trackbench.subjects.tuning.labelled import GAP, LogTime
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective
+from trackbench.subjects.tuning.trial_sums import GAP, LogTime
 from trackbench.truth.sources import RecordingTruth
 
 #: Scenes of each scenario that are tuned on, and those that are tried on, unless stated.
@@ -192,7 +192,8 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
     scenes = {bench.name: number_of_parts(bench.scenario.config) for bench in evaluator.benches}
     runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
     sides: list[list[Sums]] = []
-    for word, outcomes in (("start", evaluator.start), ("tuned", evaluator([tuned])[0])):
+    for word in ("start", "tuned"):
+        outcomes = evaluator.start if word == "start" else evaluator([tuned])[0]
         failed = [outcome.failed for outcome in outcomes if outcome.sums is None]
         if failed:
             return HeldOut((), scenes, runs, f"the {word} values fail: {failed[0]}")
@@ -204,7 +205,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         for number, (other, own) in enumerate(zip(*sides, strict=True)):
             if not other.has(measure):
                 continue
-            lacking = own.lacking(other, [measure])
+            lacking = own.lacking(other, measure)
             if lacking is None:
                 pairs.append((number, own, other))
             else:

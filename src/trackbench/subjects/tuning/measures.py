@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics import Metric, evaluate, merge_sums
-from trackbench.metrics.breakdown import DOF, band_name
 from trackbench.metrics.built_in.basic import Coverage
-from trackbench.metrics.conditions import AGES, BANDS, MANOEUVRES, SHAPE, Classes
 from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.traffic.table import run_ratio
-from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, LEAST_COVERAGE, SMALLEST_SHARE
+from trackbench.metrics.verdicts import LEAST_COVERAGE
 
 #: By name, what the sums of a run tell, beside the metric of the objective.
 MEASURES: dict[str, Metric] = {
@@ -47,8 +45,6 @@ WORDS = _Words(
     gospa_missed="GOSPA, missed",
     gospa_false="GOSPA, false",
 )
-#: Components of the state whose NEES is taken.
-NEES_DOF = 4
 
 
 @dataclass(frozen=True)
@@ -91,8 +87,7 @@ class Sums:
             return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(name)
         if name not in self.values:
             return None
-        # A NEES under a condition is a mean as that of all.
-        interval = MEASURES.get(name, MEASURES["nees"]).of_runs(*self.values[name])
+        interval = MEASURES[name].of_runs(*self.values[name])
         return None if interval is None else clustered(interval, scene)
 
     def value(self, name: str) -> float:
@@ -101,67 +96,25 @@ class Sums:
         interval = self.interval(name, np.zeros(runs, dtype=np.intp))
         return np.nan if interval is None else interval.value
 
-    def lacking(self, start: Sums, measures: Sequence[str]) -> str | None:
+    def lacking(self, start: Sums, name: str) -> str | None:
         """Return what is missing beside the start, or is not finite, so that the two cannot be compared; else None.
 
         An error is charged for a missing estimate, a likelihood and a NEES are not.
 
         Args:
             start: of the tracker as it is; no other innovations of labelled objects were summed than those it gives.
-            measures: by which the two are to be compared.
+            name: of the measure by which the two are to be compared.
         """
-        for name in measures:
-            if name not in self.values or name not in start.values:
-                continue
-            own, other = self.values[name][1], start.values[name][1]
-            word = "innovations" if name == "log_likelihood" else "estimates"
-            fewer = name == "nees" and own.sum() < LEAST_COVERAGE * other.sum()
-            if fewer or (name == "log_likelihood" and (own < other).any()):
-                return f"it gives {own.sum():.0f} of the {other.sum():.0f} {word} that the start gives"
-            if not np.isfinite(self.values[name][0]).all():
-                return f"its {word} are not finite"
-        return None
+        if name not in self.values or name not in start.values:
+            return None
+        own, other = self.values[name][1], start.values[name][1]
+        word = "innovations" if name == "log_likelihood" else "estimates"
+        fewer = name == "nees" and own.sum() < LEAST_COVERAGE * other.sum()
+        if fewer or (name == "log_likelihood" and (own < other).any()):
+            return f"it gives {own.sum():.0f} of the {other.sum():.0f} {word} that the start gives"
+        return None if np.isfinite(self.values[name][0]).all() else f"its {word} are not finite"
 
 
 def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
     """What a block computes for a metric: that, and of estimates the sums that any block has."""
     return (Coverage(), metric) if "tracks" not in metric.needs else (metric,)
-
-
-#: Each manoeuvre, each range band and the first second.
-CONDITIONS = (*MANOEUVRES, *(band_name(band) for band in range(BANDS)), AGES[0])
-#: How far the logarithm of a mean over its degrees of freedom may be off, below and above: somewhat less than what the
-#: verdict tolerates, so that it holds on other scenes too.
-LOW, HIGH = 0.7 * math.log(1.0 - BELOW), 0.7 * math.log(1.0 + ABOVE)
-
-
-def condition_members(classes: Classes) -> Array:
-    """``(conditions, instants, objects, runs or 1)`` 1 where an object is under a condition.
-
-    Args:
-        classes: ``(instants, objects, runs or 1)`` as ``metrics.conditions`` gives them.
-    """
-    manoeuvre, band, age, _ = np.unravel_index(classes, SHAPE)
-    under = [
-        *(manoeuvre == number for number in range(len(MANOEUVRES))),
-        *(band == number for number in range(BANDS)),
-        age == 0,
-    ]
-    return np.stack(under).astype(float)
-
-
-def log_nees_by_condition(sums: Sums, start: Sums) -> Iterator[tuple[str, float]]:
-    """Yield each condition with the logarithm of the mean NEES over its degrees of freedom.
-
-    All trials have the same conditions: those under which the start gives enough estimates.
-    """
-    everything = start.values["nees"][1].sum()
-    for name in (*CONDITIONS, *HALVES):
-        if start.values[name][1].sum() >= SMALLEST_SHARE * everything:
-            dof = DOF["nees_position"] if name in HALVES else DOF["nees"]
-            yield name, float(np.log(sums.value(name) / dof))
-
-
-def condition_excess(value: float) -> float:
-    """Return how far the logarithm of a mean NEES over its degrees of freedom is beyond the tolerance."""
-    return max(0.0, value - HIGH, LOW - value)

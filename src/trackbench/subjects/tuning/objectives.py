@@ -11,25 +11,9 @@ import numpy as np
 from trackbench.metrics import Metric
 from trackbench.metrics.protocol import Direction
 from trackbench.metrics.registry import metrics_for
-from trackbench.metrics.verdicts import TOLERANCE
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.evaluation import TrialOutcome
-from trackbench.subjects.tuning.measures import (
-    MEASURES,
-    NEES_DOF,
-    OF_ALL,
-    WORDS,
-    Sums,
-    condition_excess,
-    log_nees_by_condition,
-)
-
-#: Loss of a share of 1 % by which a mean NEES is beyond what a verdict tolerates, beside 1 % of error. The price is
-#: finite: no noise makes some trackers consistent, and their error is not to be ruined.
-PRICE = 4.0
-#: Tolerated deviation of the logarithm of the mean NEES over its degrees of freedom: half of what a verdict tolerates,
-#: so that the covariance is consistent on other scenes too.
-SLACK = math.log(1.0 + TOLERANCE / 2)
+from trackbench.subjects.tuning.measures import MEASURES, OF_ALL, WORDS, Sums
 
 
 @dataclass(frozen=True)
@@ -49,8 +33,6 @@ class Objective:
     needs_truth: bool = True
     hidden: bool = False
     """Whether detections have hidden identities."""
-    consistent: bool = False
-    """Whether a covariance that is off raises the loss."""
     metric: Metric | None = None
     """The metric of the measure, if it is not summed in any case."""
 
@@ -65,23 +47,13 @@ class Objective:
         for outcome, other in zip(outcomes, start, strict=True):
             if outcome.sums is None:
                 return outcome.failed
-            lacking = outcome.sums.lacking(other, [self.measure, *(["nees"] if self.consistent else [])])
+            lacking = outcome.sums.lacking(other, self.measure)
             if lacking is not None:
                 return lacking
             sums.append(outcome.sums)
         with np.errstate(divide="ignore", invalid="ignore"):
             loss = self.loss(sums, start)
         return loss if math.isfinite(loss) else "its value is not finite"
-
-
-def consistent_loss(sums: Sequence[Sums], start: Sequence[Sums]) -> float:
-    """Return the logarithm of the error, and a price on the mean NEES that is furthest off in each scenario."""
-    worst = []
-    for own, other in zip(sums, start, strict=True):
-        overall = float(np.log(own.value("nees") / NEES_DOF))
-        under = [condition_excess(value) for _, value in log_nees_by_condition(own, other)]
-        worst.append(max(abs(overall) - SLACK, 0.0, *under))
-    return _log_ratio("position_rmse", sums, start) + PRICE * float(np.mean(worst))
 
 
 def _log_ratio(measure: str, sums: Sequence[Sums], start: Sequence[Sums]) -> float:
@@ -120,13 +92,6 @@ OBJECTIVES = {
             needs_truth=False,
         ),
         error_objective("position_rmse", "smallest position error"),
-        Objective(
-            "consistent_rmse",
-            "smallest position error with a mean NEES that is consistent in every condition, or near to it",
-            "position_rmse",
-            consistent_loss,
-            consistent=True,
-        ),
         error_objective("tgospa", "smallest T-GOSPA, for detections of hidden identities", hidden=True),
     )
 }

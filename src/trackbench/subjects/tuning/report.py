@@ -8,12 +8,11 @@ from typing import Literal
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
-from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureComparison
-from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
+from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.parameters import option_text
 from trackbench.subjects.tuning.tune import Tuning
 
@@ -64,8 +63,7 @@ def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str
         gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
         if sign * gain > 0.0:
             return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
-        price = ", the price of consistency" if tuning.objective.consistent else ""
-        return f"worse than the start{where}, as on what they were tuned on{price}"
+        return f"worse than the start{where}, as on what they were tuned on"
     if comparison.verdict == "equivalent":
         return f"no better than the start{where}: the difference is within the margin"
     none = f"no difference from the start is shown{where}"
@@ -109,10 +107,6 @@ def remarks(tuning: Tuning) -> Iterator[str]:
     if failed:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
-    for comparison in tuning.held_out.of("nees") if tuning.objective.consistent else ():
-        word = mean_verdict(comparison.tuned.ci95, NEES_DOF)
-        value = f"mean NEES {comparison.tuned.value:.2f} where {NEES_DOF} is right"
-        yield f"{comparison.scenario}, held out: {value}, {word}"
     for comparison in tuning.held_out.comparisons:
         if comparison.verdict == "worse" and comparison.measure != tuning.objective.measure and any(tuning.apart):
             values = _pair(comparison.tuned.value, comparison.start.value, f" {comparison.unit}".rstrip())

@@ -94,7 +94,7 @@ def tune_tracker(
     objective, total = task.objective, task.count
     wanted = objective.metric, objective.measure
     train, test, apart = zip(*benches, strict=True)
-    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, total, *wanted)
+    evaluator = Evaluator(train, task.tracker, executor, isolation, engine, total, *wanted)
     start = _start(evaluator, objective)
     used = evaluator.engine_used
     if used is not None:
@@ -119,7 +119,7 @@ def tune_tracker(
         raise InputError(f"{task.tracker}: every trial failed; the first: {made[0].failed}", key="--range")
 
     progress(total, total, "now on what is held out")
-    held_out = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine, 1, *wanted)
+    held_out = Evaluator(test, task.tracker, executor, isolation, evaluator.engine, 1, *wanted)
     return Tuning(
         **vars(task),
         scenarios=tuple(bench.name for bench in train),
@@ -147,8 +147,7 @@ def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> No
         elif hidden:
             problem = "" if objective.hidden else f"{name} has a truth and hidden identities; choose tgospa"
         else:
-            choices = "likelihood, position_rmse or consistent_rmse"
-            problem = f"{name} has labelled measurements; choose {choices}" if objective.hidden else ""
+            problem = f"{name} has labelled measurements; choose likelihood" if objective.hidden else ""
         if problem:
             raise InputError(problem, key="--objective")
 
