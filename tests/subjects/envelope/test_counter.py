@@ -1,4 +1,4 @@
-"""Counter-examples: the nearest cells that fail, the run that shows one, its repetition, its cause and its folder."""
+"""Counter-examples: the nearest cells that fail, the run that shows one, its cause and its folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.axes import point_distance
 from trackbench.subjects.envelope.claim import Envelope, read_envelope
 from trackbench.subjects.envelope.counter import base_of, nearest_failing
-from trackbench.subjects.envelope.counter_page import condition_of, event_of
+from trackbench.subjects.envelope.counter_page import event_of
 
 #: Eleven values of each, a tenth of the range apart.
 SQUARE: dict[str, Any] = {
@@ -51,14 +51,6 @@ def test_a_cell_that_fails_for_another_axis_is_no_counter_example_of_this_one() 
 def test_a_failure_that_needs_both_axes_lies_towards_the_face_of_the_further_one() -> None:
     found = faces(SQUARE, lambda q, r: 2.0 if q > 0.65 and r > 0.85 else 0.5, base=[5, 0.5])
     assert found == {"r high": (7, 0.9)}
-
-
-def test_distances_are_in_the_units_of_scale() -> None:
-    value = lambda q, r: 2.0 if q > 0.75 or r > 0.75 else 0.5  # noqa: E731
-    claim = claim_of(SQUARE, {"ekf": value}, base=[5, 0.5], scale={"q": 6, "r": 0.1})
-    first, second = nearest_failing(claim, base_of(claim, "ekf"))
-    assert (first.axis, first.distance) == ("q", pytest.approx(0.5))
-    assert (second.axis, second.distance) == ("r", pytest.approx(3))
 
 
 def test_each_other_choice_is_a_face() -> None:
@@ -128,34 +120,12 @@ def test_it_is_shown_by_the_median_of_the_failing_runs_which_is_the_one_that_is_
     assert np.sqrt((recorded**2).mean()) == pytest.approx(example.shown.value, rel=1e-9)
 
 
-def test_its_value_is_that_of_the_cell_and_other_seeds_give_another(countered: Envelope) -> None:
+def test_its_value_is_that_of_the_cell(countered: Envelope) -> None:
     found = countered.claim.counter_examples
     assert found is not None
     (example,) = found.examples
     tracker = countered.shown[example.folder].result["kf"]
     assert tracker.position_rmse.value == pytest.approx(example.value, rel=1e-12)
-    assert example.again.seed == 2
-    # It is near the border: other seeds may not show it.
-    assert example.again.state in ("fails", "undecided")
-    changes = {"sensors.lidar.position_sigma_m": countered.claim.cells[example.cell].at[0], "monte_carlo.seed": 2}
-    # It may have been decided at any look.
-    each = [tb.run(tb.load(countered.claim.text, changes, runs=runs), workers=1) for _, runs in countered.claim.extents]
-    assert pytest.approx(example.again.value, rel=1e-12) in [again["kf"].position_rmse.value for again in each]
-
-
-def test_runs_beyond_the_limit_in_cells_that_hold_are_listed_furthest_first(countered: Envelope) -> None:
-    found = countered.claim.counter_examples
-    assert found is not None
-    rows = found.beyond
-    assert 0 < len(rows) <= 20
-    assert rows == sorted(rows, key=lambda row: -row.value)
-    for row in rows[:2]:
-        cell = countered.claim.cells[row.cell]
-        assert cell.trackers["kf"].state == "holds"
-        (change,) = cell.changes
-        loaded = tb.load(countered.claim.text, [change], runs=row.run + 1)
-        runs = tb.run(loaded, workers=1).to_pandas("runs").query("tracker == 'kf'")
-        assert runs["position_rmse_m"].iloc[row.run] == pytest.approx(row.value, rel=1e-12)
 
 
 def test_its_folder_is_a_run_and_its_scenario_repeats_it(countered: Envelope, tmp_path: Path) -> None:
@@ -186,27 +156,17 @@ def result_of(pieces: list[dict[str, float]]) -> tb.Result:
     return tb.run(scenario, workers=1)
 
 
-def test_a_turn_carries_the_error_and_holds_the_worst_moment() -> None:
+def test_the_worst_moment_is_in_the_turn() -> None:
     result = result_of([{"for_s": 5}, {"for_s": 2, "turn_rate_degps": 30}, {"for_s": 5}])
-    said = condition_of(result, "kf")
-    breakdown = result["kf"].breakdown
-    assert breakdown is not None
-    turning, every = breakdown.manoeuvre["turning"], breakdown.all
-    assert turning.position_rmse is not None
-    assert every.position_rmse is not None
-    carried = turning.count * turning.position_rmse.value**2 / (every.count * every.position_rmse.value**2)
-    assert said.startswith(f"turning: {100 * carried:.0f} % of the squared position error in ")
     assert event_of(result, "kf").startswith("position error ")
     time = float(event_of(result, "kf").rpartition(" at ")[2].removesuffix(" s"))
     assert 5 < time < 8.5
 
 
 @pytest.mark.slow
-def test_of_tracks_it_is_the_kind_of_event_that_costs_most() -> None:
+def test_of_tracks_it_is_the_dearest_event() -> None:
     result = tb.run(tb.load("traffic/side_by_side", runs=3), workers=1)
     name = result.summary.ranking[-1]
-    said = condition_of(result, name)
-    assert said.endswith("of the cost of all events")
     assert " s, " in event_of(result, name)
 
 
@@ -225,4 +185,3 @@ def test_of_a_function_it_is_what_it_did_on_the_tracks() -> None:
         )
         position, velocity = estimate.position_error_m, estimate.velocity_error_mps
         assert errors == [f"a position error of {position:.2f} m and a velocity error of {velocity:.2f} m/s then"]
-    assert condition_of(result, name, metric) == ""

@@ -10,8 +10,6 @@ import pytest
 import yaml
 from tests.subjects.envelope.conftest import SMALL
 
-from trackbench.subjects.envelope.claim import Envelope, idle_axes
-
 Cli = Callable[..., Any]
 SIGMA = SMALL["envelope"]["axes"]["sigma"]
 
@@ -62,6 +60,11 @@ def test_an_axis_that_cannot_be(axis: dict[str, Any], message: str, tmp_path: Pa
             "no mean over",
         ),
         ({"expect": [{"tracker": "kf", "metric": "nees.verdict", "is": "consistent"}]}, "expect.0.is", "is a word"),
+        (
+            {"expect": [{"tracker": "kf", "metric": "position_rmse", "better_than": "loose"}]},
+            "expect.0.better_than",
+            "an envelope takes below and above",
+        ),
     ],
 )
 def test_a_requirement_that_no_cell_is_decided_by(
@@ -74,15 +77,3 @@ def test_a_requirement_that_no_cell_is_decided_by(
     assert done.status == 2
     assert f" {place}: " in done.err
     assert message in done.err
-
-
-def test_an_axis_without_effect_is_told(small_envelope: Envelope, tmp_path: Path, cli: Cli) -> None:
-    write(
-        tmp_path,
-        {"sigma": {"key": SIGMA["key"], "values": [0.1, 0.9]}, "word": {"key": "description", "choices": ["a", "b"]}},
-    )
-
-    done = cli("envelope", "small.yaml", "-q", "--counter-examples", "0")
-
-    assert done.err == "word: no value changes along this axis\n"
-    assert idle_axes(small_envelope.claim) == []

@@ -18,7 +18,6 @@ from trackbench.base.execution import Executor, executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
-from trackbench.metrics.registry import by_path
 from trackbench.models.sensors.presets import assumed_effects
 from trackbench.runner.assemble import PACKAGES
 from trackbench.scenario import Scenario
@@ -30,11 +29,9 @@ from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
     ClaimCell,
-    ClaimedLimit,
     Envelope,
     TrackerState,
     hash_of,
-    idle_axes,
     parts_of,
 )
 from trackbench.subjects.envelope.counter import CounterMaker
@@ -70,17 +67,10 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
     mapped = envelope_of(made, command_of_envelope(loaded, plan))
-    for name in idle_axes(mapped.claim):
-        listener.note(f"{name}: no value changes along this axis")
-    return _with_counter_examples(made, mapped, plan.counter_examples, listener)
-
-
-def _with_counter_examples(made: EnvelopeMap, envelope: Envelope, most: int | None, listener: Listener) -> Envelope:
-    """What is claimed of a map, with its nearest counter-examples."""
-    maker = CounterMaker(made, envelope.claim)
-    examples = maker.make(most, listener)
-    claim = envelope.claim.model_copy(update={"counter_examples": examples})
-    return replace(envelope, claim=claim, shown=maker.shown)
+    maker = CounterMaker(made, mapped.claim)
+    examples = maker.make(plan.counter_examples, listener)
+    claim = mapped.claim.model_copy(update={"counter_examples": examples})
+    return replace(mapped, claim=claim, shown=maker.shown)
 
 
 def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: Listener) -> EnvelopeMap:
@@ -109,7 +99,6 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
                 rows.append((number, place, decision.interval.value + decision.interval.influence))
     parts = parts_of(rows)
     config = task.loaded.config
-    fields = by_path(config.sensors, config.own_metrics, config.properties)
     claim = Claim(
         scenario=config.name,
         file=shown_name(task.loaded.path),
@@ -124,7 +113,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         versions=_versions(),
         command=command,
         envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
-        limits=[ClaimedLimit(**item._asdict(), unit=fields[item.metric].unit) for item in task.requirements],
+        limits=list(task.requirements),
         base=task.base,
         places={name: task.loaded.places[name] for name in task.trackers},
         cells=[_cell(task, cell) for cell in cells],

@@ -27,8 +27,6 @@ class MapAxis:
 
     name: str
     config: Axis
-    distance_scale: float | None = None
-    """What counts as one unit of distance, in the unit of the axis; None: its range."""
 
     @property
     def continuous(self) -> bool:
@@ -104,10 +102,8 @@ class MapAxis:
         return (value - low) / (high - low)
 
     def distance(self, a: Value, b: Value) -> float:
-        """Between two values in shares of the range, or in units of ``scale``; of choices 0 or 1."""
-        if isinstance(a, str) or isinstance(b, str):
-            return float(a != b)
-        return abs(self.share(a) - self.share(b)) if self.distance_scale is None else abs(a - b) / self.distance_scale
+        """Return the distance of two values in shares of the range; of choices 0 or 1."""
+        return float(a != b) if isinstance(a, str) else abs(self.share(a) - self.share(b))
 
     def changes(self, value: Value) -> dict[str, Any]:
         """By key of the scenario, what it is set to."""
@@ -129,7 +125,7 @@ class MapAxis:
 
 def axes_of(config: EnvelopeConfig) -> tuple[MapAxis, ...]:
     """The axes of a map, in the order of the scenario."""
-    return tuple(MapAxis(name, axis, config.scale.get(name)) for name, axis in config.axes.items())
+    return tuple(MapAxis(name, axis) for name, axis in config.axes.items())
 
 
 def overrides(axes: Sequence[MapAxis], point: Point) -> list[str]:
@@ -158,7 +154,7 @@ def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, own: Sequence[
 
 
 def point_distance(axes: Sequence[MapAxis], a: Point, b: Point) -> float:
-    """Euclidean, in shares of each range or in units of ``scale``."""
+    """Return the Euclidean distance of two points, in shares of each range."""
     return math.hypot(*(axis.distance(x, y) for axis, x, y in zip(axes, a, b, strict=True)))
 
 

@@ -10,7 +10,7 @@ import pickle
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,10 +35,8 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.keys import Expectation
 from trackbench.subjects.envelope.axes import Point
 from trackbench.subjects.envelope.bounds import bound, unbounded
+from trackbench.subjects.envelope.claim import ClaimedLimit, Direction, Population, State
 from trackbench.truth import LoadedTruth
-
-State = Literal["holds", "fails", "undecided"]
-Direction = Literal["below", "above"]
 
 
 class Spending(NamedTuple):
@@ -76,7 +74,7 @@ def decide(interval: Interval, limit: float, direction: Direction, level: float,
     """Hold a value against its limit.
 
     Args:
-        interval: of the runs or scenes so far; of ``better_than`` that of the difference, whose limit is zero.
+        interval: of the runs or scenes so far.
         limit: that it has to be below or above.
         direction: which of these.
         level: what the look may spend.
@@ -112,24 +110,6 @@ def changed(before: State, after: State, difference: Interval, direction: Direct
         level: what one cell may spend.
     """
     return (before, after) == ("holds", "fails") and decide(difference, 0.0, direction, level).state == "fails"
-
-
-Claim = Literal["these scenes", "traffic like these"]
-
-
-class Requirement(NamedTuple):
-    """What a cell is judged by: one limit on one metric of one tracker."""
-
-    tracker: str
-    metric: str
-    direction: Direction
-    limit: float
-    other: str | None = None
-    """Where it must be better than another tracker: the limit is that of the difference, 0."""
-
-    def excess(self, value: Any) -> Any:
-        """How far a value, or each of several, is beyond the limit; negative where it meets it."""
-        return value - self.limit if self.direction == "below" else self.limit - value
 
 
 class Extent(NamedTuple):
@@ -170,7 +150,7 @@ class Runs:
         whole = merge_sums([self.sums, sums], metrics) if self.sums else sums
         return Runs(whole, np.concatenate([self.scene, scene]), np.concatenate([self.run, run]))
 
-    def evaluated(self, metrics: Sequence[Metric], claim: Claim) -> Evaluation:
+    def evaluated(self, metrics: Sequence[Metric], claim: Population) -> Evaluation:
         """Each metric, with what each independent part adds: a scene, or the run of one number in all scenes."""
         if claim == "traffic like these":
             return evaluate(self.sums, self.scene, metrics)
@@ -197,8 +177,8 @@ class LookResult(NamedTuple):
     """A hash of them."""
 
 
-def requirements_of(loaded: Scenario) -> list[Requirement]:
-    """What the scenario expects, as what its cells are judged by.
+def requirements_of(loaded: Scenario) -> list[ClaimedLimit]:
+    """Return what the scenario expects, as limits by which its cells are judged.
 
     Raises:
         InputError: it expects nothing, or something that no interval tells, or no other run can repeat.
@@ -211,27 +191,24 @@ def requirements_of(loaded: Scenario) -> list[Requirement]:
     return [_requirement(loaded, fields, number, item) for number, item in enumerate(config.expect)]
 
 
-def _requirement(loaded: Scenario, fields: Mapping[str, Field], number: int, item: Expectation) -> Requirement:
+def _requirement(loaded: Scenario, fields: Mapping[str, Field], number: int, item: Expectation) -> ClaimedLimit:
     if item.metric in TIMES:
         message = f"{item.metric} is another each time that it is measured, so that no claim on it could be repeated"
         raise loaded.locate(InputError(message, key=f"expect.{number}.metric"))
-    if item.better_than is not None:
-        larger = fields[item.metric].better == "larger"
-        return Requirement(item.tracker, item.metric, "above" if larger else "below", 0.0, item.better_than)
-    if item.below is not None:
-        return Requirement(item.tracker, item.metric, "below", item.below)
-    if item.above is not None:
-        return Requirement(item.tracker, item.metric, "above", item.above)
-    message = (
-        "is a word, of which no cell can be shown to be right or wrong: an envelope takes below, above, better_than"
-    )
-    raise loaded.locate(InputError(message, key=f"expect.{number}.is"))
+    direction: Direction = "above" if item.below is None else "below"
+    limit = item.above if item.below is None else item.below
+    if limit is None:
+        key, what = ("is", "a word") if item.better_than is None else ("better_than", "a comparison")
+        message = f"is {what}, by which no cell is decided: an envelope takes below and above"
+        raise loaded.locate(InputError(message, key=f"expect.{number}.{key}"))
+    unit = fields[item.metric].unit
+    return ClaimedLimit(tracker=item.tracker, metric=item.metric, unit=unit, direction=direction, limit=limit)
 
 
 def work_of_cell(
     loaded: Scenario,
     truths: Sequence[LoadedTruth],
-    requirements: Sequence[Requirement],
+    requirements: Sequence[ClaimedLimit],
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
 ) -> Work:
@@ -268,7 +245,7 @@ def make_runs(work: Work, names: Collection[str], pieces: Sequence[BlockRuns]) -
     return LookResult(sums, failures, digest)
 
 
-def coverage_of(runs: Runs, claim: Claim) -> Interval | None:
+def coverage_of(runs: Runs, claim: Population) -> Interval | None:
     """Share of the estimates that are due and were given, with what each independent part adds; None with hidden
     identities, and where none is due."""
     scores = runs.sums.get(ESTIMATES.name)
@@ -296,7 +273,7 @@ class Store:
         """Looks that were there already."""
 
     def load(self, point: Point, look: int) -> Any:
-        """What a look at a cell left; None where it was not made, or its file is damaged."""
+        """Return what a look at a cell left; None where it was not made, or its file is damaged."""
         if self._folder is None:
             return None
         try:
@@ -322,12 +299,13 @@ class Store:
         if self._folder is None:
             return
         raw, file = pickle.dumps(content), self._file(self._folder, point, look)
+        whole = hashlib.sha256(raw).digest() + raw
         try:
             try:
-                write_whole(file, hashlib.sha256(raw).digest() + raw)
+                write_whole(file, whole)
             except FileNotFoundError:
                 # Another command with the same map has ended, and removed the folder.
-                write_whole(file, hashlib.sha256(raw).digest() + raw)
+                write_whole(file, whole)
         except OSError as error:
             raise OutputError(f"cannot write {self._folder}: {error.strerror or error}") from error
 

@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
-from trackbench.results.metric_value import ROUNDING, ResultModel, read_model
+from trackbench.results.metric_value import ResultModel, read_model
 from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
@@ -24,6 +24,8 @@ from trackbench.subjects.envelope.counter_models import CounterExamples, ShownEx
 CLAIM, PARTS, SCHEMA_VERSION = "claim.json", "parts.parquet", 1
 
 State = Literal["holds", "fails", "undecided"]
+Direction = Literal["below", "above"]
+Population = Literal["these scenes", "traffic like these"]
 STATES: tuple[State, ...] = ("holds", "fails", "undecided")
 
 
@@ -33,16 +35,12 @@ class ClaimedLimit(ResultModel):
     tracker: str
     metric: str
     unit: str
-    direction: Literal["below", "above"]
+    direction: Direction
     limit: float
-    other: str | None = None
-    """The tracker that it has to be better than; the value is then the difference, and the limit 0."""
 
     @property
     def text(self) -> str:
         """As it is read."""
-        if self.other is not None:
-            return f"{self.tracker} {self.metric} better than {self.other}"
         return f"{self.tracker} {self.metric} {self.direction} {self.limit:g}{self.after_number}"
 
     @property
@@ -50,9 +48,9 @@ class ClaimedLimit(ResultModel):
         """The unit as it stands after a number: " m"; empty where there is none."""
         return "" if self.unit == "1" else f" {self.unit}"
 
-    def beyond(self, value: float) -> bool:
-        """Whether a value does not meet it."""
-        return value >= self.limit if self.direction == "below" else value <= self.limit
+    def excess(self, value: Any) -> Any:
+        """Return how far a value, or each of several, is beyond the limit; negative where it meets it."""
+        return value - self.limit if self.direction == "below" else self.limit - value
 
 
 class CellValue(ResultModel):
@@ -114,7 +112,7 @@ class Claim(ResultModel):
     text: str
     """Of that file."""
     overrides: list[str]
-    claim: Literal["these scenes", "traffic like these"]
+    claim: Population
     confidence: float
     spent: float
     """The error of one tracker in one cell, over all looks and to one side."""
@@ -234,25 +232,6 @@ def _split(parts: pa.Table) -> Iterator[tuple[tuple[int, int], Array]]:
 def place_of_cell(axes: Sequence[MapAxis], point: Point) -> str:
     """A cell as it is read: "azimuth 0.5 deg, range 0.1 m"."""
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
-
-
-def idle_axes(claim: Claim) -> list[str]:
-    """The axes along which no value of any tracker changes by more than rounding."""
-    idle = []
-    for number, axis in enumerate(claim.axes):
-        lines: dict[Point, list[list[float]]] = {}
-        for cell in claim.cells:
-            cell_values = [item.value for tracker in cell.trackers.values() for item in tracker.values]
-            values = [value for value in cell_values if value is not None]
-            lines.setdefault((*cell.at[:number], *cell.at[number + 1 :]), []).append(values)
-        several = [line for line in lines.values() if len(line) > 1]
-        if several and all(_alike(line[0], other) for line in several for other in line):
-            idle.append(axis.name)
-    return idle
-
-
-def _alike(a: Sequence[float], b: Sequence[float]) -> bool:
-    return len(a) == len(b) > 0 and bool(np.allclose(a, b, rtol=ROUNDING, atol=0.0))
 
 
 def read_claim(place: Path) -> Claim:

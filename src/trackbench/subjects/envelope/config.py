@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from trackbench.base.config import Config, Name, Positive, Problem
+from trackbench.base.config import Config, Name, Problem
 from trackbench.base.config.key_units import convert, find_unit, split_key
 from trackbench.subjects.envelope.bounds import FEWEST_RUNS
 
@@ -154,11 +154,6 @@ envelope:
     resolution: Annotated[float, Field(gt=0, le=0.5)] = Field(
         1 / 32, description="Share of a continuous axis down to which the map is refined near a border."
     )
-    scale: dict[Name, Positive] = Field(
-        default_factory=dict,
-        description="What counts as one unit of distance along an axis, instead of its range, for the nearest "
-        "counter-example.",
-    )
 
     def problems(self) -> Iterator[Problem]:
         if self.claim == "traffic like these" and self.runs.first < 30:
@@ -166,9 +161,6 @@ envelope:
         grid = math.prod(len(axis.values) or len(axis.choices) or axis.levels for axis in self.axes.values())
         if grid > self.cells:
             yield Problem(("cells",), f"the grid has {grid} cells: raise cells, or take fewer levels")
-        for name in self.scale:
-            if name not in self.axes:
-                yield Problem(("scale", name), f"is no axis; choose from {', '.join(self.axes)}")
         keys: dict[str, str] = {}
         for name, axis in self.axes.items():
             for key in axis_keys(axis):

@@ -1,9 +1,8 @@
-"""Shows each counter-example: by its median failing run, once more on other seeds, and with its cause."""
+"""Shows each counter-example by its median failing run, with its cause."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,19 +14,16 @@ from trackbench.base.types import Array
 from trackbench.results import Result
 from trackbench.runner.tables import run_values
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, point_distance
-from trackbench.subjects.envelope.cells import Requirement, Runs
-from trackbench.subjects.envelope.claim import Claim, ClaimCell
+from trackbench.subjects.envelope.claim import Claim, ClaimCell, ClaimedLimit
 from trackbench.subjects.envelope.counter_models import (
     BasePoint,
-    BeyondRun,
     CounterExample,
     CounterExamples,
-    Repetition,
     ShownExample,
     ShownRun,
 )
-from trackbench.subjects.envelope.counter_page import condition_of, event_of, finding_on
-from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
+from trackbench.subjects.envelope.counter_page import event_of, finding_on
+from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell
 from trackbench.subjects.envelope.task import changed_scenario
 
 
@@ -108,8 +104,6 @@ def _nearest(axes: tuple[MapAxis, ...], point: Point, cells: list[ClaimCell]) ->
     return min(cells, key=lambda cell: point_distance(axes, point, cell.at))
 
 
-#: Runs beyond the limit in cells that hold that are listed.
-MOST_BEYOND = 20
 #: What the name of a folder does not have.
 UNFIT = re.compile(r"[^A-Za-z0-9_.-]+")
 
@@ -137,35 +131,19 @@ class CounterMaker:
         """
         bases = [base_of(self._claim, tracker) for tracker in self._claim.trackers]
         facings = [facing for base in bases for facing in nearest_failing(self._claim, base, most)]
-        again = self._made.another()
-        numbers = dict.fromkeys(facing.cell for facing in facings)
-        name = self._claim.scenario
-        with listener.progress(f"counter-examples of {name} on other seeds", "cells") as advance:
-            again.finish([self._reseeded(again, self._cells[number]) for number in numbers], advance)
         findings: dict[str, str] = {}
         examples = []
-        with listener.progress(f"counter-examples of {name}", "examples") as advance:
+        with listener.progress(f"counter-examples of {self._claim.scenario}", "examples") as advance:
             for number, facing in enumerate(facings, 1):
                 advance(number - 1, len(facings))
-                example = self._example(number, facing, again)
+                example = self._example(number, facing)
                 if facing.tracker not in findings:
                     loaded = self.shown[example.folder].loaded
                     findings[facing.tracker] = finding_on(loaded, facing.tracker, self._made.executor)
                 examples.append(example.model_copy(update={"finding": findings[facing.tracker]}))
-        beyond = sorted(self._beyond(), key=lambda pair: -pair[0])
-        rows = [row for _, row in beyond[:MOST_BEYOND]]
-        return CounterExamples(bases=bases, examples=examples, beyond=rows, beyond_total=len(beyond))
+        return CounterExamples(bases=bases, examples=examples)
 
-    def _reseeded(self, again: EnvelopeMap, cell: MapCell) -> MapCell:
-        """The cell with other noise and, where traffic repeats, other scenes."""
-        config = cell.loaded.config
-        changes = [f"monte_carlo.seed={config.monte_carlo.seed + 1}"]
-        if self._task.config.claim == "traffic like these":
-            first = next(iter(config.truth.scenes())).seed  # type: ignore[attr-defined]
-            changes.append(f"truth.seed={first + self._task.extents[-1].scenes}")
-        return again.empty(cell.point, changed_scenario(cell.loaded, changes, [*cell.loaded.config.trackers]))
-
-    def _example(self, number: int, facing: Facing, again: EnvelopeMap) -> CounterExample:
+    def _example(self, number: int, facing: Facing) -> CounterExample:
         cell, claimed = self._cells[facing.cell], self._claim.cells[facing.cell]
         limit = _failed_limit(self._claim, claimed, facing.tracker)
         requirement = None if limit is None else self._task.requirements[limit]
@@ -183,13 +161,11 @@ class CounterMaker:
             high=value and value.high,
             cause=claimed.trackers[facing.tracker].cause,
             shown=shown,
-            again=self._repetition(again.cells[cell.point], facing.tracker, requirement),
-            condition=condition_of(result, facing.tracker, metric),
             event=event_of(result, facing.tracker, metric),
             finding="",
         )
 
-    def _shown(self, cell: MapCell, tracker: str, requirement: Requirement | None) -> ShownRun:
+    def _shown(self, cell: MapCell, tracker: str, requirement: ClaimedLimit | None) -> ShownRun:
         own = cell.trackers[tracker]
         values = None if requirement is None else _values(cell, requirement)
         if requirement is None or values is None:
@@ -208,7 +184,7 @@ class CounterMaker:
         )
 
     def _run(
-        self, folder: str, cell: MapCell, tracker: str, requirement: Requirement | None, shown: ShownRun
+        self, folder: str, cell: MapCell, tracker: str, requirement: ClaimedLimit | None, shown: ShownRun
     ) -> Result:
         """The cell's scenario with as many runs as it had, of which that to be shown is recorded."""
         extent = cell.trackers[tracker].extent
@@ -216,45 +192,11 @@ class CounterMaker:
         changes.append(f"monte_carlo.runs={max(1, extent.runs)}")
         if self._task.config.claim == "traffic like these":
             changes.append(f"truth.seeds={max(1, extent.scenes)}")
-        names = [tracker, *([requirement.other] if requirement is not None and requirement.other else [])]
-        loaded = changed_scenario(cell.loaded, changes, names)
+        loaded = changed_scenario(cell.loaded, changes, [tracker])
         plan, executor = RunPlan(isolation=self._made.isolation, engine=self._made.engine_choice), self._made.executor
         (result,) = run_prepared(prepare([loaded], plan, executor, Listener()), plan, executor, Listener())
         self.shown[folder] = ShownExample(loaded, result)
         return result
-
-    def _repetition(self, cell: MapCell, tracker: str, requirement: Requirement | None) -> Repetition:
-        again = cell.trackers[tracker]
-        judged = None
-        if requirement is not None and again.judged:
-            judged = again.judged[self._task.of(tracker).index(requirement)]
-        return Repetition(
-            seed=cell.loaded.config.monte_carlo.seed,
-            state=again.state,
-            value=judged and judged.interval.value,
-            low=judged and judged.low,
-            high=judged and judged.high,
-        )
-
-    def _beyond(self) -> Iterator[tuple[float, BeyondRun]]:
-        """Runs beyond a limit in cells that hold, each with its excess as a share of the limit."""
-        for number, cell in enumerate(self._cells):
-            for place, item in enumerate(self._task.requirements):
-                own = cell.trackers[item.tracker]
-                values = _values(cell, item) if own.state == "holds" else None
-                if values is None:
-                    continue
-                excess = item.excess(values)
-                for run in np.flatnonzero(excess > 0):
-                    row = BeyondRun(
-                        tracker=item.tracker,
-                        limit=place,
-                        cell=number,
-                        scene=int(own.runs.scene[run]),
-                        run=int(own.runs.run[run]),
-                        value=float(values[run]),
-                    )
-                    yield float(excess[run]) / (abs(item.limit) or 1.0), row
 
 
 def _failed_limit(claim: Claim, cell: ClaimCell, tracker: str) -> int | None:
@@ -264,17 +206,7 @@ def _failed_limit(claim: Claim, cell: ClaimCell, tracker: str) -> int | None:
     return next((number for number, value in zip(own, values, strict=False) if value.state == "fails"), None)
 
 
-def _values(cell: MapCell, item: Requirement) -> Array | None:
-    """``(runs,)`` what is required, in each run; None where runs do not tell it."""
-    metric = next((metric for metric in cell.metrics if metric.path == item.metric), None)
-    sides: Sequence[TrackerCell | None] = [cell.trackers[item.tracker]]
-    if item.other is not None:
-        sides = [*sides, cell.trackers.get(item.other) or cell.others[item.other]]
-    runs: list[Runs] = [side.runs for side in sides if side is not None]
-    if metric is None or any(not each.sums for each in runs):
-        return None
-    values = [run_values(metric, each.sums, len(each.run)) for each in runs]
-    if any(value is None for value in values):
-        return None
-    first, *rest = values
-    return first if not rest else np.asarray(first) - np.asarray(rest[0])
+def _values(cell: MapCell, item: ClaimedLimit) -> Array | None:
+    """Return the required value of each run ``(runs,)``; None where runs do not tell it."""
+    metric, own = next((each for each in cell.metrics if each.path == item.metric), None), cell.trackers[item.tracker]
+    return None if metric is None or not own.runs.sums else run_values(metric, own.runs.sums, len(own.runs.run))

@@ -26,16 +26,6 @@ class ShownRun(ResultModel):
     runs: int
 
 
-class Repetition(ResultModel):
-    """The cell once more, with other seeds, looks and bounds as in the map."""
-
-    seed: int
-    state: str
-    value: float | None
-    low: float | None
-    high: float | None
-
-
 class CounterExample(ResultModel):
     """The nearest cell that fails with confidence, towards a face of the map."""
 
@@ -49,7 +39,7 @@ class CounterExample(ResultModel):
     cell: int
     """Its number in the claim."""
     distance: float
-    """From the base, in shares of each range or in units of ``scale``."""
+    """Distance from the base, in shares of each range."""
     limit: int | None
     """The number of the requirement that it does not meet; None where the cell says another cause."""
     value: float | None
@@ -58,9 +48,6 @@ class CounterExample(ResultModel):
     cause: str
     """Why it fails, where that is not a limit."""
     shown: ShownRun
-    again: Repetition
-    condition: str
-    """Which manoeuvre or range carries the error; empty where none stands out."""
     event: str
     """What went wrong most in the run that is shown."""
     finding: str
@@ -81,27 +68,12 @@ class BasePoint(ResultModel):
         return tuple(self.point)
 
 
-class BeyondRun(ResultModel):
-    """A run beyond the limit in a cell that holds."""
-
-    tracker: str
-    limit: int
-    cell: int
-    scene: int
-    run: int
-    value: float
-
-
 class CounterExamples(ResultModel):
     """Those of a map."""
 
     bases: list[BasePoint]
     examples: list[CounterExample]
     """By tracker, the nearest first."""
-    beyond: list[BeyondRun]
-    """Runs beyond the limit in cells that hold, the furthest first."""
-    beyond_total: int
-    """How many of these there are."""
 
 
 class ShownExample(NamedTuple):

@@ -66,8 +66,7 @@ def _signed(claim: Claim, metric: str) -> bool:
 
 def _quantity(limit: ClaimedLimit) -> str:
     """What is on the axis of the value."""
-    name = limit.metric if limit.other is None else f"{limit.metric} less that of {limit.other}"
-    return name if limit.unit == "1" else f"{name}, {limit.unit}"
+    return limit.metric if limit.unit == "1" else f"{limit.metric}, {limit.unit}"
 
 
 def _figure(

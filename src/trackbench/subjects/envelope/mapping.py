@@ -22,15 +22,12 @@ from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, between, start_points
-from trackbench.subjects.envelope.bounds import interval_difference
 from trackbench.subjects.envelope.cells import (
     CellDecision,
     Extent,
     LookResult,
-    Requirement,
     Runs,
     Spending,
-    State,
     Store,
     coverage_of,
     decide,
@@ -38,6 +35,7 @@ from trackbench.subjects.envelope.cells import (
     make_runs,
     work_of_cell,
 )
+from trackbench.subjects.envelope.claim import ClaimedLimit, State
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
 from trackbench.truth import LoadedTruth
 
@@ -117,8 +115,6 @@ class MapCell:
     loaded: Scenario
     trackers: dict[str, TrackerCell]
     """Those of which something is required."""
-    others: dict[str, TrackerCell]
-    """Those that they are held against alone."""
     added: bool = False
     """Whether it was put near a border, and was not where the map started."""
     measurements: list[bytes] = field(default_factory=list)
@@ -179,10 +175,6 @@ class EnvelopeMap:
         self._spending = Spending(1.0 - task.config.confidence, task.config.cells * len(task.trackers), numbers)
         self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
 
-    def another(self) -> EnvelopeMap:
-        """One of the same task that is made in the same way, without cells; it keeps no runs."""
-        return EnvelopeMap(self.task, self.executor, self.isolation, self.engine_choice)
-
     def make(self, progress: NotedProgress = no_progress) -> None:
         """Make all cells.
 
@@ -215,29 +207,14 @@ class EnvelopeMap:
         return [point for point in points if absent[point] is None]
 
     def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:
-        """Make those of some points, until each is decided or its budget is spent; see :meth:`make`."""
-        scenarios = (self.task.scenario_at(point) for point in points)
-        self.finish([self.empty(*pair, added) for pair in zip(points, scenarios, strict=True)], progress)
-
-    def finish(self, cells: Sequence[MapCell], progress: NotedProgress = no_progress) -> None:
-        """Make the runs of some cells, until each is decided or its budget is spent; see :meth:`make`."""
+        """Make the cells of some points, until each is decided or its budget is spent; see :meth:`make`."""
+        cells = [self._empty(point, self.task.scenario_at(point), added) for point in points]
         self.cells |= {cell.point: cell for cell in cells}
         for look, extent in enumerate(self.task.extents):
             self._look(cells, look, extent, progress)
 
-    def empty(self, point: Point, loaded: Scenario, added: bool = False) -> MapCell:
-        """A cell without runs.
-
-        Args:
-            point: its values of the axes.
-            loaded: the scenario there.
-            added: whether it was put near a border.
-        """
-        trackers = {name: TrackerCell() for name in self.task.trackers}
-        others = {
-            item.other: TrackerCell() for item in self.task.requirements if item.other and item.other not in trackers
-        }
-        return MapCell(point, loaded, trackers, others, added)
+    def _empty(self, point: Point, loaded: Scenario, added: bool) -> MapCell:
+        return MapCell(point, loaded, {name: TrackerCell() for name in self.task.trackers}, added)
 
     def _look(self, cells: Sequence[MapCell], look: int, extent: Extent, progress: NotedProgress) -> None:
         """At those of some cells that are not decided."""
@@ -251,8 +228,7 @@ class EnvelopeMap:
             self._end(waiting.popleft(), look, extent, progress)
 
     def _begun(self, cell: MapCell, look: int, extent: Extent) -> _Look:
-        others = [item.other for item in self.task.requirements if item.other and item.tracker in cell.undecided]
-        names = list(dict.fromkeys([*cell.undecided, *others]))
+        names = cell.undecided
         # All of them were at every look before.
         done = self.task.extents[look - 1] if look else NOTHING
         work = self.work(cell.loaded, extent)
@@ -295,7 +271,7 @@ class EnvelopeMap:
             self._store.save(cell.point, look, result)
         cell.measurements.append(result.measurements)
         for name in begun.names:
-            tracker = cell.trackers.get(name) or cell.others[name]
+            tracker = cell.trackers[name]
             if name in result.failures:
                 _fail(tracker, result.failures[name])
                 continue
@@ -313,7 +289,7 @@ class EnvelopeMap:
         coverage = coverage_of(tracker.runs, self.task.config.claim) if min_coverage else None
         # It is one more requirement, by which the cell may fail.
         number = len(requirements) + (coverage is not None)
-        tracker.judged = tuple(self._judged(cell, item, own, metrics, tracker.looks, number) for item in requirements)
+        tracker.judged = tuple(self._judged(item, own, tracker.looks, number) for item in requirements)
         reasons = [
             decision.reason if decision else _reason(own, item.metric)
             for item, decision in zip(requirements, tracker.judged, strict=True)
@@ -327,24 +303,8 @@ class EnvelopeMap:
             if coverage.value < min_coverage and worse != tracker.state:
                 tracker.state, tracker.cause = worse, _missing(tracker.coverage, min_coverage)
 
-    def _judged(
-        self,
-        cell: MapCell,
-        item: Requirement,
-        own: Evaluation,
-        metrics: Sequence[Metric],
-        looks: int,
-        requirements: int,
-    ) -> CellDecision | None:
+    def _judged(self, item: ClaimedLimit, own: Evaluation, looks: int, requirements: int) -> CellDecision | None:
         interval = own.intervals.get(item.metric)
-        if item.other is not None and interval is not None:
-            other = cell.trackers.get(item.other) or cell.others[item.other]
-            if other.cause:
-                return None
-            against = other.runs.evaluated(metrics, self.task.config.claim).intervals.get(item.metric)
-            if against is None:
-                return None
-            interval = interval_difference(interval, against, same_runs=True)
         if interval is None:
             return None
         return decide(interval, item.limit, item.direction, self._spending.at(looks - 1), requirements)

@@ -202,7 +202,7 @@ def envelope_document(made: Envelope) -> Document:
 def envelope_summary(made: Envelope) -> Document:
     """What the terminal shows."""
     claim = made.claim
-    blocks = (*_headline(claim), *_margins(claim), *counter_sections(claim, listed=False))
+    blocks = (*_headline(claim), *_margins(claim), *counter_sections(claim))
     return Document("envelope", _title(claim), blocks)
 
 

@@ -15,7 +15,8 @@ from trackbench.scenario.truth import truth_source
 from trackbench.scenario.worlds import RECORDED_HZ
 from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, overrides
-from trackbench.subjects.envelope.cells import Extent, Requirement, requirements_of
+from trackbench.subjects.envelope.cells import Extent, requirements_of
+from trackbench.subjects.envelope.claim import ClaimedLimit
 from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
 from trackbench.truth.config.traffic import TracksConfig
 
@@ -84,10 +85,10 @@ class EnvelopeTask(NamedTuple):
     """What is mapped, and how surely."""
 
     loaded: Scenario
-    """With the trackers alone of which something is required, and those that they are held against."""
+    """Scenario with the trackers alone of which something is required."""
     config: EnvelopeConfig
     axes: tuple[MapAxis, ...]
-    requirements: tuple[Requirement, ...]
+    requirements: tuple[ClaimedLimit, ...]
     extents: tuple[Extent, ...]
     """Of the looks."""
 
@@ -101,7 +102,7 @@ class EnvelopeTask(NamedTuple):
         """Those of which something is required."""
         return list(dict.fromkeys(item.tracker for item in self.requirements))
 
-    def of(self, tracker: str) -> list[Requirement]:
+    def of(self, tracker: str) -> list[ClaimedLimit]:
         """The requirements on a tracker."""
         return [item for item in self.requirements if item.tracker == tracker]
 
@@ -161,7 +162,7 @@ def task_of(loaded: Scenario) -> EnvelopeTask:
         message = "missing: nothing says what is varied; write envelope: {axes: {NAME: {key: ..., from: ..., to: ...}}}"
         raise InputError(message, key="envelope", file=loaded.path)
     requirements = requirements_of(loaded)
-    needed = {name for item in requirements for name in (item.tracker, item.other)}
+    needed = {item.tracker for item in requirements}
     chosen = select_trackers(loaded, [name for name in loaded.config.trackers if name in needed])
     for name, entry in chosen.config.trackers.items():
         if isinstance(entry, TracksConfig):
