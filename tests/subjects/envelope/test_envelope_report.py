@@ -49,7 +49,7 @@ def made(*axes, trackers=("ekf",), **more):
     [
         ("q", ["ekf"], ["line-q-position-rmse"]),
         (["q", "world"], ["ekf", "imm"], ["line-q-position-rmse"]),
-        (["world"], ["ekf"], ["line-world-position-rmse"]),
+        (["world"], ["ekf"], []),
         ("qr", ["ekf"], ["map-ekf-q-r", "line-q-position-rmse", "line-r-position-rmse"]),
         (
             ["q", "r", "world"],

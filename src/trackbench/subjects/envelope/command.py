@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.shell_completion import CompletionItem
 from rich.console import Console
 
 from trackbench.api.scenario import load
-from trackbench.base.errors import InputError, similar_names
+from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
 from trackbench.base.exit_status import FAILED_PLUGIN
 from trackbench.base.subjects import resolve
@@ -32,12 +31,11 @@ from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import require_file
 
-#: Commands on claims, by the first word of the line.
-WORDS = {"diff": "trackbench.subjects.envelope.claim_commands:diff_command"}
+DIFF = "trackbench.subjects.envelope.claim_commands:diff_command"
 
 
 class EnvelopeGroup(click.Group):
-    """Takes a scenario where its first word names no command."""
+    """Takes a scenario where its first word is not ``diff``."""
 
     allow_extra_args = False
     allow_interspersed_args = True
@@ -45,35 +43,17 @@ class EnvelopeGroup(click.Group):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        word, words = (args[0], args[1:]) if args else ("", [])
-        if word not in WORDS:
+        if args[:1] != ["diff"]:
             return super().make_context(info_name, args, parent, **extra)
-        command: click.Command = resolve(WORDS[word])
-        return command.make_context(f"{info_name} {word}", words, parent, **extra)
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        first = args[0] if args else ""
-        try:
-            return super().parse_args(ctx, args)
-        except click.UsageError as error:
-            close = similar_names(first, WORDS, 0.6)
-            if close and "extra argument" in error.message:
-                problem = f"a scenario stands alone, and {first!r} is no command. Did you mean {close[0]!r}?"
-                raise click.UsageError(problem, ctx) from None
-            raise
+        command: click.Command = resolve(DIFF)
+        return command.make_context(f"{info_name} diff", args[1:], parent, **extra)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(WORDS)
+        return ["diff"]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        command: click.Command | None = resolve(WORDS[cmd_name]) if cmd_name in WORDS else None
+        command: click.Command | None = resolve(DIFF) if cmd_name == "diff" else None
         return command
-
-
-def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """The commands and the scenarios."""
-    words = [CompletionItem(word) for word in WORDS if word.startswith(incomplete)]
-    return words + scenario_paths(ctx, parameter, incomplete)
 
 
 @click.group(
@@ -83,7 +63,7 @@ def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str)
     subcommand_metavar="| diff A B",
 )
 @click.argument(
-    "scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True, shell_complete=first_words
+    "scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True, shell_complete=scenario_paths
 )
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")

@@ -35,33 +35,13 @@ _MARKERS = {"holds": ("o", 4.5), "undecided": ("o", 4.5), "fails": ("x", 5.5)}
 
 
 def line_figures(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[Figure]:
-    """One for each axis of numbers, or a single one of choices, and each metric of which something is required."""
+    """Yield a figure for each axis of numbers and each metric of which something is required."""
     own = [margin for style in styles for margin in margins(claim, style.name)]
-    if len(claim.axes) == 1 and not claim.axes[0].ordered:
-        own = [_choices(claim, style.name, (i + 0.5) / len(styles) - 0.5) for i, style in enumerate(styles)]
     for axis in claim.axes:
         lines = [margin for margin in own if margin.axis.name == axis.name]
         if lines:
             for metric in dict.fromkeys(_quantity(limit) for limit in claim.limits):
                 yield _figure(claim, axis, metric, lines, styles)
-
-
-def _choices(claim: Claim, tracker: str, aside: float) -> AxisMargin:
-    """The cells of an axis of choices by their number, beside those of other trackers: from -0.5 to 0.5."""
-    values = claim.axes[0].values
-    cells = ((values.index(cell.point[0]) + 0.5 * aside, cell) for cell in claim.cells)
-    return AxisMargin(tracker, claim.axes[0], (), True, tuple(sorted(cells, key=lambda cell: cell[0])), ())
-
-
-def _signed(claim: Claim, metric: str) -> bool:
-    """Whether some value or limit of a metric is 0 or below: a logarithmic axis would not show it."""
-    for name in claim.trackers:
-        for place, limit in enumerate(claim.limits_of(name)):
-            rows = (cell.trackers[name].values for cell in claim.cells)
-            values = [row[place].value for row in rows if row]
-            if _quantity(limit) == metric and any(v <= 0 for v in [limit.limit, *values] if v is not None):
-                return True
-    return False
 
 
 def _quantity(limit: ClaimedLimit) -> str:
@@ -74,7 +54,7 @@ def _figure(
 ) -> Figure:
     places = list(dict.fromkeys(place_of_line(margin) for margin in lines))[:MOST_PANELS]
     own = claim.own_values[axis.name]
-    reached = own is not None and (axis.reaches(own) if axis.ordered else own in axis.values)
+    reached = axis.reaches(own)
 
     def paint(canvas: Canvas) -> None:
         panels = canvas.subplots(len(places), 1, squeeze=False, sharex=True)[:, 0]
@@ -88,23 +68,16 @@ def _figure(
                 panel_title(panel, place, WIDTH)
             panel.set_ylabel(shortened_to_width(metric, _HEIGHT - 40))
             if own is not None and reached:
-                place_of_own = own if axis.ordered else axis.values.index(own)
                 panel.plot(
-                    [place_of_own], [0], marker=MARKERS[OWN.mark][0], markersize=9, color=INK, clip_on=False, zorder=5,
+                    [float(own)], [0], marker=MARKERS[OWN.mark][0], markersize=9, color=INK, clip_on=False, zorder=5,
                     transform=panel.get_xaxis_transform(),
                 )  # fmt: skip
         for panel in panels:
-            if _signed(claim, metric):
-                _fit_linear(panel, drawn)
-            else:
+            # A logarithmic axis would not show values of either sign.
+            if all((values[np.isfinite(values)] > 0).all() for values in drawn):
                 fit_value_axis(panel, drawn)
         # Room for the dots and bars at both ends.
-        if axis.ordered:
-            panels[-1].set_xlim(*axis.exactly_at(np.array([-_ROOM, 1 + _ROOM])))
-        else:
-            count = len(axis.values)
-            panels[-1].set_xlim(-0.5, count - 0.5)
-            panels[-1].set_xticks(range(count), [shortened_to_width(str(v), (WIDTH - 60) / count) for v in axis.values])
+        panels[-1].set_xlim(*axis.exactly_at(np.array([-_ROOM, 1 + _ROOM])))
         if axis.config.scale == "log":
             logarithmic(panels[0], "x")
         panels[-1].set_xlabel(shortened_to_width(axis_label(axis), WIDTH - 60))
@@ -115,22 +88,14 @@ def _figure(
     return tracker_figure(
         f"line-{axis.name}-{metric.partition(',')[0]}".replace("_", "-").replace(".", "-").replace(" ", "-"),
         f"{metric.partition(',')[0]} over {axis.name}",
-        "Each bar reaches between the bounds by which the cell is decided; undecided cells have a hollow dot."
-        + (f" Shaded: the band of the border.{at}" if axis.ordered else ""),
+        "Each bar reaches between the bounds by which the cell is decided; undecided cells have a hollow dot. Shaded: "
+        f"the band of the border.{at}",
         f"{metric} over {axis.name}, with the limit",
         paint,
         _HEIGHT * len(places) + 30,
         styles,
         *others,
     )
-
-
-def _fit_linear(panel: Axes, drawn: Sequence[Array]) -> None:
-    """All of some values, with room at both ends."""
-    values = np.concatenate(drawn)
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    room = 0.06 * (high - low) or 1.0
-    panel.set_ylim(low - room, high + room)
 
 
 def _paint_line(panel: Axes, margin: AxisMargin, claim: Claim, metric: str, style: TrackerStyle) -> list[Array]:
@@ -148,8 +113,7 @@ def _paint_line(panel: Axes, margin: AxisMargin, claim: Claim, metric: str, styl
             np.array([np.nan if v is None else v for v in column], dtype=float)
             for column in zip(*((cell.value, cell.low, cell.high) for _, cell in cells), strict=True)
         )
-        if margin.axis.ordered:
-            panel.plot(x, y, color=style.colour, linestyle=style.line, linewidth=1.2, gid=style.key)
+        panel.plot(x, y, color=style.colour, linestyle=style.line, linewidth=1.2, gid=style.key)
         panel.vlines(x, low, high, color=style.colour, linewidth=1.2, gid=style.key)
         for state, (marker, size) in _MARKERS.items():
             own = np.array([cell.state == state for _, cell in cells])

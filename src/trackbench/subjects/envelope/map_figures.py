@@ -145,23 +145,13 @@ class _Shown(NamedTuple):
 
 
 def _shown(claim: Claim, pair: tuple[int, int]) -> _Shown:
-    """The slice of the scenario itself, and those of which most cells fail for some tracker."""
+    """Return the slices that are nearest to the scenario itself."""
     every = slices(claim, *pair)
-    mark = _own_mark(claim, every)
-
-    def rank(part: Slice) -> tuple[bool, float]:
-        failing = [part.states(name).count("fails") for name in claim.trackers]
-        return mark is None or part is not mark.part, -max(failing) / len(part.cells)
-
-    kept = sorted(every, key=rank)[:MOST_PANELS]
-    left, text = len(every) - len(kept), ""
-    if left:
-        text += f" Of {len(every)} slices those {len(kept)} are shown of which most cells fail"
-        text += ", with that of the scenario." if mark else "."
-    missing = len(claim.cells) - sum(len(part.cells) for part in every)
-    if missing:
+    kept = sorted(every, key=lambda part: distance_from(claim.own_values, part.at))[:MOST_PANELS]
+    text = f" Of {len(every)} slices those nearest to the scenario are shown." if len(kept) < len(every) else ""
+    if missing := len(claim.cells) - sum(len(part.cells) for part in every):
         text += f" {counted(missing, 'cell')} between the slices are in the table alone."
-    return _Shown([part for part in every if any(part is other for other in kept)], mark, text)
+    return _Shown([part for part in every if any(part is other for other in kept)], _own_mark(claim, kept), text)
 
 
 def _own_mark(claim: Claim, parts: Sequence[Slice]) -> _Mark | None:

@@ -6,10 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from trackbench.base.errors import counted
-from trackbench.base.types import Array
 from trackbench.document import (
     Block,
     Cell,
@@ -31,10 +28,8 @@ from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, Envelope, State, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections, nearest_section
-from trackbench.subjects.envelope.margins import AxisMargin, excess, holding, margins, place_of_line, undecided
+from trackbench.subjects.envelope.margins import AxisMargin, holding, margins, place_of_line, undecided
 
-#: Cells of the table; the others are in the claim.
-MOST_CELLS = 100
 TONES: dict[State, Tone] = {"holds": "good", "fails": "bad", "undecided": "warn"}
 
 
@@ -80,28 +75,15 @@ def _assumed(cells: Sequence[ClaimCell]) -> str:
 
 
 def cells_table(claim: Claim) -> Table:
-    """The cells with their states and values, those nearest to a limit first."""
-    order = np.argsort(_nearness(claim), kind="stable")[:MOST_CELLS]
-    cells = [claim.cells[number] for number in order]
+    """Return the table of the cells with their states and values."""
     columns = [
-        (Column(axis.name, left=True), [Cell(axis.shown(cell.point[number])) for cell in cells])
+        (Column(axis.name, left=True), [Cell(axis.shown(cell.point[number])) for cell in claim.cells])
         for number, axis in enumerate(claim.axes)
     ]
-    columns += [(Column(name, left=True), [_state(claim, cell, name) for cell in cells]) for name in claim.trackers]
-    left = len(claim.cells) - len(cells)
-    caption = f"The {len(cells)} cells nearest to a limit; {left} more are in claim.json" if left else ""
-    return Table.of_columns("cells", columns, caption)
-
-
-def _nearness(claim: Claim) -> Array:
-    """``(cells,)`` how far the value nearest to its limit is from it, in units of its spread over the map."""
-    least = np.full(len(claim.cells), np.inf)
-    for tracker in claim.trackers:
-        beyond = excess(claim.cells, tracker, claim.limits_of(tracker))
-        spread = np.nanstd(beyond, axis=0)
-        apart = np.abs(beyond) / np.where(spread > 0, spread, 1.0)
-        least = np.fmin(least, np.fmin.reduce(apart, axis=1))
-    return least
+    columns += [
+        (Column(name, left=True), [_state(claim, cell, name) for cell in claim.cells]) for name in claim.trackers
+    ]
+    return Table.of_columns("cells", columns)
 
 
 def _state(claim: Claim, cell: ClaimCell, tracker: str) -> Cell:
