@@ -168,7 +168,7 @@ def test_the_usual_ranges_are_of_the_process_noise(scenario: Scenario) -> None:
 
 def test_a_probability_is_searched_on_the_scale_of_its_odds() -> None:
     gate = Parameter("gate", "odds", 0.9, 0.99999)
-    study = Study("tracker", None, [gate], {})
+    study = Study("tracker", None, [gate])
     study.search(None, lambda points: [TuningTrial(dict(point), 0.0) for point in points], 10, seed=0)
     nines = -np.log10([1.0 - trial.values["gate"] for trial in study.trials])
     assert ((nines >= 1.0 - 1e-9) & (nines <= 5.0 + 1e-9)).all()
@@ -190,7 +190,7 @@ def made(points: Sequence[Values]) -> list[TuningTrial]:
 
 def searched(storage: Path | None, stop: int | None = None, trials: int = 100) -> Study:
     """A search, interrupted before it makes a batch beyond so many trials."""
-    study = Study("tracker", storage, PARAMETERS, {"objective": "test"})
+    study = Study("tracker", storage, PARAMETERS)
 
     def make(points: Sequence[Values]) -> list[TuningTrial]:
         if stop is not None and len(study.trials) >= stop:
@@ -216,7 +216,7 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
     whole = searched(None, trials=32)
     with pytest.raises(KeyboardInterrupt):
         searched(tmp_path / "study.db", stop=20, trials=32)
-    kept = Study("tracker", tmp_path / "study.db", PARAMETERS, {"objective": "test"})
+    kept = Study("tracker", tmp_path / "study.db", PARAMETERS)
     assert 20 <= len(kept.trials) < 32
     # A batch of which only a part was written.
     kept.search({"a": 1.0, "b": 1.0}, made, len(kept.trials) + 1, seed=3)
@@ -226,19 +226,10 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
     ]
 
 
-def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
-    kept: dict[str, Any] = {"objective": "a", "ranges": {"a": [1, 3]}}
-    Study("tracker", tmp_path / "study.db", PARAMETERS, kept)
-    with pytest.raises(InputError, match=r"another search: objective was a and is b; ranges\.a\.0 was 1 and is 2"):
-        Study(
-            "tracker",
-            tmp_path / "study.db",
-            PARAMETERS,
-            {**kept, "objective": "b", "ranges": {"a": [2, 3]}},
-        )
+def test_a_file_that_is_no_storage_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.db").write_text("shopping")
     with pytest.raises(InputError, match="no study"):
-        Study("tracker", tmp_path / "notes.db", PARAMETERS, {})
+        Study("tracker", tmp_path / "notes.db", PARAMETERS)
 
 
 def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(tmp_path: Path) -> None:

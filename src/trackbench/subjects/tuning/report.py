@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
 from trackbench.base.errors import counted
@@ -138,27 +138,22 @@ def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
         tunings: one of each tracker.
         command: repeats them.
     """
-    pages = [tuple(_page(item, f"{item.tracker}-" if len(tunings) > 1 else "")) for item in tunings]
     method = Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh")))
-    return _document(tunings, [*_answer(tunings, pages), method])
+    return _document(tunings, [*_answer(tunings, _page), method])
 
 
 def tuning_summary(tunings: Sequence[Tuning]) -> Document:
     """Return what a terminal shows: the values, and whether they are better."""
-    pages = [(tables.values_table(item), tables.held_out_table(item), *_remarks(item)) for item in tunings]
-    return _document(tunings, _answer(tunings, pages))
+    return _document(tunings, _answer(tunings, _tables))
 
 
-def _answer(tunings: Sequence[Tuning], pages: Sequence[Sequence[Block]]) -> list[Block]:
+def _answer(tunings: Sequence[Tuning], page: Callable[[Tuning, str], Iterator[Block]]) -> list[Block]:
     """Return the verdict on each tracker, then the page of each."""
     heads = [tuning_headline(item) for item in tunings]
     if len(tunings) == 1:
-        return [Status(*heads[0]), *pages[0]]
+        return [Status(*heads[0]), *page(tunings[0], "")]
     answers = [Item(text, item.tracker, tone=tone) for item, (text, tone) in zip(tunings, heads, strict=True)]
-    return [
-        Items(tuple(answers)),
-        *(Section(item.tracker, tuple(page)) for item, page in zip(tunings, pages, strict=True)),
-    ]
+    return [Items(tuple(answers)), *(Section(item.tracker, tuple(page(item, f"{item.tracker}-"))) for item in tunings)]
 
 
 def _document(tunings: Sequence[Tuning], blocks: Sequence[Block]) -> Document:
@@ -172,18 +167,15 @@ def _document(tunings: Sequence[Tuning], blocks: Sequence[Block]) -> Document:
     )
 
 
-def _remarks(item: Tuning) -> list[Block]:
-    items = tuple(Item(text) for text in remarks(item))
-    return [Items(items)] if items else []
+def _tables(item: Tuning, name: str) -> Iterator[Block]:
+    yield tables.values_table(item, name)
+    yield tables.held_out_table(item, name)
+    if items := tuple(Item(text) for text in remarks(item)):
+        yield Items(items)
 
 
 def _page(item: Tuning, name: str) -> Iterator[Block]:
-    yield from _remarks(item)
-    yield tables.values_table(item, name)
-    yield Section(
-        "On measurements that it was not tuned on" if any(item.apart) else "Start and tuned",
-        (tables.held_out_table(item, name),),
-    )
+    yield from _tables(item, name)
     figures = tuple(trials_figure(item, parameter, name) for parameter in item.parameters if parameter.is_number)
     if figures:
         yield Section("Trials", (Row(figures),))

@@ -1,10 +1,11 @@
-"""Settings that determine the trials of a search, by which a stored study is accepted or refused."""
+"""Name of the study that keeps the trials of a search: another for each setting that determines them."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from trackbench.subjects.tuning.entry import plain
@@ -12,16 +13,14 @@ from trackbench.subjects.tuning.evaluation import Bench
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.parameters import Parameter
 
-#: Relative difference of results up to which another processor may have made them.
-ROUNDING = 1e-9
-#: Most differences that a message lists.
-MOST = 3
+#: Significant digits of the start's results: fewer than the last bits, in which processors differ.
+DIGITS = 6
 
 
-def study_signature(
+def study_name(
     tracker: str, objective: str, parameters: Sequence[Parameter], seed: int, train: Sequence[Bench], start: list[Sums]
-) -> dict[str, Any]:
-    """Return what determines the trials of a tracker, as JSON gives it back.
+) -> str:
+    """Return the name of the study of a tracker: equal for searches that make the same trials.
 
     Args:
         tracker: its name.
@@ -29,30 +28,20 @@ def study_signature(
         parameters: what is tuned.
         seed: of the search.
         train: the scenarios.
-        start: what the tracker gives before it is tuned, by scenario.
+        start: what the tracker gives before it is tuned, by scenario; it tells of a changed log, plug-in or program.
     """
-    signature = {
+    settings = {
         "objective": objective,
         "seed": seed,
-        "ranges": {item.key: item.as_json() for item in parameters},
-        "scenarios": {bench.name: _settings(bench, tracker) for bench in train},
-        # It tells of a changed log, plug-in or program.
-        "start": {
-            bench.name: {name: value for name in sums.measures if math.isfinite(value := sums.value(name))}
-            for bench, sums in zip(train, start, strict=True)
-        },
+        "ranges": [item.as_json() for item in parameters],
+        "scenarios": [_settings(bench, tracker) for bench in train],
+        "start": [
+            {name: f"{value:.{DIGITS}g}" for name in sums.measures if math.isfinite(value := sums.value(name))}
+            for sums in start
+        ],
     }
-    decoded: dict[str, Any] = json.loads(json.dumps(signature))
-    return decoded
-
-
-def setting_differences(stored: Mapping[str, Any], current: Mapping[str, Any]) -> str:
-    """Return the differences of two signatures in words; empty where there are none."""
-    before, after = dict(_leaves(stored, "")), dict(_leaves(current, ""))
-    pairs = {key: (before.get(key, "not given"), after.get(key, "not given")) for key in {**after, **before}}
-    changes = [f"{key} was {old} and is {new}" for key, (old, new) in pairs.items() if not _same(old, new)]
-    more = f" and {len(changes) - MOST} more" if len(changes) > MOST else ""
-    return "; ".join(changes[:MOST]) + more
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
+    return f"{tracker} {digest[:16]}"
 
 
 def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
@@ -64,22 +53,3 @@ def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
         "monte_carlo": config.monte_carlo.model_dump(mode="json"),
         "tracker": plain(bench.scenario, tracker),
     }
-
-
-def _leaves(node: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield each value that is neither mapping nor list, with its dotted key."""
-    if isinstance(node, Mapping):
-        parts = [*node.items()]
-    elif isinstance(node, list | tuple):
-        parts = [*enumerate(node)]
-    else:
-        yield path, node
-        return
-    for key, value in parts:
-        yield from _leaves(value, f"{path}.{key}" if path else str(key))
-
-
-def _same(first: Any, second: Any) -> bool:
-    if isinstance(first, float) and isinstance(second, float):
-        return math.isclose(first, second, rel_tol=ROUNDING)
-    return bool(first == second)

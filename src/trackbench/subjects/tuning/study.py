@@ -15,14 +15,13 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.signature import setting_differences
 from trackbench.subjects.tuning.trials import TuningTrial
 
 if TYPE_CHECKING:
     import optuna
     from optuna.distributions import BaseDistribution
 
-#: Name of the attribute that holds the signature of a study, and of that which holds the values of a trial.
+#: Name of the attribute that holds the values of a trial.
 ATTRIBUTE = "tuning"
 #: Trials that are made between two looks at what was found.
 BATCH = 6
@@ -52,29 +51,18 @@ class Study:
         name: of the study.
         storage: an SQLite file; None keeps the trials in memory.
         parameters: what is tuned.
-        signature: what determines the trials, as :func:`study_signature` gives it.
 
     Raises:
-        InputError: the file is no study, or that of another signature.
+        InputError: the file cannot keep a study.
     """
 
-    def __init__(
-        self, name: str, storage: Path | None, parameters: Sequence[Parameter], signature: Mapping[str, Any]
-    ) -> None:
+    def __init__(self, name: str, storage: Path | None, parameters: Sequence[Parameter]) -> None:
         import optuna
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._parameters = parameters
         self._distributions = {item.key: _distribution(item) for item in parameters}
         self._study = _open(name, storage)
-        stored = self._study.user_attrs.get(ATTRIBUTE)
-        if stored is None:
-            if self._stored():
-                raise InputError(f"its study {name!r} is of another program", key="--storage", file=storage)
-            self._study.set_user_attr(ATTRIBUTE, dict(signature))
-        elif changes := setting_differences(stored, signature):
-            problem = f"its study {name!r} is of another search: {changes}; give another file"
-            raise InputError(problem, key="--storage", file=storage)
 
     @property
     def trials(self) -> list[TuningTrial]:

@@ -54,7 +54,8 @@ def held_out_table(item: Tuning, name: str = "") -> Table:
         by_scenario = {comparison.scenario: comparison for comparison in item.held_out.of(measure)}
         cells = [_start_and_tuned(by_scenario.get(row.scenario)) for row in compared]
         columns.append((Column(f"{WORDS[measure]}: start, tuned", details="verdict"), cells))
-    return Table.of_columns(f"{name}held-out", columns)
+    caption = f"On measurements that it was {'not ' if any(item.apart) else ''}tuned on"
+    return Table.of_columns(f"{name}held-out", columns, caption)
 
 
 def _tried(parameter: Parameter) -> str:

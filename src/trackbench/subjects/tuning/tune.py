@@ -23,7 +23,7 @@ from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out, numbe
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.signature import study_signature
+from trackbench.subjects.tuning.signature import study_name
 from trackbench.subjects.tuning.study import Study
 from trackbench.subjects.tuning.trials import TuningTrial, best_trial, mean_measures, trial_of
 
@@ -99,8 +99,8 @@ def tune_tracker(
     used = evaluator.engine_used
     if used is not None:
         log_left_to_numpy("tuning", task.tracker, used)
-    signature = study_signature(task.tracker, objective.name, task.parameters, task.seed, train, start)
-    study = Study(task.tracker, task.storage, task.parameters, signature)
+    name = study_name(task.tracker, objective.name, task.parameters, task.seed, train, start)
+    study = Study(name, task.storage, task.parameters)
 
     def advance_by(size: int) -> Progress:
         made = study.trials
