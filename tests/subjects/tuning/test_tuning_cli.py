@@ -124,7 +124,6 @@ def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> No
         (("--trackers", "kf", "--objective", "tgospa"), "own has labelled measurements"),
         (("--trackers", "kf", "--objective", "position_rms"), "did you mean 'position_rmse'"),
         (("--trackers", "kf", "--train-scenes", "3"), "own has one scene"),
-        (("--trackers", "kf", "--train-seed", "7"), "give another"),
         (("--trackers", "kf", "--out", "own.yaml"), "not overwritten"),
         (("--trackers", "kf", "--out", "folder"), ".yaml"),
     ],

@@ -23,24 +23,17 @@ _PAGES = {
             "is spent; new cells are put between neighbours that differ.",
         ),
     ),
-    "claim": (
-        (
-            "file",
-            "`claim.json`: every cell of a map, and what is needed to make it again.",
-        ),
-    ),
+    "claim": (("file", "`claim.json`: every cell of a map, and what is needed to make it again."),),
     "undecided": (
         (
             "a state of a cell",
             "The bounds of the value, at the error that is spent, lie on both sides of the limit after the last look, "
             "or there is no value. It is neither holds nor fails; the headline says which share of cells is so.",
         ),
-        ("to decide more", "Raise `runs: {most: ...}`: bounds are half as far apart with four times as many runs."),
         (
             "every run is the same",
-            "There is no bound where all runs have the same value, however far it is from the limit, and further runs "
-            "decide nothing. The headline says of how many cells. Their values are in the table of cells; a limit on a "
-            "share or a rate, such as `missed_warnings`, is decided there too.",
+            "There is no bound where all runs have the same value, and further runs decide nothing. Limits on a share "
+            "or a rate, such as `missed_warnings`, are decided there too.",
         ),
     ),
     "margin": (

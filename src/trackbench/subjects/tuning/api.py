@@ -201,8 +201,6 @@ def tune(
     test_scenes: int | None = None,
     train_runs: int | None = None,
     test_runs: int | None = None,
-    train_seed: int | None = None,
-    test_seed: int | None = None,
     seed: int = 0,
     workers: int = 1,
     engine: EngineName = "auto",
@@ -223,8 +221,6 @@ def tune(
         test_scenes: scenes that the values are tried on.
         train_runs: runs of each scene that is tuned on.
         test_runs: runs of each scene that is tried on.
-        train_seed: of the noise that is tuned on.
-        test_seed: of the noise that is tried on.
         seed: of the search.
         workers: number of processes.
         engine: what computes, as for :func:`run`.
@@ -236,9 +232,9 @@ def tune(
     """
     _require_numbers(2, trials=trials)
     _require_numbers(1, train_scenes=train_scenes, test_scenes=test_scenes, train_runs=train_runs, test_runs=test_runs)
-    _require_numbers(0, train_seed=train_seed, test_seed=test_seed, seed=seed)
+    _require_numbers(0, seed=seed)
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
-    split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)
+    split = Split(train_scenes, test_scenes, train_runs, test_runs)
     kept = None if storage is None else Path(storage)
     plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split, engine=engine)
     names = listed(trackers)

@@ -47,8 +47,6 @@ from trackbench.scenario.shipped import files_of_scenarios
 @click.option("--test-scenes", type=Whole(1, 1000), metavar="N", help="Scenes that the values are tried on.")
 @click.option("--train-runs", type=Whole(1), metavar="N", help="Runs of each scene that is tuned on.")
 @click.option("--test-runs", type=Whole(1), metavar="N", help="Runs of each scene that is tried on.")
-@click.option("--train-seed", type=Whole(0), metavar="S", help="Seed of the noise that is tuned on.")
-@click.option("--test-seed", type=Whole(0), metavar="S", help="Seed of the noise that is tried on.")
 @click.option("--seed", type=Whole(0), metavar="S", default=0, help="Seed of the search.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(

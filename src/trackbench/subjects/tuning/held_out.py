@@ -41,14 +41,12 @@ OTHER_STRETCHES = "other stretches of the same logs"
 
 @dataclass(frozen=True)
 class Split:
-    """Sizes and seeds of what is tuned on and tried on; None as usual."""
+    """Sizes of what is tuned on and tried on; None as usual."""
 
     train_scenes: int | None = None
     test_scenes: int | None = None
     train_runs: int | None = None
     test_runs: int | None = None
-    train_seed: int | None = None
-    test_seed: int | None = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,8 @@ class Halves:
 def halved(loaded: Scenario, split: Split) -> Halves:
     """Return the scenario with some scenes and noise, and with others.
 
-    The scenes tried on are the scenario's own, and those after them; the noise of both is drawn by different seeds.
+    The scenes tried on are the scenario's own, and those after them. The noise tried on is the scenario's, and that
+    tuned on is drawn by the next seed.
 
     Raises:
         InputError: scenes are asked for of a source that has no others.
@@ -77,10 +76,8 @@ def halved(loaded: Scenario, split: Split) -> Halves:
         if logs:
             problem = f"every second log of {config.name} is held out; their number is no choice"
         raise InputError(problem, key="--train-scenes" if split.train_scenes is not None else "--test-scenes")
-    train_seed = config.monte_carlo.seed + 1 if split.train_seed is None else split.train_seed
-    test_seed = config.monte_carlo.seed if split.test_seed is None else split.test_seed
-    if train_seed == test_seed:
-        raise InputError("is that of the noise that the values are tried on; give another", key="--train-seed")
+    test_seed = config.monte_carlo.seed
+    train_seed = test_seed + 1
     if same_every_run(config):
         return _halved_logs(loaded)
     runs = config.monte_carlo.runs
