@@ -20,7 +20,7 @@ from trackbench.results.declared import LABELLED
 
 
 def numbers_of(table: str) -> list[str]:
-    return [column.name for column in LABELLED[table].columns if not column.is_name]
+    return list(LABELLED[table].numbers)
 
 
 SMALL = Result.from_json(

@@ -19,27 +19,21 @@ Columns = dict[str, npt.NDArray[Any]]
 Record = Mapping[str, Any]
 
 
-class TableColumn(NamedTuple):
-    """A column of a table."""
-
-    name: str
-    unit: str
-    """As it stands after a number: "1" where there is none, empty of names and of what has the sensor's units."""
-    source: str | Callable[[Record], Any]
-    """The entry of a record that it is, or what computes it from a record."""
-    is_name: bool = False
-    """Whether it holds words, which tell series apart."""
-
-    def values(self, record: Record) -> Any:
-        """``(rows,)``, or a single value for all rows."""
-        return record[self.source] if isinstance(self.source, str) else self.source(record)
+#: What a column is made from: the entry of a record of this name, or what computes it from a record.
+Source = str | Callable[[Record], Any]
 
 
 class DeclaredTable(NamedTuple):
-    """What a table holds."""
+    """Columns of a table, those of words first."""
 
-    meaning: str
-    columns: list[TableColumn]
+    names: tuple[str, ...]
+    """Columns of words, which tell series apart: the entries of these names."""
+    numbers: dict[str, Source]
+
+    def values(self, name: str, record: Record) -> Any:
+        """``(rows,)`` values of a column of numbers, or a single value for all rows."""
+        source = self.numbers[name]
+        return record[source] if isinstance(source, str) else source(record)
 
     def written(self, records: Sequence[Record], more: Iterable[str] = ()) -> pa.Table:
         """The table of these records; without columns where there are none, and without those whose entry is missing.
@@ -52,21 +46,23 @@ class DeclaredTable(NamedTuple):
 
         if not records:
             return pa.table({})
-        columns = [
-            column for column in self.columns if not isinstance(column.source, str) or column.source in records[0]
+        numbers: dict[str, Source] = {**self.numbers, **{name: name for name in more}}
+        there = {name: source for name, source in numbers.items() if callable(source) or source in records[0]}
+        table = self._replace(names=tuple(name for name in self.names if name in records[0]), numbers=there)
+        parts = [
+            {name: record[name] for name in table.names} | {name: table.values(name, record) for name in there}
+            for record in records
         ]
-        columns += [TableColumn(name, "1", name) for name in more]
-        parts = [{column.name: column.values(record) for column in columns} for record in records]
         sizes = [next((len(each) for each in part.values() if not isinstance(each, str | float)), 1) for part in parts]
         stacked: dict[str, pa.Array] = {}
-        for column in columns:
-            values = [(part[column.name], size) for part, size in zip(parts, sizes, strict=True)]
-            if column.is_name:
+        for name in parts[0]:
+            values = [(part[name], size) for part, size in zip(parts, sizes, strict=True)]
+            if name in table.names:
                 texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
-                stacked[column.name] = pa.array(texts, pa.string()).dictionary_encode()
+                stacked[name] = pa.array(texts, pa.string()).dictionary_encode()
             else:
                 arrays = [np.broadcast_to(each, size) for each, size in values]
-                stacked[column.name] = pa.array(np.concatenate(arrays), from_pandas=True)
+                stacked[name] = pa.array(np.concatenate(arrays), from_pandas=True)
         return pa.table(stacked)
 
 

@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-#: The fields that are columns of the table, by whether they may be missing.
-_NAMES = {"a": False, "b": False, "metric": False, "unit": False, "better": True, "verdict": True}
-_NUMBERS = ("value", "margin", "p_value", "without_charged")
-
-
 class Difference(ResultModel):
     """The value of one tracker minus that of another, paired over the runs."""
 
@@ -57,35 +52,25 @@ class Difference(ResultModel):
         shown = self.verdict in ("larger", "smaller")
         return shown and self.without_charged is not None and self.without_charged * self.value < 0
 
-    @property
-    def _row(self) -> dict[str, Any]:
-        """By column; a name that is missing is empty, and a number NaN."""
-        numbers = {name: getattr(self, name) for name in _NUMBERS}
-        numbers["ci95_low"], numbers["ci95_high"] = self.ci95 or (None, None)
-        return {
-            **{name: getattr(self, name) or "" for name in _NAMES},
-            **{name: np.nan if value is None else value for name, value in numbers.items()},
-        }
-
 
 def difference_table(differences: Iterable[Difference]) -> pa.Table:
     """The table ``differences``; without columns where there is none."""
-    rows = [item._row for item in differences]
-    record = {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
-    return SHARED["differences"].written([record] if rows else [])
+    rows = [{**vars(item), **dict(zip(_ENDS, item.ci95 or (None, None), strict=True))} for item in differences]
+    table = SHARED["differences"]
+    record: dict[str, Any] = {name: [row[name] for row in rows] for name in table.names}
+    record |= {name: np.array([row[name] for row in rows], dtype=float) for name in table.numbers}
+    return table.written([record] if rows else [])
 
 
 def differences_from_table(table: pa.Table) -> list[Difference]:
     """The rows of the table as differences."""
-    differences = []
-    for row in table.to_pylist():
-        ends = row["ci95_low"], row["ci95_high"]
-        values = {name: row[name] or None if missing else row[name] for name, missing in _NAMES.items()}
-        values |= {name: row[name] for name in _NUMBERS}
-        differences.append(Difference(**values, ci95=None if None in ends else ends))
-    return differences
+    rows = table.to_pylist()
+    ends = [tuple(row.pop(name) for name in _ENDS) for row in rows]
+    return [Difference(**row, ci95=None if None in ci95 else ci95) for row, ci95 in zip(rows, ends, strict=True)]
 
 
+#: The columns of the ends of an interval.
+_ENDS = ("ci95_low", "ci95_high")
 #: More lines than this in one picture cannot be told apart, and more rows in one page are read by programs alone.
 MOST_DRAWN, MOST_LISTED = 12, 1000
 

@@ -61,7 +61,6 @@ def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
         columns = [*run_sums(evaluation.sums[TRACKS.name], metric.name)]
     else:
         record = run_sums_record(evaluation, sums[ESTIMATES.name], ())
-        declared = {column.name: column for column in LABELLED["runs"].columns}
-        columns = [np.asarray(declared[name].values(record)) for name in metric.columns]
+        columns = [np.asarray(LABELLED["runs"].values(name, record)) for name in metric.columns]
     intervals = [metric.of_runs(*(column[run : run + 1] for column in columns)) for run in range(runs)]
     return np.array([np.nan if interval is None else interval.value for interval in intervals])
