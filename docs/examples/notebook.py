@@ -26,7 +26,7 @@ for tracker in result.scored:
 # Those of the report, and one of our own from a table.
 
 # %%
-result.figure("position-error")
+result.figure("errors")
 
 # %%
 steps = result.to_pandas("steps")

@@ -208,10 +208,10 @@ def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -
     assert "&lt;h1&gt;" in report._repr_html_() or "&lt;h1" in report._repr_html_()
     assert "position RMSE" in str(report)
     assert repr(report) == "<report highway>"
-    assert {"map", "nees", "position-error"} <= set(result.figures)
-    figure = result.figure("nees")
+    assert {"map", "errors"} <= set(result.figures)
+    figure = result.figure("errors")
     assert figure._repr_svg_().startswith("<svg")
-    assert repr(figure).startswith("<figure nees: ")
+    assert repr(figure).startswith("<figure errors: ")
 
 
 @pytest.mark.parametrize(
@@ -220,10 +220,10 @@ def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -
         ("html", {"x.html"}),
         ("md", {"x.md"}),
         ("txt", {"x.txt"}),
-        ("tex", {"x.tex", "ranking.tex", "nees.pdf"}),
+        ("tex", {"x.tex", "ranking.tex", "errors.pdf"}),
         ("csv", {"x-ranking.csv", "x-sensors.csv"}),
-        ("svg", {"x-nees.svg", "x-map.svg"}),
-        ("png", {"x-nees.png", "x-map.png"}),
+        ("svg", {"x-errors.svg", "x-map.svg"}),
+        ("png", {"x-errors.png", "x-map.png"}),
     ],
 )
 def test_a_report_is_saved_by_the_ending(result: tb.Result, tmp_path: Path, ending: str, files: set[str]) -> None:
@@ -234,14 +234,14 @@ def test_a_report_is_saved_by_the_ending(result: tb.Result, tmp_path: Path, endi
 
 
 def test_a_figure_goes_on_in_matplotlib(result: tb.Result, tmp_path: Path) -> None:
-    figure = result.figure("position-error").to_matplotlib()
+    figure = result.figure("errors").to_matplotlib()
     assert isinstance(figure, matplotlib.figure.Figure)
     figure.axes[0].set_title("mine")
     # Outside the settings it was drawn in, its colours are still known.
     figure.savefig(tmp_path / "mine.png")
     red, green, blue = matplotlib.image.imread(tmp_path / "mine.png")[0, 0, :3]
     assert (red, green, blue) == (1, 1, 1)
-    assert result.figure("position-error").to_matplotlib() is not figure
+    assert result.figure("errors").to_matplotlib() is not figure
 
 
 def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
@@ -273,8 +273,8 @@ def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
         (lambda r: tb.run("highway", out="/proc/x"), "cannot write to /proc/x"),
         (lambda r: r["ekf"], "no tracker 'ekf' in this result; did you mean 'ekf_cv'?"),
         (lambda r: r.to_pandas("step"), "no table 'step' in this result; did you mean 'steps'?"),
-        (lambda r: r.figure("ness"), "no figure 'ness' in this report; did you mean 'nees'?"),
-        (lambda r: r.figure("nees").save("x.bmp"), "x.bmp ends in none of .svg, .pdf"),
+        (lambda r: r.figure("error"), "no figure 'error' in this report; did you mean 'errors'?"),
+        (lambda r: r.figure("errors").save("x.bmp"), "x.bmp ends in none of .svg, .pdf"),
         (lambda r: r.report().save("x.docx"), "x.docx ends in none of .md, .html,"),
         (lambda r: tb.compare(r, metrics=["position_rsme"]), "did you mean 'position_rmse'?"),
         (lambda r: tb.sense("highway", 3), "runs: 3 is no range of runs"),

@@ -37,7 +37,7 @@ def test_one_that_beats_a_true_bound_is_said_first_and_is_not_ranked(tiny_result
     assert error is not None
     text = printed(result)
     assert text.startswith(f"{result.name}: ekf {BEATS}; ")
-    assert f"NOT RANKED: it {BEATS}; position RMSE {error:.4f} m"[:90] in text
+    assert f"NOT RANKED ekf: it {BEATS}; position RMSE {error:.4f} m"[:90] in text
 
 
 @pytest.mark.parametrize(("kind", "acceleration"), [("bound", 0.0), ("reference", 2.0)])

@@ -80,7 +80,7 @@ def page(text: str) -> Page:
 
 
 def ranked_rows(page: Page) -> dict[str, list[str]]:
-    return {row[1]: row for row in page.rows if row and row[0].isdigit()}
+    return {row[0]: row for row in page.rows if len(row) > 8 and row[0] in RMSE}
 
 
 def test_the_page_loads_nothing(text: str, page: Page) -> None:
@@ -96,11 +96,11 @@ def test_the_page_loads_nothing(text: str, page: Page) -> None:
 def test_ranked_values_are_those_of_the_result(page: Page) -> None:
     rows = ranked_rows(page)
     assert list(rows) == list(RMSE)
-    assert {name: float(row[2]) for name, row in rows.items()} == RMSE
+    assert {name: float(row[1]) for name, row in rows.items()} == RMSE
     assert rows["ekf_tight"][6] == "96.00"
     assert {row[8] for row in rows.values()} == {"99.0"}
     assert rows["ekf_tight"][9:11] == ["3", "7"]
-    assert [row[3] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
+    assert [row[2] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
     assert "±0.008" in page.text
 
 
@@ -117,7 +117,7 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; not shown to differ" in page.text
     assert any(row[:2] == ["ekf_cv", "pessimistic"] for row in page.rows)
-    assert ["ekf_ctrv", "mixed", "turning 39.7, straight 2.9"] in page.rows
+    assert any([*row[:2], row[-1]] == ["ekf_ctrv", "mixed", "turning 39.7, straight 2.9"] for row in page.rows)
     assert "the tracker gives no covariance" in page.text
     assert "1 of 2 expectations failed" in page.text
     rows = [[text.replace("\N{NO-BREAK SPACE}", " ") for text in row] for row in page.rows]
@@ -197,7 +197,7 @@ def test_what_is_charged_for_missing_estimates_is_told() -> None:
         for name in ("ukf_ctrv", "ekf_ctrv"):
             assert f"{name} is not called better than ekf_cv: its errors are smaller only with what is" in flat
     assert "given 0.123" in page.text
-    assert {name: row[3] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
+    assert {name: row[2] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
     for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):
         pair = Pairs(result).get(a, b)
         assert pair is not None

@@ -19,7 +19,7 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 MEASURE = """
 // Zooms the first figure with a tracker's line by button and keys, and points at a vertex of the line.
 const use = (page, window) => {
-  const svg = page.querySelector('#position-error svg'), button = svg?.closest('figure').querySelector('.tools button');
+  const svg = page.querySelector('#errors svg'), button = svg?.closest('figure').querySelector('.tools button');
   if (!button) return null;
   const view = () => svg.getAttribute('viewBox').split(' ').map(Number);
   const event = key => new window.KeyboardEvent('keydown', {key, bubbles: true, cancelable: true});
@@ -28,7 +28,7 @@ const use = (page, window) => {
   button.click(); steps.push(view());
   press('ArrowRight'); steps.push(view());
   press('0'); steps.push(view());
-  const path = [...svg.querySelectorAll('g[class^=t] > path[d]')].pop();
+  const path = svg.querySelector('g[class^=t] > path[d]');
   const [, x, y] = path.getAttribute('d').match(/L (-?[\\d.]+) (-?[\\d.]+)/).map(Number);
   const at = new window.DOMPoint(x, y).matrixTransform(svg.getScreenCTM());
   svg.dispatchEvent(new window.PointerEvent('pointermove', {clientX: at.x, clientY: at.y, bubbles: true}));

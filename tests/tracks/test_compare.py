@@ -52,7 +52,7 @@ def test_a_result_is_the_same_as_itself(cli: Callable[..., Any], traffic_folder:
 
 def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
-    page = document_text(comparison_document(compare_results([[traffic_result, other]]), times=True))
+    page = document_text(comparison_document(compare_results([[traffic_result, other]])))
     assert "Rank by T-GOSPA within each scenario" in page
     assert "Switches a minute of an object" in page
     assert "consistent" not in page
@@ -79,7 +79,7 @@ def test_a_reference_is_shown_and_never_the_best(traffic_result: Result) -> None
     assert [item.mean_rank for item in others] == [item.mean_rank for item in without.ranking]
     assert comparison.rank_differences == without.rank_differences
     assert not any(score.leading for score in comparison.scores if score.entrant.tracker == "oracle")
-    page = document_text(comparison_document(comparison, times=False))
+    page = document_text(comparison_document(comparison))
     assert "oracle (reference)" in page
     assert "3 trackers over 2 scenarios" in page
     assert "oracle has the best" not in page
@@ -117,9 +117,9 @@ def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_
             same.rank_differences,
         )
         assert [item.difference for item in group.differences] == [item.difference for item in same.differences]
-    page = comparison_document(comparison, times=True)
+    page = comparison_document(comparison)
     for items in (page.tables, page.figures):
-        assert len({item.name for item in items}) == len(items) > 1
+        assert len({item.name for item in items}) == len(items) > 0
     shown = document_text(page)
     assert "By T-GOSPA over 2 scenarios" in shown
     assert "By position RMSE: tiny" in shown

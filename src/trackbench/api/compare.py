@@ -24,7 +24,7 @@ class ReportableComparison(comparison.Comparison):
 
     def report(self) -> Report:
         """The comparison as ``trackbench compare`` shows it."""
-        return Report(comparison_document(self, times=True))
+        return Report(comparison_document(self))
 
     def to_pandas(self) -> Any:
         """A data frame with a row for each difference, of every group of scenarios."""

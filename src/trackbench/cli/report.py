@@ -98,7 +98,7 @@ def _document(run: Path) -> Document:
     runs = find_results(run)
     if len(runs.entries) == 1:
         return result_document(runs.entries[0].result)
-    return comparison_document(compare_results([runs]), times=True)
+    return comparison_document(compare_results([runs]))
 
 
 def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Path, str]:
@@ -189,7 +189,7 @@ def compare_command(
     if as_json:
         print_answer(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:
-        print_document(comparison_document(comparison, times=True), Console(file=answer()))
+        print_document(comparison_document(comparison), Console(file=answer()))
         if out is not None:
             click.echo(_files_in_words(out.parent, written), err=True)
     end_with_limits(comparison.outcomes)

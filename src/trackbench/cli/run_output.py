@@ -88,20 +88,17 @@ class RunOutput(Listener):
         )
 
     def compared(self, comparison: Comparison, page: Path) -> None:
-        """Where the comparison is, and which scenarios are not in it."""
+        """Where the comparison is, in which worlds an order holds, and which scenarios are not compared."""
+        from trackbench.document.terminal import print_table
         from trackbench.report.comparison.document import scenarios_without_truth
+        from trackbench.report.comparison.sentences import world_tables
 
         if not self._as_json and not self._quiet:
-            from trackbench.report.comparison.sentences import order_sentences
-
-            for group in comparison.groups:
-                for text in order_sentences(group):
-                    self._say(text)
+            for table in (table for group in comparison.groups for table in world_tables(group)):
+                print_table(table, self._console)
             scenarios = sum(len(group.scenarios) for group in comparison.groups)
-            self._say("; ".join([f"Comparison of {scenarios} scenarios: {page}", *scenarios_without_truth(comparison)]))
-
-    def _say(self, text: str) -> None:
-        self._console.print(text, highlight=False, soft_wrap=True)
+            said = [f"Comparison of {scenarios} scenarios: {page}", *scenarios_without_truth(comparison)]
+            self._console.print("; ".join(said), highlight=False, soft_wrap=True)
 
 
 def _replacing(summary: Summary, earlier: Summary | None) -> str:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 
 from rich.console import Console
 from rich.text import Text
 
 from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
-from trackbench.document.terminal import STYLE, fitting, hanging, print_hanging, print_table
+from trackbench.document import Cell, Column, Table
+from trackbench.document.terminal import STYLE, print_hanging, print_table
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named_verdicts, what_is_off
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_scenes, values_of_few_scenes
 from trackbench.report.sentences import duration, expectations_met, remarks, value_and_limit, verdict_of_run
-from trackbench.report.tables import OUTCOME_TONE, metric_of, tone_of
+from trackbench.report.tables import OUTCOME_TONE, TRACKER, metric_of, tone_of
 from trackbench.report.verdicts import REMARKS
 from trackbench.results import MetricValue, Result, TrackerResult
 from trackbench.results.scenario_summary import sentence_on_point
@@ -32,14 +33,12 @@ COLUMNS = {
     ),
     "hidden identities": (
         ("T-GOSPA m", "tgospa", 3, 1.0),
-        ("GOSPA", "gospa", 3, 1.0),
         ("missed", "gospa_missed", 3, 1.0),
         ("false", "gospa_false", 3, 1.0),
         ("HOTA", "hota", 3, 1.0),
         ("sw/min", "id_switches", 2, 1.0),
         ("pos. m", "position_rmse", 3, 1.0),
         ("NEES", "nees", 2, 1.0),
-        ("matched %", "matched_share", 3, 100.0),
     ),
     "no truth": (
         ("tracks", "track_count", 3, 1.0),
@@ -52,49 +51,39 @@ COLUMNS = {
 }
 
 
-def track_values(result: Result) -> list[tuple[str, list[Text]]]:
-    """Each column's heading and cells."""
-    kind = "known identities"
+def summary_table(result: Result) -> Table:
+    """The scored trackers with the columns of the kind of result."""
+    kind, trackers = "known identities", result.scored
     if result.summary.identities == "hidden":
         kind = "hidden identities" if result.summary.truth.known else "no truth"
-    cells = _estimate_cells if kind == "known identities" else _track_cells
-    return [(heading, cells(result.scored, path, digits, factor)) for heading, path, digits, factor in COLUMNS[kind]]
+    names = [Cell(tracker.name + "*" * tracker.is_reference, tracker=tracker.name) for tracker in trackers]
+    columns = [(TRACKER, names)]
+    for heading, path, digits, factor in COLUMNS[kind]:
+        columns.append((Column(heading, left=path == "nees"), _cells(result, path, digits, factor)))
+    if result.summary.truth.known and not _too_many_groups(shown := standing(result)):
+        columns.insert(2, (Column(shown.short), list(map(Cell, shown.cells))))
+    return Table.of_columns("summary", columns)
 
 
-def _track_cells(trackers: Sequence[TrackerResult], path: str, digits: int, factor: float) -> list[Text]:
-    numbers = [None if (value := metric_of(t, path).value) is None else factor * value for t in trackers]
-    places = decimals(numbers, digits)
-
-    def text(number: float | None) -> str:
-        if path != "nees" or number is None:
-            return rounded(number, places)
-        # In four letters at most.
-        return ">999" if number >= 999.5 else rounded(number, 1 if number < 99.95 else 0)
-
-    return [Text(text(number)) for number in numbers]
-
-
-def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _: float) -> list[Text]:
-    """One metric down the column; only the position has room for its interval."""
+def _cells(result: Result, path: str, digits: int, factor: float) -> list[Cell]:
+    """One metric down the column; only where identities are known is there room for an interval and a verdict."""
+    trackers, labelled = result.scored, result.summary.identities == "known"
     metrics = [metric_of(tracker, path) for tracker in trackers]
     if path == "diverged_runs":
-        runs = [tracker.health.diverged_runs or 0 for tracker in trackers]
-        return [Text(str(count), style=STYLE["bad"] if count else "") for count in runs]
+        return [Cell(str(number := t.health.diverged_runs or 0), tone="bad" if number else "") for t in trackers]
     if path == "nees":
         means = [NOT_AVAILABLE if m.mean is None else mean_text(m.mean) for m in metrics]
         width = max(map(len, means))
-        styles = [STYLE[tone_of(m)] for m in metrics]
         # Both words fit 80 columns in this form; a note below has the whole one.
-        words = [m.words.replace(", heavy-tailed", "+") for m in metrics]
-        return [
-            Text.assemble((f"{mean:>{width}}", ""), (f" {word}" if word else "", style))
-            for mean, word, style in zip(means, words, styles, strict=True)
-        ]
-    places = decimals([metric.value for metric in metrics], digits)
+        words = [m.words.replace(", heavy-tailed", "+") * labelled for m in metrics]
+        texts = [f"{mean:>{width}} {word}".rstrip() for mean, word in zip(means, words, strict=True)]
+        return [Cell(text, tone=tone_of(m)) for text, m in zip(texts, metrics, strict=True)]
+    values = [None if m.value is None else factor * m.value for m in metrics]
+    places = decimals(values, digits)
     # The interval of a mean that few runs decide says nothing.
     shown = [MetricValue(unit=m.unit) if t.health.diverged_runs else m for t, m in zip(trackers, metrics, strict=True)]
-    ends = intervals_in_short(shown, places) if path == "position_rmse" else [""] * len(metrics)
-    return [Text(f"{short(m.value, places)} {end}".rstrip()) for m, end in zip(metrics, ends, strict=True)]
+    ends = intervals_in_short(shown, places) if path == "position_rmse" and labelled else [""] * len(metrics)
+    return [Cell(f"{short(value, places)} {end}".rstrip()) for value, end in zip(values, ends, strict=True)]
 
 
 def _notes_on_tracks(result: Result) -> list[str]:
@@ -136,8 +125,9 @@ def print_summary(result: Result, console: Console) -> None:
     print_hanging(console, "", Text(verdict_of_run(result), "bold"))
     print_hanging(console, "", Text(run_in_words(result), "dim"))
     listed = result.listed
-    for row in _table_lines(listed, console):
-        console.print(row, highlight=False, soft_wrap=True)
+    if listed.scored:
+        print_table(summary_table(listed), console, gap=1)
+    _print_unranked(listed, console)
     if listed is not result:
         console.print(f"{len(result.scored) - len(listed.scored)} more: result.json", highlight=False)
     for note in _notes(result) if listed.scored else []:
@@ -151,16 +141,16 @@ def print_summary(result: Result, console: Console) -> None:
 def print_outcome(result: Result, console: Console) -> None:
     """One line, and what failed."""
     console.print(Text(f"{result.name}: {expectations_met(result.summary.expectations)}"), highlight=False)
-    for tracker in result.unscored:
-        label, why = _unranked(result, tracker)
-        print_hanging(console, Text.assemble(label, " "), Text(f"{tracker.name}: {why}"))
+    _print_unranked(result, console)
     _print_missed(result, console)
 
 
-def _unranked(result: Result, tracker: TrackerResult) -> tuple[Text, str]:
-    """A label and the reason."""
-    label = Text("FAILED", STYLE["bad"]) if tracker.failed else Text("NOT RANKED", STYLE["warn"])
-    return label, f"{result.why_unscored(tracker)}{_errors_of(tracker)}"
+def _print_unranked(result: Result, console: Console) -> None:
+    """Print why each tracker that is not ranked is not."""
+    for tracker in result.unscored:
+        label = Text("FAILED ", STYLE["bad"]) if tracker.failed else Text("NOT RANKED ", STYLE["warn"])
+        why = f"{tracker.name}: {result.why_unscored(tracker)}{_errors_of(tracker)}"
+        print_hanging(console, label, Text(why))
 
 
 def _errors_of(tracker: TrackerResult) -> str:
@@ -184,47 +174,6 @@ def run_in_words(result: Result) -> str:
     """What was run."""
     summary = result.summary
     return f"{runs_in_words(result)}, {summary.truth.vehicles}, {duration(result)}, seed {summary.seed}"
-
-
-def _table_lines(result: Result, console: Console) -> Iterator[Text]:
-    """The table, in parts below each other where the console has no room for its columns; below it the trackers that
-    are not ranked. A name that its column has no room for stands on a line of its own."""
-    columns = track_values(result) if result.scored else []
-    if columns and result.summary.truth.known and not _too_many_groups(shown := standing(result)):
-        columns.insert(1, (shown.short, list(map(Text, shown.cells))))
-    names = [tracker.name + "*" * tracker.is_reference for tracker in result.scored]
-    every = [*names, *(tracker.name for tracker in result.unscored)]
-    least = len("tracker")
-    widths = [max(len(heading), *(cell.cell_len for cell in cells)) for heading, cells in columns]
-    parts = [[i - 1 for i in part[1:]] for part in fitting([least, *widths], 1, console.width, gap=1)]
-    room = console.width - max((sum(1 + widths[i] for i in part) for part in parts), default=0)
-    if not columns:
-        room //= 2
-    first = max([least, *(len(name) for name in every if len(name) <= room)])
-    left = {"group", "NEES"} if result.summary.identities == "known" else {"group"}
-
-    def line(name: Text, part: Iterable[int], cells: Sequence[Text]) -> Text:
-        aligned = [name.copy(), *(cells[i].copy() for i in part)]
-        aligned[0].align("left", first)
-        for i, cell in zip(part, aligned[1:], strict=True):
-            cell.align("left" if columns[i][0] in left else "right", widths[i])
-        joined = Text(" ").join(aligned)
-        joined.rstrip()
-        return joined
-
-    for part in parts if columns else ():
-        yield line(Text("tracker", "dim"), part, [Text(heading, "dim") for heading, _ in columns])
-        for name, cells in zip(names, zip(*(cells for _, cells in columns), strict=True), strict=True):
-            if len(name) > room:
-                yield Text(name, "bold")
-            yield line(Text(name if len(name) <= room else "", "bold"), part, cells)
-    for tracker in result.unscored:
-        fits = len(tracker.name) <= room
-        if not fits:
-            yield Text(tracker.name, "bold")
-        mark = Text((tracker.name if fits else "").ljust(first + 1), "bold")
-        label, why = _unranked(result, tracker)
-        yield from hanging(console, mark, Text.assemble(label, f": {why}"))
 
 
 def _too_many_groups(shown: Standing) -> bool:

@@ -26,7 +26,7 @@ from trackbench.document import (
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict, only_where
 from trackbench.report import tables
-from trackbench.report.figures.map import map_of_run, map_of_tracks
+from trackbench.report.figures.map import map_of_run
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
@@ -40,8 +40,6 @@ def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str,
     """The recorded run from above."""
     if not result.summary.truth.known:
         return None
-    if result.summary.identities == "hidden":
-        return map_of_tracks(result, competing(result, shown))
     figure = map_of_run(result, competing(result, shown), moments)
     return figure and replace(figure, caption=f"{figure.caption} {diverged_elsewhere(result)}".rstrip())
 

@@ -28,7 +28,7 @@ def diverged_elsewhere(result: Result) -> str:
     runs: dict[str, list[int]] = {}
     filtering = {tracker.name for tracker in result.filtering}
     table = result.tables.if_there("runs")
-    for row in table.filter(pc.greater(table["diverged"], 0)).to_pylist() if table.num_rows else ():
+    for row in table.filter(pc.greater(table["diverged"], 0)).to_pylist() if "diverged" in table.column_names else ():
         if row["tracker"] in filtering and row["run"] != result.summary.recorded_run:
             runs.setdefault(row["tracker"], []).append(int(row["run"]))
     parts = [
@@ -51,15 +51,11 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
     columns: dict[Column, Callable[[tuple[str, EstimateMoment]], str]] = {
         TRACKER: lambda row: row[0],
         Column("largest position error", left=True): lambda row: moment_text(row[1]),
-        _SHOWN: lambda row: _view(row[0]),
     }
     table = text_table("worst-moments", rows, columns)
     elsewhere = [Paragraph(text)] if (text := diverged_elsewhere(result)) else []
-    more = Code("trackbench inspect . --worst 3", "sh")
+    more = Code(f"trackbench inspect . --worst 3\n{_view(rows[0][0])}", "sh")
     yield Section("Worst moments", (table, *elsewhere, more))
-
-
-_SHOWN = Column("shown by, in this folder", left=True)
 
 
 def _view(name: str) -> str:

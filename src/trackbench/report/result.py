@@ -11,9 +11,9 @@ from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
-from trackbench.report.conditions import condition_tables, covariance_verdict_table
+from trackbench.report.conditions import condition_tables, consistency_table
 from trackbench.report.figures.map import styles_with_map
-from trackbench.report.figures.over_time import errors_over_time, gospa_over_time, nees_over_time
+from trackbench.report.figures.over_time import errors_over_time, gospa_over_time
 from trackbench.report.first_screen import competing, first_screen, picture
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import margin_words
@@ -64,20 +64,16 @@ def _sections(
     others = tables.other_metrics(result)
     if scored:
         yield _ranking(result)
-    if len(scored) > 1:
-        yield _differences(result)
     if summary.truth.scenes:
         yield Section("Scene by scene", tuple(scenes(result)))
     yield from collected("sections", result, shown)
     if summary.identities == "known":
-        yield from _figures("Accuracy", [errors_over_time(result, shown)])
+        yield from _section("Over time", errors_over_time(result, shown))
         yield from moments_section(result, moments, [style.name for style in styles_with_map(competing(result, shown))])
-        if conditions := tuple(condition_tables(result)):
-            yield Section("By manoeuvre and range", (Row(conditions),))
-        numbers = (covariance_verdict_table(result), *tables.innovation_tables(result))
-        yield from _figures("Consistency", [nees_over_time(result.tables.steps, shown)], numbers)
+        yield from _section("By manoeuvre and range", *condition_tables(result), folded=True)
+        yield Section("Consistency", (consistency_table(result),))
     else:
-        yield from _figures("What happened", [gospa_over_time(result, shown)])
+        yield from _section("Over time", gospa_over_time(result, shown))
         yield from events_section(result)
         for title, paths in tables.TRACK_GROUPS.items() if scored else ():
             caption = ""
@@ -103,37 +99,27 @@ _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def _ranking(result: Result) -> Section:
-    """Every scored tracker, what its interval rests on, and what must be known of some."""
-    summary, column = result.summary, standing(result)
+    """Every scored tracker, what intervals and verdicts rest on, and what must be known of some."""
+    summary, column, pairs = result.summary, standing(result), Pairs(result)
     basis = f"Small print: 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
         basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
         basis = basis if summary.truth.scenes else f"{ONE_RUN}."
-    note = f"“{column.heading}”: {column.meaning}. {basis}"
-    told = [*remarks(result), *filter(None, [without_interval(result)])]
+    note, told = f"“{column.heading}”: {column.meaning}. {basis}", remarks(result)
+    if len(result.scored) > 1:
+        which = "all pairs" if summary.score.baseline is None else f"all trackers against {summary.score.baseline}"
+        kind = CERTAINTY["all pairs" if summary.score.best is None else "best of many"]
+        note += " " + kind.format(margin=margin_words(pairs.margins), pairs=which, best=summary.score.best)
+        told += undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
+    told += filter(None, [without_interval(result)])
     listed = [Items(tuple(Item(f"{remark}.") for remark in told))] if told else []
     return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *listed))
 
 
-def _differences(result: Result) -> Section:
-    """The differences of the metric that ranks, and the risk of a wrong word."""
-    summary, margin = result.summary, margin_words(Pairs(result).margins)
-    baseline = summary.score.baseline
-    pairs = "all pairs" if baseline is None else f"all trackers against {baseline}"
-    kind = "all pairs" if summary.score.best is None else "best of many"
-    text = CERTAINTY[kind].format(margin=margin, pairs=pairs, best=summary.score.best)
-    undrawn = undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
-    text += "".join(f" {sentence}." for sentence in undrawn)
-    return Section("Differences between trackers", (Paragraph(text), tables.key_differences(result)))
-
-
-def _figures(
-    title: str, figures: Sequence[Figure | None], numbers: Sequence[Table | None] = (), text: str = ""
-) -> Iterator[Section]:
-    rows = [tuple(item for item in items if item) for items in (figures, numbers)]
-    if any(rows):
-        begin = [Paragraph(text)] if text else []
-        yield Section(title, (*begin, *(Row(blocks) for blocks in rows if blocks)))
+def _section(title: str, *blocks: Figure | Table | None, folded: bool = False) -> Iterator[Section]:
+    """Yield a section of what is there, beside each other; none where nothing is."""
+    if there := tuple(block for block in blocks if block):
+        yield Section(title, (Row(there),), folded)
 
 
 def _expectations(result: Result) -> Iterator[Block]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -154,20 +154,13 @@ def unit_after_heading(unit: str) -> str:
 def ranking_table(result: Result) -> Table:
     """Every scored tracker, best first, with intervals and which differences were shown."""
     trackers, shown = result.scored, standing(result)
-    differing = Column(shown.heading, shown.meaning, left=True), list(map(Cell, shown.cells))
+    differing = [(Column(shown.heading, shown.meaning, left=True), list(map(Cell, shown.cells)))]
+    if len(trackers) > 1:
+        differing.append(_key_differences(result))
     if result.summary.identities == "hidden":
-        return track_table("Ranking", trackers, RANKING_OF_TRACKS, differing)
-    order = [tracker.name for tracker in result.contenders]
-    ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
+        return track_table("Ranking", trackers, RANKING_OF_TRACKS, *differing)
     position, *others = _errors(result, trackers)
-    columns = [
-        (Column("#", "rank by position RMSE"), ranks),
-        (TRACKER, name_cells(trackers)),
-        position,
-        differing,
-        *others,
-    ]
-    return Table.of_columns("ranking", columns)
+    return tracker_table("ranking", trackers, [position, *differing, *others])
 
 
 def unranked_table(result: Result) -> Table | None:
@@ -236,54 +229,45 @@ def other_metrics(result: Result) -> Table | None:
     return tracker_table("other-metrics", result.scored, columns)
 
 
-def innovation_tables(result: Result) -> list[Table]:
-    """NIS and whiteness of the innovations of each sensor, for each tracker that gives them."""
-    tables = []
+def innovation_columns(result: Result) -> Iterator[TableColumn]:
+    """Yield NIS and whiteness of the innovations of each sensor, of those that some tracker gives."""
     taken_in = "share of the measurements of a known object with an innovation; a late scan that is dropped has none"
-    white = f"of the normalised innovations; white within {WHITENESS_TOLERANCE} of 0"
-    for number, sensor in enumerate(result.summary.sensors):
-        path = f"nis.{sensor}"
-        trackers = [tracker for tracker in result.scored if metric_of(tracker, path).value is not None]
-        if not trackers:
+    white = f"of the normalised innovations, lag 1; white within {WHITENESS_TOLERANCE} of 0"
+    for sensor in result.summary.sensors:
+        nis = [metric_of(tracker, f"nis.{sensor}") for tracker in result.scored]
+        if all(metric.value is None for metric in nis):
             continue
-        nis = [metric_of(tracker, path) for tracker in trackers]
         # A filter of positions has fewer degrees of freedom.
-        dofs = " or ".join(map(str, sorted({metric.dof or 0 for metric in nis}, reverse=True)))
-        expected = Column(f"NIS, {dofs} expected", "mean and verdict", details="verdict")
-        correlation = Column("lag-1 autocorrelation", white, details="verdict")
-        columns = [(expected, _judged(trackers, path)), (correlation, _judged(trackers, f"whiteness.{sensor}"))]
+        dofs = " or ".join(map(str, sorted({metric.dof for metric in nis if metric.dof}, reverse=True)))
+        yield (
+            Column(f"NIS {sensor}, {dofs} expected", "mean and verdict", details="verdict"),
+            _judged(result, "nis", sensor),
+        )
         if any(metric.coverage is not None and metric.coverage < LEAST_COVERAGE for metric in nis):
-            columns.insert(1, (Column("taken in, %", taken_in), [Cell(percent_number(m.coverage)) for m in nis]))
-        tables.append(tracker_table(f"innovations-{number}", trackers, columns, f"Innovations of {sensor}"))
-    return tables
+            yield Column(f"taken in {sensor}, %", taken_in), [Cell(percent_number(m.coverage)) for m in nis]
+        yield Column(f"autocorrelation {sensor}", white, details="verdict"), _judged(result, "whiteness", sensor)
 
 
-def _judged(trackers: Sequence[TrackerResult], path: str) -> list[Cell]:
-    """Return one metric down a column with its verdicts alone."""
-    cells = metric_cells(trackers, path)
-    words = [metric_of(tracker, path).words for tracker in trackers]
+def _judged(result: Result, metric: str, sensor: str) -> list[Cell]:
+    """Return one metric of a sensor down a column with its verdicts alone."""
+    path = f"{metric}.{sensor}"
+    words = [metric_of(tracker, path).words for tracker in result.scored]
+    cells = metric_cells(result.scored, path)
     return [replace(cell, details=(word,) if word else ()) for cell, word in zip(cells, words, strict=True)]
 
 
-def key_differences(result: Result) -> Table:
-    """Each tracker minus the best or the baseline."""
-    against = result.summary.score.against or result.contenders[0].name
-    others = [tracker for tracker in (*result.contenders, *result.references) if tracker.name != against]
-    pairs = Pairs(result)
-    compared = [pairs.get(tracker.name, against) for tracker in others]
-    places = _places(compared)
-    columns = [
-        (TRACKER, name_cells(others)),
-        (Column(f"minus {against}, m", details=VERDICT), [_difference(pair, places) for pair in compared]),
+def _key_differences(result: Result) -> TableColumn:
+    """Each tracker minus the best or the baseline, to the decimals that the uncertainty of the differences leaves."""
+    against, pairs = result.summary.score.against or result.contenders[0].name, Pairs(result)
+    compared = [pairs.get(tracker.name, against) for tracker in result.scored]
+    there = [pair for pair in compared if pair]
+    widths = [width for pair in there if (width := half_width(pair.ci95))]
+    places = decimals(widths, 1) if widths else decimals([pair.value for pair in there], 2)
+    cells = [
+        Cell("") if tracker.name == against else _difference(pair, places)
+        for tracker, pair in zip(result.scored, compared, strict=True)
     ]
-    return Table.of_columns("differences", columns)
-
-
-def _places(pairs: Iterable[Pair | None]) -> int:
-    """Decimals that the uncertainty of the differences leaves a meaning."""
-    compared = [pair for pair in pairs if pair]
-    widths = [width for pair in compared if (width := half_width(pair.ci95))]
-    return decimals(widths, 1) if widths else decimals([pair.value for pair in compared], 2)
+    return Column(f"minus {against}, m", details=VERDICT), cells
 
 
 def _difference(pair: Pair | None, places: int) -> Cell:

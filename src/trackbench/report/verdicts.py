@@ -73,11 +73,6 @@ COMPARED = {
     "worse": "Shown to be worse: {listed}.",
     "shared": "{names} share the best mean rank, {rank}.",
     "ahead": "{best} has the best mean rank, {rank} against {other} of {second}.",
-    "in units": "Over {scenarios} the {metric} of {second} is between {least} and {most} than that of {first}: shown "
-    "to be worse in {worse}, better in {better}.",
     "too few": "Too few sets of scenes for a claim: with {trackers} it takes {wanted}.",
     "lead": "That lead is {shown} (p = {p_value}).",
-    "smallest in worlds": "{scenario}: smallest error of {where}.",
-    "no order in worlds": "Neither of {a} and {b} is shown to be better in any of these worlds.",
-    "order in worlds": "{a} is ahead of {b} in {ahead}, behind in {behind}; not shown in {neither}.",
 }

@@ -64,7 +64,8 @@ def difference_table(differences: Iterable[Difference]) -> pa.Table:
 
 def differences_from_table(table: pa.Table) -> list[Difference]:
     """The rows of the table as differences."""
-    rows = table.to_pylist()
+    # Earlier versions wrote an empty name where there is none.
+    rows = [{name: None if value == "" else value for name, value in row.items()} for row in table.to_pylist()]
     ends = [tuple(row.pop(name) for name in _ENDS) for row in rows]
     return [Difference(**row, ci95=None if None in ci95 else ci95) for row, ci95 in zip(rows, ends, strict=True)]
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from trackbench.base.errors import counted
-from trackbench.compare import Comparison, Entrant, PairDifference
+from trackbench.compare import Comparison, PairDifference
 from trackbench.compare.comparison import ComparedResult, OverallChange
 from trackbench.document import (
     Block,
@@ -28,7 +28,7 @@ from trackbench.document import (
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
 from trackbench.document.palette import Styles, tracker_styles
-from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
+from trackbench.metrics.differences import VERDICTS
 from trackbench.report.comparison import ranking
 from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.comparison.over_time import (
@@ -54,22 +54,15 @@ from trackbench.report.tables import unit_after_heading
 from trackbench.results import json_text
 
 
-def comparison_document(
-    comparison: Comparison,
-    *,
-    reports: Mapping[str, str] | None = None,
-    times: bool = False,
-) -> Document:
+def comparison_document(comparison: Comparison, reports: Mapping[str, str] | None = None) -> Document:
     """What a comparison says.
 
     Args:
         comparison: what was found.
         reports: path of the report of each result, relative to the document, by the result's label.
-        times: whether it is shown once: with times of computing, which are others on each machine, and the parts of
-            metrics, which the page that is kept leaves to the data beside it.
     """
     styles = tracker_styles(comparison.places or comparison.trackers)
-    parts = [_group_text(group, styles, reports or {}, times=times) for group in comparison.groups]
+    parts = [_group_text(group, styles, reports or {}) for group in comparison.groups]
     (title, blocks), lead = parts[0], ""
     if len(parts) > 1:
         title = f"Comparison over {sum(len(group.scenarios) for group in comparison.groups)} scenarios"
@@ -90,11 +83,11 @@ def comparison_document(
 _GroupText = tuple[str, tuple[Block, ...]]
 
 
-def _group_text(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> _GroupText:
+def _group_text(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
-        blocks = ranking.ranking_blocks(comparison, styles, reports, times=times)
+        blocks = ranking.ranking_blocks(comparison, reports)
         return "Comparison of trackers", (*blocks, *reproduction(comparison))
-    return f"Comparison{_over(comparison)}", tuple(difference_blocks(comparison, styles, reports))
+    return f"Comparison{_over(comparison)}", tuple(difference_blocks(comparison, styles))
 
 
 def _over(comparison: Comparison) -> str:
@@ -143,7 +136,7 @@ def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path,
     if path.suffix == ".json":
         yield path, json_text(comparison.json()).encode()
     elif path.suffix == ".html":
-        page = comparison_document(comparison, reports=_reports(comparison, path.parent), times=True)
+        page = comparison_document(comparison, _reports(comparison, path.parent))
         yield from files_by_ending(page, path)
     else:
         yield from files_by_ending(comparison_document(comparison), path)
@@ -163,14 +156,14 @@ def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
 TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
 
 
-def difference_blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> Iterator[Block]:
+def difference_blocks(comparison: Comparison, styles: Styles) -> Iterator[Block]:
     """What became of the limits, the answer, the differences by metric, and the results."""
     yield from answer_blocks(comparison)
     for metric, items in comparison.by_metric():
         yield Section(
             f"{metric}{unit_after_heading(items[0].unit)}", tuple(_metric_section(comparison, styles, metric, items))
         )
-    yield Section("Results", tuple(_results(comparison, reports)))
+    yield Section("Results", (_results(comparison),))
     yield from reproduction(comparison)
 
 
@@ -182,7 +175,6 @@ def _metric_section(
     shown = differences_from(best, items) if best else sorted(items, key=lambda item: item.identical)
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
-        yield _changes(comparison, metric, items)
     else:
         yield _differences(comparison, metric, shown)
     if is_over_time(comparison):
@@ -291,47 +283,15 @@ def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
     return Table.of_columns(f"overall-{items[0].metric.replace('.', '-')}", columns, caption)
 
 
-def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
-    """The change in percent, scenarios down and entrants across."""
-    entrants = list(dict.fromkeys(item.entrant for item in items))
-    by_entrant = {(item.scenario, item.entrant): item for item in items}
-
-    def cell(scenario: str, entrant: Entrant) -> Cell:
-        item = by_entrant.get((scenario, entrant))
-        if item is None:
-            return Cell("")
-        text, strong = "0" if item.identical else in_percent(item.percent), item.verdict not in (EQUIVALENT, UNDECIDED)
-        return Cell(text, tone=TONES.get(item.verdict, ""), strong=strong)
-
-    scenarios = dict.fromkeys(item.scenario for item in items)
-    rows = tuple((Cell(scenario), *(cell(scenario, entrant) for entrant in entrants)) for scenario in scenarios)
-    columns = (Column("scenario", left=True), *(Column(entrant_name(comparison, entrant)) for entrant in entrants))
-    caption = "Change in percent; coloured where it is shown to be more than the margin"
-    return Table(f"changes-{metric.replace('.', '-')}", columns, rows, caption)
-
-
-def _results(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
-    """The results, and how they are compared; of several scenarios in a table."""
-    several = len(comparison.sets) > 1
-    if len(comparison.scenarios) == 1:
-        yield Items(
-            tuple(
-                Item(
-                    f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
-                    label=set_letter(result.set) if several else "",
-                    detail=_how(result),
-                )
-                for result in comparison.scenarios[0].results
-            )
+def _results(comparison: Comparison) -> Items:
+    """The results, and how they are compared."""
+    items = [
+        Item(
+            f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
+            label=set_letter(result.set) if len(comparison.sets) > 1 else "",
+            detail=_how(result),
         )
-        return
-    yield Items(tuple(Item(label, label=set_letter(i)) for i, label in enumerate(comparison.sets)))
-    rows = [(scenario.name, result) for scenario in comparison.scenarios for result in scenario.results]
-    columns = [
-        (Column("scenario", left=True), [Cell(title, link=reports.get(result.label, "")) for title, result in rows]),
-        (Column("", left=True), [Cell(set_letter(result.set)) for _, result in rows]),
-        (Column("runs"), [Cell(str(result.runs)) for _, result in rows]),
-        (Column("seed"), [Cell(str(result.seed)) for _, result in rows]),
-        (Column("compared", left=True), [Cell(_how(result)) for _, result in rows]),
+        for scenario in comparison.scenarios
+        for result in scenario.results
     ]
-    yield Table.of_columns("scenarios", columns)
+    return Items(tuple(items))

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import MaxNLocator
 
 from trackbench.compare import Comparison, PairDifference
 from trackbench.compare.comparison import RankedTracker
 from trackbench.document import Figure, end_of_axis
 from trackbench.document.drawing import INK, WIDTH, shortened_to_width
 from trackbench.document.palette import Styles
-from trackbench.report.numbers import rounded
 from trackbench.report.pairs import groups_of
 from trackbench.report.tables import unit_after_heading
 
@@ -76,45 +74,6 @@ def competitors(comparison: Comparison) -> list[RankedTracker]:
 def ranked_label(item: RankedTracker) -> str:
     """Its name, and whether it is a reference."""
     return f"{item.tracker} (reference)" if item.reference else item.tracker
-
-
-def rank_figure(comparison: Comparison, styles: Styles) -> Figure:
-    """Mean ranks with their intervals; lines at the side join trackers whose mean ranks are not shown to differ.
-
-    Source: Demsar (2006), "Statistical comparisons of classifiers over multiple data sets", section 3.2.4.
-    """
-    ranking, groups = comparison.ranking, [group for group in rank_groups(comparison) if len(group) > 1]
-
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel="mean rank, the best on the left")
-        last = len(ranking)
-        for y, item in enumerate(ranking):
-            style = styles[item.tracker]
-            axes.plot(item.ci95 or [item.mean_rank] * 2, [y, y], color=style.colour, linewidth=5, alpha=0.35)
-            axes.plot([item.mean_rank], [y], markersize=6, **style.dot)
-        for number, group in enumerate(groups):
-            x, rows = last + 0.25 + 0.03 * last * (number + 1), [ranking.index(item) for item in group]
-            axes.plot([x, x], [min(rows) - 0.2, max(rows) + 0.2], color=INK, linewidth=2.5)
-            axes.plot([x] * len(rows), rows, color=INK, linestyle="none", marker="o", markersize=4.5)
-        names = [
-            f"{shortened_to_width(ranked_label(item), 0.4 * WIDTH)}  {rounded(item.mean_rank, 2)}" for item in ranking
-        ]
-        axes.set_yticks(range(last), names)
-        axes.set(xlim=(0.75, last + 0.5 + 0.03 * last * len(groups)), ylim=(last - 0.4, -0.6))
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.grid(visible=False, axis="y")
-
-    means = ", ".join(f"{ranked_label(item)} {rounded(item.mean_rank, 2)}" for item in ranking)
-    joined = "; ".join(" and ".join(item.tracker for item in group) for group in groups)
-    return Figure(
-        name="ranks",
-        title="Mean ranks",
-        caption="Dots: mean rank over the scenarios; bars: 95 % intervals. A line at the right joins trackers whose "
-        "mean ranks are not shown to differ; those that no line joins are (critical-difference diagram).",
-        alternative=f"Mean rank of each tracker: {means}. Not shown to differ: {joined or 'none'}",
-        paint=paint,
-        height=50 + _ROW * len(ranking),
-    )
 
 
 def rank_groups(comparison: Comparison) -> list[list[RankedTracker]]:

@@ -9,11 +9,10 @@ from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import fewest_sets
-from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Row, Section, Table
-from trackbench.document.palette import Styles
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.verdicts import mean_text, only_where
-from trackbench.report.comparison.figures import competitors, rank_figure, rank_groups, ranked_label
-from trackbench.report.comparison.sentences import NAMES, order_sentences, ranking_answer, worlds_section
+from trackbench.report.comparison.figures import competitors, rank_groups, ranked_label
+from trackbench.report.comparison.sentences import NAMES, ranking_answer, world_tables
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     REACH,
@@ -45,21 +44,18 @@ _OF_TRACKS = {
 }
 
 
-def ranking_blocks(
-    comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool
-) -> Iterator[Block]:
+def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
     """The answer, the ranking, a matrix for each quantity, the scenarios, and what has no score."""
     if answer := ranking_answer(comparison):
         yield Paragraph(answer, strong=True)
-    yield Paragraph(" ".join([*order_sentences(comparison), f"{_compared(comparison)}."]))
+    yield Paragraph(f"{_compared(comparison)}.")
     method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(_letters(comparison)))
-    yield Section("Overall", (Row((rank_figure(comparison, styles),)), _overall(comparison), method))
+    yield Section("Overall", (_overall(comparison), method))
     if comparison.worlds:
-        yield worlds_section(comparison)
+        yield Section("In which worlds does it hold?", tuple(world_tables(comparison)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
-    hidden = comparison.ranked_by == "tgospa"
-    matrices = _OF_TRACKS if hidden else _OF_ESTIMATES
-    for title, metric in {**matrices, **({"Time of a step, µs": "step_time"} if times else {})}.items():
+    matrices = _OF_TRACKS if comparison.ranked_by == "tgospa" else _OF_ESTIMATES
+    for title, metric in matrices.items():
         ranked = metric == comparison.ranked_by
         cell = _ranked(metric) if ranked else _nees if metric == "nees" else _plain(metric)
         table = _matrix(comparison, links, metric.replace("_", "-"), metric, cell)

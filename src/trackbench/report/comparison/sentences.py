@@ -1,17 +1,14 @@
-"""What a comparison says first: whether a limit failed, who is best, by how much, and how certain that is, in which
-worlds too."""
+"""What a comparison says first: whether a limit failed, who is best, by how much, how certainly, in which worlds."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
-from trackbench.compare.comparison import OrderInWorlds
 from trackbench.compare.limits import limits_in_words
 from trackbench.compare.ranking import fewest_sets
-from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import competitors
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, rounded, short, signed
@@ -203,31 +200,12 @@ def ranking_answer(comparison: Comparison) -> str:
     if len(ranking) < 2:
         return ""
     first, second = ranking[:2]
-    rank, lead = rounded(first.mean_rank, 2), _lead_in_units(comparison, first.tracker, second.tracker)
+    rank, other = rounded(first.mean_rank, 2), rounded(second.mean_rank, 2)
     if first.mean_rank == second.mean_rank:
         names = joined_names([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
-        return " ".join(filter(None, [COMPARED["shared"].format(names=names, rank=rank), lead]))
-    other = rounded(second.mean_rank, 2)
+        return COMPARED["shared"].format(names=names, rank=rank)
     ahead = COMPARED["ahead"].format(best=first.tracker, rank=rank, other=other, second=second.tracker)
-    return " ".join(filter(None, [ahead, lead, _certainty(comparison)]))
-
-
-def _lead_in_units(comparison: Comparison, first: str, second: str) -> str:
-    """The differences of two trackers in the scenarios, in the unit of the metric that ranks; empty where none is."""
-    items = [item for item in comparison.differences if item.metric == comparison.ranked_by]
-    own = [item for item in differences_from(first, items) if item.entrant.tracker == second]
-    if not own:
-        return ""
-    differences, digits = sorted(item.difference for item in own), difference_decimals(own)
-    least, most = (
-        f"{short(abs(value), digits)} m {'larger' if value >= 0 else 'smaller'}"
-        for value in (differences[0], differences[-1])
-    )
-    verdicts = Counter(item.verdict for item in own)
-    return COMPARED["in units"].format(
-        scenarios=counted(len(own), "scenario"), metric=NAMES[comparison.ranked_by], first=first, second=second,
-        least=least, most=most, worse=verdicts["worse"] or "none", better=verdicts["better"] or "none",
-    )  # fmt: skip
+    return f"{ahead} {_certainty(comparison)}"
 
 
 def _certainty(comparison: Comparison) -> str:
@@ -245,59 +223,20 @@ def _certainty(comparison: Comparison) -> str:
 _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "warn", "not shown": ""}
 
 
-def worlds_section(comparison: Comparison) -> Section:
-    """Every pair of contenders whose order is shown in some world: which of the two is ahead where."""
-    parts: list[Block] = []
+def world_tables(comparison: Comparison) -> Iterator[Table]:
+    """Yield of each scenario in several worlds the pairs whose order is shown in some, and who is ahead where."""
     meanings = {str(world): meaning for world, meaning in MEANING.items()}
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]
-        columns = (
-            Column("trackers", left=True),
-            *(Column(world, meanings.get(world, "")) for world in orders[0].ahead),
-            Column("order", left=True),
-        )
-        rows = [
-            (
-                Cell(f"{order.a}, {order.b}"),
-                *(Cell(ahead or "not shown") for ahead in order.ahead.values()),
-                Cell(order.order, tone=_TONE[order.order]),
-            )
-            for order in orders
-            if order.order != "not shown"
+        shown = [order for order in orders if order.order != "not shown"]
+        columns = [
+            (Column("trackers", left=True), [Cell(f"{order.a}, {order.b}") for order in shown]),
+            *(
+                (Column(world, meanings.get(world, "")), [Cell(order.ahead[world] or "not shown") for order in shown])
+                for world in orders[0].ahead
+            ),
+            (Column("order", left=True), [Cell(order.order, tone=_TONE[order.order]) for order in shown]),
         ]
-        left_out = f": {len(orders) - len(rows)} of the {len(orders)} pairs are not shown in any world"
-        caption = f"Shown to be better in {scenario}{left_out * (len(rows) < len(orders))}"
-        parts.append(Table(f"worlds of {scenario}", columns, tuple(rows), caption))
-    return Section("In which worlds does it hold?", tuple(parts))
-
-
-def order_sentences(comparison: Comparison) -> Iterator[str]:
-    """Of each scenario in several worlds: which tracker has the smallest error where, and where the best of the first
-    world is ahead of its strongest rival: one that is ahead of it in some world, or else the first that is behind."""
-    for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
-        orders = [order for order in comparison.worlds if order.scenario == scenario]
-        yield _smallest(comparison, scenario, list(orders[0].ahead))
-        best = [order for order in orders if order.a == orders[0].a]
-        shown = [order for order in best if order.order != "not shown"]
-        yield _order(max(shown or best, key=lambda order: len(order.where(order.b))))
-
-
-def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
-    names = {name for order in comparison.worlds if order.scenario == scenario for name in (order.a, order.b)}
-    where: dict[str, list[str]] = {}
-    for world in worlds:
-        scores = [score for score in comparison.scores if score.scenario == f"{scenario}-{world}"]
-        values = {
-            score.entrant.tracker: value
-            for score in scores
-            if score.entrant.tracker in names and (value := score.value(comparison.ranked_by)) is not None
-        }
-        where.setdefault(min(values, key=values.__getitem__), []).append(world)
-    parts = "; ".join(f"{name} in {joined_names(worlds)}" for name, worlds in where.items())
-    return COMPARED["smallest in worlds"].format(scenario=scenario, where=parts)
-
-
-def _order(order: OrderInWorlds) -> str:
-    ahead, behind, neither = (joined_names(order.where(name)) or "none" for name in (order.a, order.b, None))
-    kind = "no order in worlds" if ahead == behind else "order in worlds"
-    return COMPARED[kind].format(a=order.a, b=order.b, ahead=ahead, behind=behind, neither=neither)
+        left_out = f": {len(orders) - len(shown)} of the {len(orders)} pairs are not shown in any world"
+        caption = f"Shown to be better in {scenario}{left_out * (len(shown) < len(orders))}"
+        yield Table.of_columns(f"worlds of {scenario}", columns, caption)

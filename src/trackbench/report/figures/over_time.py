@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
@@ -69,37 +68,6 @@ def smooth_lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> 
     return [Line(line.style, *_stretches(line.time, line.value)) for line in lines(table, styles, name)]
 
 
-def beyond_axis(sizes: Mapping[str, float], unit: str) -> tuple[set[str], str]:
-    """Which of some trackers are far out, so that the others set the axis, and words for it: "raw beyond the axis: 13.3
-    m/s"; neither where none is. ``sizes``: by tracker."""
-    end = end_of_axis(sizes.values())
-    cut = {name: f"{name} beyond the axis: {size:.3g} {unit}" for name, size in sizes.items() if size > end}
-    return {*cut}, "; ".join(cut.values())
-
-
-def rms_by_name(drawn: Sequence[Line]) -> dict[str, float]:
-    """The root mean square of each line."""
-    return {line.style.name: float(np.sqrt(np.nanmean(line.value**2))) for line in drawn}
-
-
-def draw_lines(axes: Axes, drawn: Sequence[Line], end: float) -> None:
-    """The best tracker on top, from 0 to ``end`` s."""
-    for style, time, value in reversed(drawn):
-        axes.plot(time, value, **style.look)
-    time_axis(axes, end)
-
-
-def end_of(table: pa.Table) -> float:
-    """The last time of a table, s."""
-    return float(column(table, "time_s").max())
-
-
-def last_values(drawn: Sequence[Line], unit: str) -> str:
-    """The last value of each line, for those who cannot see it."""
-    last = [(line.style.name, line.value[np.isfinite(line.value)][-1]) for line in drawn]
-    return "At the end: " + ", ".join(f"{name} {value:.3g} {unit}".strip() for name, value in last) + "."
-
-
 def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
     size = max(1, round(len(time) / _POINTS))
     starts = np.arange(0, len(time) - size + 1, size)
@@ -110,66 +78,47 @@ def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
     return np.add.reduceat(time, starts) / steps, np.sqrt(square / np.where(count > 0, count, np.nan))
 
 
-_HEIGHT = 250.0
-
-
-def nees_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """Mean NEES over time with its 95 % bounds; None if there is nothing to draw."""
-    drawn = lines(steps, styles, "nees_mean")
-    if not drawn:
-        return None
-    shown = [line.style for line in drawn]
-    band = [*lines(steps, shown[:1], "nees_low"), *lines(steps, shown[:1], "nees_high")]
-
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel="NEES")
-        if band:
-            low, high = band
-            axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35)
-        draw_lines(axes, drawn, end_of(steps))
-        if fit_value_axis(axes, [line.value for line in (*drawn, *band)]):
-            axes.set_ylabel("NEES, logarithmic")
-
-    return tracker_figure(
-        "nees",
-        "NEES over time",
-        "Squared error over the covariance that the tracker states, averaged over runs and objects. A consistent "
-        "tracker is in the grey band 95 % of the time; above it errors are larger than stated, below it smaller.",
-        f"NEES over time, {counted(len(drawn), 'tracker')}. {last_values(drawn, '')}",
-        paint,
-        _HEIGHT,
-        shown,
-        *([LegendEntry("95 % bounds of a consistent tracker", MUTED, "band")] if band else []),
-    )
-
-
 class Panel(NamedTuple):
-    """A quantity over time, and the reference that it is held against."""
+    """A quantity over time, and what it is held against."""
 
     label: str
     unit: str
     column: str
     reference: str = ""
-    """Column of the reference; empty without one."""
+    """Column of the reference, which is drawn dashed; empty without one."""
+    band: tuple[str, ...] = ()
+    """Columns of the bounds of a consistent tracker; a statistic with bounds is not averaged over time."""
+
+    @property
+    def axis_label(self) -> str:
+        """The quantity with its unit."""
+        return f"{self.label}, {self.unit}" if self.unit else self.label
 
 
-ERRORS = (
+OF_ESTIMATES = (
     Panel("position RMSE", "m", "position_rmse_m", "position_reference_m"),
     Panel("velocity RMSE", "m/s", "velocity_rmse_mps", "velocity_reference_mps"),
+    Panel("NEES", "", "nees_mean", band=("nees_low", "nees_high")),
 )
-GOSPA_PARTS = (
+OF_TRACKS = (
     Panel("GOSPA", "m", "gospa_m"),
     Panel("localisation", "m", "gospa_localisation_m"),
     Panel("missed", "m", "gospa_missed_m"),
     Panel("false", "m", "gospa_false_m"),
 )
+#: Points of a figure without its panels, and of the lowest panel.
+_MARGIN, _PANEL = 40.0, 120.0
 
 
 def errors_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """RMSE of position and velocity over time with those of the reference; None if there is nothing to draw."""
+    """RMSE of position and velocity with the reference, and NEES with its bounds; None if there is nothing to draw."""
     reference = result.summary.held_against
-    caption = f"Root mean square over all runs and objects. Dashed: the {reference.label}. {reference.meaning}"
-    return _panels("position-error", "Errors over time", caption, result, styles, ERRORS, reference.label)
+    caption = (
+        f"Over all runs and objects. Dashed: the {reference.label}. {reference.meaning} NEES: squared error over the "
+        "covariance that the tracker states; a consistent tracker is in the grey band 95 % of the time, above it "
+        "errors are larger than stated, below it smaller."
+    )
+    return _panels("errors", "Errors over time", caption, result, styles, OF_ESTIMATES, reference.label)
 
 
 def gospa_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
@@ -179,7 +128,7 @@ def gospa_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | 
         "distance of tracks from their objects, missed what objects without a track cost, false what tracks without "
         "an object do."
     )
-    return _panels("gospa", "GOSPA over time", caption, result, styles, GOSPA_PARTS)
+    return _panels("gospa", "GOSPA over time", caption, result, styles, OF_TRACKS)
 
 
 def _panels(
@@ -193,39 +142,51 @@ def _panels(
 ) -> Figure | None:
     """A panel for each quantity, one below the other; a tracker that is far out does not set an axis."""
     steps = result.tables.steps
-    drawn = {panel: own for panel in panels if (own := smooth_lines(steps, styles, panel.column))}
+    drawn = {
+        panel: own for panel in panels if (own := (lines if panel.band else smooth_lines)(steps, styles, panel.column))
+    }
     if not drawn:
         return None
     references = {panel: _distinct(smooth_lines(steps, styles, panel.reference)) for panel in drawn if panel.reference}
+    bands = {panel: [line for name in panel.band for line in lines(steps, styles[:1], name)] for panel in drawn}
     first = next(iter(drawn))
 
     def paint(canvas: Canvas) -> None:
         every = canvas.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (panel, own) in zip(every, drawn.items(), strict=True):
-            draw_lines(axes, own, end_of(steps))
-            for line in references.get(panel, ()):
+            if bands[panel]:
+                low, high = bands[panel]
+                axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35)
+            # The best tracker on top.
+            for style, time, value in reversed(own):
+                axes.plot(time, value, **style.look)
+            held_against = references.get(panel, [])
+            for line in held_against:
                 axes.plot(line.time, line.value, color=INK, linestyle=DASHED, linewidth=1.3)
-            cut, words = beyond_axis(rms_by_name(own), panel.unit)
-            near = [line.value for line in (*own, *references.get(panel, ())) if line.style.name not in cut]
-            fit_value_axis(axes, near)
-            panel_title(axes, words, WIDTH)
-            axes.set_ylabel(f"{panel.label}, {panel.unit}")
+            sizes = {line.style.name: float(np.sqrt(np.nanmean(line.value**2))) for line in own}
+            far = {name: size for name, size in sizes.items() if size > end_of_axis(sizes.values())}
+            near = [line.value for line in (*own, *held_against) if line.style.name not in far]
+            is_logarithmic = fit_value_axis(axes, [*near, *(line.value for line in bands[panel])])
+            beyond = [f"{name} beyond the axis: {size:.3g} {panel.unit}".rstrip() for name, size in far.items()]
+            panel_title(axes, "; ".join(beyond), WIDTH)
+            axes.set_ylabel(f"{panel.axis_label}{', logarithmic' * is_logarithmic}")
+            time_axis(axes, float(column(steps, "time_s").max()))
         every[-1].set_xlabel(TIME_LABEL)
 
     shown = [line.style for line in drawn[first]]
+    last = [(line.style.name, line.value[np.isfinite(line.value)][-1]) for line in drawn[first]]
+    ends = ", ".join(f"{name} {value:.3g} {first.unit}" for name, value in last)
     return tracker_figure(
         name,
         title,
         caption,
-        f"{title}, {counted(len(shown), 'tracker')}. {last_values(drawn[first], first.unit)}",
+        f"{title}, {counted(len(shown), 'tracker')}. At the end: {ends}.",
         paint,
-        40 + max(_PANEL, 420.0 / len(drawn) - 40) * len(drawn),
+        _MARGIN + max(_PANEL, 420.0 / len(drawn) - _MARGIN) * len(drawn),
         shown,
         *([LegendEntry(label, INK, "dash")] if any(references.values()) else []),
+        *([LegendEntry("95 % bounds of a consistent tracker", MUTED, "band")] if any(bands.values()) else []),
     )
-
-
-_PANEL = 120.0
 
 
 def _distinct(drawn: Sequence[Line]) -> list[Line]:
