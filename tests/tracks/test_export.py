@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from trackeval.datasets import MotChallenge2DBox
 from trackeval.metrics import CLEAR
 
 import trackbench as tb
-from trackbench.metrics.function_events import events_of
 from trackbench.results import Result
 
 QUIET = {"PRINT_CONFIG": False}
@@ -96,13 +94,3 @@ def test_a_track_on_an_optional_object_does_not_count_there(exported: Path, traf
     assert set(rows[:, 7]) == {1, 8}
     assert (rows[:, 7] == 8).sum() == (status == 1).sum()
     assert (rows[rows[:, 7] == 8, 6] == 0).all()
-
-
-def test_events_as_csv(cli: Callable[..., Any], traffic_folder: Path, tmp_path: Path, traffic_result: Result) -> None:
-    done = cli("report", traffic_folder, "--format", "events", "--out", tmp_path)
-    assert done.status == 0
-    with (tmp_path / "events.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == len(events_of(traffic_result))
-    dearest = max(rows, key=lambda row: float(row["cost_m2"]))
-    assert float(dearest["cost_m2"]) == events_of(traffic_result)[0].cost_m2

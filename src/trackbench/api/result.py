@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from trackbench import results
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.document import Cell, Document, Figure, Table
+from trackbench.document import Document, Figure
 from trackbench.document.files import document_text, files_by_ending, require_ending
 
 
@@ -55,9 +55,13 @@ class ReportableResult(results.Result):
         return Report(result_document(self))
 
     def _repr_html_(self) -> str:
+        import pandas
+
         from trackbench.report.tables import ranking_table
 
-        return table_html(ranking_table(self))
+        table = ranking_table(self)
+        rows = [[" ".join([cell.text, *cell.details]) for cell in row] for row in table.rows]
+        return str(pandas.DataFrame(rows, columns=[column.heading for column in table.columns]).to_html(index=False))
 
 
 #: Of a report in a notebook, pixels; it scrolls.
@@ -134,20 +138,3 @@ class ReportFigure:
         from trackbench.document.drawing import matplotlib_figure
 
         return matplotlib_figure(self.figure)
-
-
-def table_html(table: Table) -> str:
-    """A table for a notebook, whose styles it takes."""
-    heads = "".join(
-        f'<th title="{escape(column.explanation)}">{escape(column.heading)}</th>' for column in table.columns
-    )
-    rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in table.rows)
-    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-    return f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
-
-
-def _cell(cell: Cell) -> str:
-    shown = escape(cell.text)
-    main = f"<b>{shown}</b>" if cell.strong or cell.tracker else shown
-    details = "".join(f"<br><small>{escape(detail)}</small>" for detail in cell.details)
-    return f'<td title="{escape(cell.reason)}">{main}{details}</td>'

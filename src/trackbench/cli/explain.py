@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
@@ -14,8 +13,8 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.subjects import TermPage, collected, offered, resolve
 from trackbench.cli.answer import print_answer
 from trackbench.cli.listing import rows
-from trackbench.metrics.registry import HEALTH, METRICS, metric_paths
-from trackbench.metrics.verdicts import MEANING, WHITENESS_TOLERANCE
+from trackbench.metrics.registry import METRICS, metric_paths
+from trackbench.metrics.verdicts import MEANING
 
 WIDTH = 80
 #: Of what a scenario can name, by the heading of its list.
@@ -43,12 +42,8 @@ def terms() -> dict[str, list[TermPage]]:
     vocabulary = yaml.safe_load(Path(__file__).with_name("vocabulary.yaml").read_text(encoding="utf-8"))
     plain = {group: (group.removesuffix("s"), words.items()) for group, words in vocabulary.items()}
     plain |= {what: (kind, rows(what)) for what, kind in LISTED.items()}
+    plain["verdicts"] = ("a verdict on a covariance", MEANING.items())
     own = {group: [TermPage(name, ((kind, text),)) for name, text in of] for group, (kind, of) in plain.items()}
-    own |= {"metrics": list(_metrics()), "verdicts": list(_verdicts())}
-    return own | {name: list(resolve(target)()) for name, target in offered("terms")}
-
-
-def _metrics() -> Iterator[TermPage]:
     lines: dict[str, list[tuple[str, str]]] = {}
     for entry in metric_paths([*collected("examples_of_metrics"), *METRICS.loaded().values()]):
         better = f"{entry.better} is better" if entry.better else ""
@@ -56,23 +51,8 @@ def _metrics() -> Iterator[TermPage]:
         lines.setdefault(entry.name.partition(".")[0], []).append(
             (entry.name, entry.meaning + f" [{notes}]" * bool(notes))
         )
-    yield from (TermPage(name, tuple(page)) for name, page in lines.items())
-
-
-def _verdicts() -> Iterator[TermPage]:
-    for word, meaning in MEANING.items():
-        yield TermPage(word, (("a verdict on a covariance", meaning),))
-    white = f"the correlation of successive innovations is within {WHITENESS_TOLERANCE:g} of zero"
-    yield TermPage("white", (("a verdict on innovations", white),))
-    yield TermPage("coloured", (("a verdict on innovations", white.replace("is within", "is shown to be beyond")),))
-    diverged = next(field for field in metric_paths() if field.name == HEALTH + "diverged_runs")
-    yield TermPage("diverged", ((diverged.name, diverged.meaning),))
-
-
-def page(term: TermPage) -> str:
-    """A term for a terminal of 80 columns."""
-    paragraphs = [part for heading, text in term.page for part in f"{heading}: {text}".split("\n\n")]
-    return "\n\n".join([term.name, *map(_wrapped, paragraphs)])
+    own["metrics"] = [TermPage(name, tuple(page)) for name, page in lines.items()]
+    return own | {name: list(resolve(target)()) for name, target in offered("terms")}
 
 
 def _wrapped(text: str) -> str:
@@ -121,7 +101,9 @@ def explain_command(term: str | None) -> None:
         hint = nearest_choices(term.lower(), [entry.name for entry in every])
         known = hint if hint.startswith("did") else "`trackbench explain` lists them"
         raise InputError(f"there is no page on {term!r}: {known}")
-    print_answer("\n\n".join(map(page, pages)))
+    for entry in pages:
+        paragraphs = [part for heading, text in entry.page for part in f"{heading}: {text}".split("\n\n")]
+        print_answer("\n\n".join([entry.name, *map(_wrapped, paragraphs)]))
 
 
 if __name__ == "__main__":

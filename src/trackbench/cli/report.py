@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 from rich.console import Console
@@ -20,7 +20,6 @@ from trackbench.cli.options import NearestChoice, end_with_limits, github_option
 if TYPE_CHECKING:
     from trackbench.document import Document
     from trackbench.document.files import Format
-    from trackbench.report.export import ExportFormat
 
 
 _SAVED = dict(offered("documents"))
@@ -45,19 +44,19 @@ Examples:
 @click.option(
     "--format",
     "format",
-    type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png", "mot", "events"]),
+    type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png", "mot"]),
     default="terminal",
     show_default=True,
     help="svg, pdf and png: every figure; csv: every table. Of runs with hidden identities also mot: MOTChallenge text "
-    "of the recorded run, and events: what happened, as CSV.",
+    "of the recorded run.",
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of the files.  [default: RUN]")
-def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -> None:
+def report_command(run: Path, format: Format | Literal["mot"], out: Path | None) -> None:
     """Write the report of a saved result in any format."""
-    if format == "mot" or format == "events":
+    if format == "mot":
         from trackbench.report.export import exported
 
-        _write(dict(exported(results.Result.load(run), format)), run if out is None else out)
+        _write(dict(exported(results.Result.load(run))), run if out is None else out)
         return
     from trackbench.document.files import files
     from trackbench.document.terminal import print_document

@@ -1,16 +1,12 @@
-"""Tracks for other tools: MOTChallenge text, and the events as CSV."""
+"""Tracks for other tools: MOTChallenge text."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Literal, get_args
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.compute as pc
-from pyarrow import csv
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import DUE, OPTIONAL, Array
@@ -18,8 +14,6 @@ from trackbench.metrics.function_events import drawn_instants
 from trackbench.results import Result
 from trackbench.results.columns import split
 
-ExportFormat = Literal["mot", "events"]
-FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)
 #: Of MOTChallenge: what is to be tracked, and what a track on is neither right nor wrong.
 PEDESTRIAN, DISTRACTOR = 1, 8
 #: Side of the square around each position over the cutoff. Centres that are half a cutoff apart along an axis then have
@@ -27,19 +21,16 @@ PEDESTRIAN, DISTRACTOR = 1, 8
 SIDE = 1.5
 
 
-def exported(result: Result, format: ExportFormat) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """The files of a format: relative paths, each with a function that makes the content.
+def exported(result: Result) -> Iterator[tuple[str, Callable[[], bytes]]]:
+    """The files of MOTChallenge: relative paths, each with a function that makes the content.
 
     Raises:
         InputError: identities are known in this result, or there is no truth.
     """
     if result.summary.identities == "known":
-        raise InputError(f"{format} is written of runs with hidden identities alone", key="--format")
+        raise InputError("mot is written of runs with hidden identities alone", key="--format")
     if not result.summary.truth.known:
-        raise InputError(f"{format} needs a truth, which this recording has not", key="--format")
-    if format == "events":
-        yield "events.csv", lambda: _csv(result.tables.events)
-        return
+        raise InputError("mot needs a truth, which this recording has not", key="--format")
     name, time = result.name, drawn_instants(result.tables)
     yield f"mot/gt/{name}/gt/gt.txt", lambda: _lines(_objects(result, time))
     yield f"mot/gt/{name}/seqinfo.ini", lambda: _sequence(name, time)
@@ -95,15 +86,3 @@ def _lines(rows: Array) -> bytes:
 def _sequence(name: str, time: Array) -> bytes:
     rate = 1 / np.median(np.diff(time)) if len(time) > 1 else 1.0
     return f"[Sequence]\nname={name}\nframeRate={rate:.10g}\nseqLength={len(time)}\n".encode()
-
-
-def _csv(table: pa.Table) -> bytes:
-    plain = pa.table(
-        {
-            field.name: table[field.name].cast(pa.string()) if pa.types.is_dictionary(field.type) else table[field.name]
-            for field in table.schema
-        }
-    )
-    output = io.BytesIO()
-    csv.write_csv(plain, output)
-    return output.getvalue()

@@ -9,11 +9,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from xml.etree import ElementTree as ET
+
+from markupsafe import Markup, escape
 
 from trackbench.base.config import KeyPath
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import GateOutcome, GateResult
+from trackbench.document.template import environment
 from trackbench.report.sentences import value_and_limit
 from trackbench.results import SUMMARY, ExpectationResult, Result
 from trackbench.scenario import Scenario
@@ -21,8 +23,10 @@ from trackbench.scenario import Scenario
 #: Characters that XML 1.0 cannot hold.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
-_ELEMENTS: Mapping[GateOutcome, str] = {"failed": "failure", "error": "error", "undecided": "skipped"}
-_COUNTS = {"failures": "failed", "errors": "error", "skipped": "undecided"}
+#: The element of a case that is neither passed nor undecided.
+_ELEMENTS: Mapping[GateOutcome, str] = {"failed": "failure", "error": "error"}
+#: Of a text in an attribute, where XML would read a space.
+LINE_BREAK = Markup("&#10;")
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,10 @@ class Suite:
 
     name: str
     cases: list[Case]
+
+    def number(self, outcome: GateOutcome) -> int:
+        """How many cases have an outcome."""
+        return sum(case.outcome == outcome for case in self.cases)
 
 
 def suite_of_run(result: Result, loaded: Scenario | None = None) -> Suite:
@@ -111,48 +119,10 @@ def _limit_case(limit: GateResult, label: str) -> Case:
 
 
 def to_xml(suites: Sequence[Suite]) -> str:
-    """The whole file."""
-    root = ET.Element("testsuites")
+    """The whole file. No machine is named: a result does not depend on it."""
+    made = environment(lambda text: escape(_FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)).replace("\n", LINE_BREAK))
     written = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")
-    for number, suite in enumerate(suites):
-        counts = {key: str(sum(case.outcome == outcome for case in suite.cases)) for key, outcome in _COUNTS.items()}
-        element = ET.SubElement(
-            root,
-            "testsuite",
-            {
-                "id": str(number),
-                "package": "trackbench",
-                "name": _plain(suite.name),
-                "timestamp": written,
-                # No machine is named: a result does not depend on it.
-                "hostname": "localhost",
-                "tests": str(len(suite.cases)),
-                **counts,
-                "time": "0",
-            },
-        )
-        ET.SubElement(element, "properties")
-        for case in suite.cases:
-            _add(element, case)
-        ET.SubElement(element, "system-out")
-        ET.SubElement(element, "system-err")
-    ET.indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _add(suite: ET.Element, case: Case) -> None:
-    element = ET.SubElement(
-        suite, "testcase", {"name": _plain(case.name), "classname": _plain(case.group), "time": "0"}
-    )
-    if case.outcome == "passed":
-        return
-    kind = {} if case.outcome == "undecided" else {"type": case.outcome}
-    problem = ET.SubElement(element, _ELEMENTS[case.outcome], {"message": _plain(case.message), **kind})
-    problem.text = _plain(case.message)
-
-
-def _plain(text: str) -> str:
-    return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)
+    return made.get_template("junit.xml.j2").render(suites=suites, written=written, elements=_ELEMENTS)
 
 
 _LEVELS = {"failed": "error", "error": "error", "undecided": "warning"}

@@ -135,7 +135,7 @@ def _truth_and_sensors(result: Result) -> Iterator[Block]:
     truth = result.summary.truth
     if truth.known:
         yield Paragraph(conclusion(truth))
-        if audit := audit_table(truth, result.scored):
+        if audit := audit_table(truth):
             yield audit
     yield sensor_table(result)
     for name, sensor in result.summary.sensors.items():

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 
 from trackbench.base.errors import counted
 from trackbench.document import Cell, Column, Table
-from trackbench.metrics.conditions import JUMPS
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent, percent_number, rounded
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, percent_number, rounded
 from trackbench.report.tables import text_table
 from trackbench.report.verdicts import TRUTH
-from trackbench.results import ConditionScores, Result, TrackerResult, TruthAudit, TruthSummary
+from trackbench.results import Result, TruthAudit, TruthSummary
 
 #: m/s or m; what is smaller is not worth its digits.
 _NEGLIGIBLE = 0.001
@@ -31,15 +30,10 @@ def conclusion(truth: TruthSummary) -> str:
     return TRUTH["repaired"].format(where=where)
 
 
-def audit_table(truth: TruthSummary, trackers: Sequence[TrackerResult] = ()) -> Table | None:
-    """Return what the audit of all scenes found: how much, where, and what was done; None where it found nothing.
-
-    Args:
-        truth: of the run.
-        trackers: whose velocity errors just after velocity jumps are told.
-    """
+def audit_table(truth: TruthSummary) -> Table | None:
+    """Return what the audit of all scenes found: how much, where, and what was done; None where it found nothing."""
     audits = _audits(truth)
-    rows = [*_recording(truth), *_velocity(audits), *_jumps(audits), *_after_jumps(trackers)]
+    rows = [*_recording(truth), *_velocity(audits), *_jumps(audits)]
     columns: dict[Column, Callable[[_Finding], str]] = {
         Column("of the truth", left=True): lambda row: row[0],
         Column("found"): lambda row: row[1],
@@ -117,30 +111,6 @@ def _jumps(audits: Audits) -> Iterator[_Finding]:
     drifts = [audit.clock_drift_s or 0.0 for audit in audits.values() if audit.repaired.own_clock]
     if drifts:
         yield "clock of the simulator", f"off by {rounded(max(drifts), 3)} s", "", "time is counted from its steps"
-
-
-def _after_jumps(trackers: Sequence[TrackerResult]) -> Iterator[_Finding]:
-    """How much of the squared velocity errors belongs to velocity jumps of the truth."""
-    jumped = {t.name: t.breakdown for t in trackers if t.breakdown and JUMPS[1] in t.breakdown.jump}
-    shares = []
-    for name, breakdown in jumped.items():
-        near, every = (_squares(scores) for scores in (breakdown.jump[JUMPS[1]], breakdown.all))
-        shares.append(f"{name} {percent(near / every)}")
-    if jumped:
-        first = next(iter(jumped.values()))
-        share = percent(first.jump[JUMPS[1]].count / first.all.count)
-        yield (
-            "after velocity jumps",
-            f"{share} of the estimates",
-            ", ".join(shares),
-            "share of the squared velocity errors",
-        )
-
-
-def _squares(scores: ConditionScores) -> float:
-    """Sum of the squared velocity errors."""
-    error = None if scores.velocity_rmse is None else scores.velocity_rmse.value
-    return scores.count * (error or 0.0) ** 2
 
 
 def _place(name: str | None, time_s: float | None, scene: str) -> str:
