@@ -70,19 +70,6 @@ def test_a_run_leaves_a_result_a_report_and_a_recording(cli: Cli, tiny: Path) ->
     assert [path.name for path in (tiny.parent / "results").iterdir()] == ["tiny"]
 
 
-def test_a_run_says_which_result_it_replaces(cli: Cli, tiny: Path) -> None:
-    def ending(*options: str) -> str:
-        (line,) = (
-            x for x in cli("run", "tiny.yaml", "--no-recording", *options).out.splitlines() if "result.json" in x
-        )
-        return line.partition("report.md")[2]
-
-    assert ending() == ""
-    assert ending("--runs", "3") == "; replaced the earlier result"
-    was = "trackbench run tiny.yaml --set monte_carlo.runs=3"
-    assert ending("--set", "score.settle_s=0.5") == f"; replaced the result of `{was}`: `--out DIR` keeps both"
-
-
 def test_only_the_result_is_on_stdout_with_json(tiny: Path, tmp_path: Path, trackbench: str) -> None:
     # A cache of its own: pygame says hello where highway-env is imported to simulate.
     environment = {**os.environ, "TRACKBENCH_CACHE": str(tmp_path / "cache"), "PYTHONUNBUFFERED": ""}

@@ -116,9 +116,9 @@ class ReportFigure:
         return f"<figure {self.figure.name}: {self.figure.title}>"
 
     def _repr_svg_(self) -> str:
-        from trackbench.document.drawing import svg_file
+        from trackbench.document.drawing import figure_file
 
-        return svg_file(self.figure)
+        return figure_file(self.figure, "svg").decode()
 
     def save(self, path: Path | str) -> None:
         """Write it, with its legend, as ``.svg``, ``.pdf`` or ``.png``.
@@ -127,11 +127,11 @@ class ReportFigure:
             InputError: the ending is another one.
             TrackbenchError: the file cannot be written.
         """
-        from trackbench.document.drawing import FILES
+        from trackbench.document.drawing import figure_file
 
         file = Path(path)
         require_ending(file, FIGURE_ENDINGS)
-        results.write_bytes(file, FILES[file.suffix.removeprefix(".")](self.figure))
+        results.write_bytes(file, figure_file(self.figure, file.suffix.removeprefix(".")))
 
     def to_matplotlib(self) -> Any:
         """A ``matplotlib.figure.Figure`` of it, with its legend, to be changed or saved."""

@@ -115,7 +115,7 @@ def run_command(
         raise InputError(f"name at least one of {', '.join(WORLDS)}", key="--worlds")
     loaded, unchanged = load_several(files, settings, worlds=in_worlds, **options)
     check_run_options(loaded, of_subjects)
-    output = RunOutput(as_json, quiet, out)
+    output = RunOutput(as_json, quiet)
     for note in unchanged:
         output.note(note)
     with executor(workers, cluster) as chosen:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,11 +13,10 @@ from rich.text import Text
 
 from trackbench import results
 from trackbench.api.plan import Listener, Prepared
-from trackbench.base.errors import InputError
 from trackbench.base.types import NotedProgress, Scan
 from trackbench.cli.answer import answer
 from trackbench.cli.terminal import progress
-from trackbench.results import Result, Summary
+from trackbench.results import Result
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison
@@ -29,11 +27,8 @@ if TYPE_CHECKING:
 class RunOutput(Listener):
     """Bars while work goes on, and the outcome of each scenario; with ``as_json`` neither prints to stdout."""
 
-    def __init__(self, as_json: bool, quiet: bool, out: Path | None = None) -> None:
+    def __init__(self, as_json: bool, quiet: bool) -> None:
         self._as_json = as_json
-        # An earlier result is told of where the table is printed, and need not be read elsewhere.
-        self._out = None if as_json or quiet else out
-        self._earlier: dict[str, Summary] = {}
         self._quiet = quiet
         self._console = Console(file=answer())
         self.followers: list[Listener] = []
@@ -55,12 +50,7 @@ class RunOutput(Listener):
         click.echo(text, err=True)
 
     def begin(self, item: Prepared) -> OnRecordedRun | None:
-        """The followers get the recorded run; a result that is going to be replaced is read."""
-        name = item.scenario.config.full_name
-        # One that cannot be read is replaced all the same.
-        with suppress(InputError):
-            if self._out is not None:
-                self._earlier[name] = Result.load(self._out / name).summary
+        """The followers get the recorded run."""
         observers = [observe for follower in self.followers if (observe := follower.begin(item)) is not None]
 
         def observe_all(observed: list[Scan] | RecordedInstant) -> None:
@@ -83,9 +73,7 @@ class RunOutput(Listener):
         print_summary(result, self._console)
         written = [file for file in result.summary.artifacts.values() if not file.endswith(".parquet")]
         files = f"{folder}/: {', '.join([results.SUMMARY, *written])}"
-        self._console.print(
-            Text(f"{files}{_replacing(result.summary, self._earlier.get(result.name))}\n", "dim"), soft_wrap=True
-        )
+        self._console.print(Text(f"{files}\n", "dim"), soft_wrap=True)
 
     def compared(self, comparison: Comparison, page: Path) -> None:
         """Where the comparison is, in which worlds an order holds, and which scenarios are not compared."""
@@ -99,17 +87,3 @@ class RunOutput(Listener):
             scenarios = sum(len(group.scenarios) for group in comparison.groups)
             said = [f"Comparison of {scenarios} scenarios: {page}", *scenarios_without_truth(comparison)]
             self._console.print("; ".join(said), highlight=False, soft_wrap=True)
-
-
-def _replacing(summary: Summary, earlier: Summary | None) -> str:
-    """Whose result was replaced; where it is of other input than another seed or number of runs, how both are kept."""
-    if earlier is None:
-        return ""
-
-    def made_of(of: Summary) -> tuple[list[str], list[str]]:
-        settings = [item for item in of.scenario.overrides if not item.startswith("monte_carlo.")]
-        return shlex.split(of.command)[2:3], settings
-
-    if made_of(summary) == made_of(earlier):
-        return "; replaced the earlier result"
-    return f"; replaced the result of `{earlier.command}`: `--out DIR` keeps both"

@@ -87,8 +87,6 @@ class Column:
     """Whether its cells are flush left (names, sentences) and not flush right (numbers)."""
     details: str = "details"
     """What the small print in its cells is."""
-    axis: tuple[float, float] | None = None
-    """Ends of the axis of its bars, one for all cells; from zero to the largest that is not far out unless given."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +117,7 @@ class Table:
         return next((i for i, cell in enumerate(first) if cell.tracker), 0)
 
     def axis(self, index: int) -> tuple[float, float]:
-        """The ends of the axis of the bars of a column."""
-        if (ends := self.columns[index].axis) is not None:
-            return ends
+        """The ends of the axis of the bars of a column: from zero to the largest that is not far out."""
         bars = [row[index].bar for row in self.rows]
         near = end_of_axis(abs(bar[0]) for bar in bars if bar)
         shown = [end for bar in bars if bar and abs(bar[0]) <= near for end in bar]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -79,7 +79,7 @@ def svg_in_page(figure: Figure) -> str:
 
 def svg_file(figure: Figure) -> str:
     """The text of an SVG file, on white and with the legend."""
-    svg = ElementTree.fromstring(_draw(figure, "svg", _ON_WHITE, legend=True))
+    svg = ElementTree.fromstring(_drawn_file(figure, "svg"))
     _clean(svg, figure.name, {})
     _, _, width, height = svg.attrib["viewBox"].split()
     svg.attrib = {
@@ -95,14 +95,9 @@ def svg_file(figure: Figure) -> str:
     return ElementTree.tostring(svg, encoding="unicode") + "\n"
 
 
-def pdf_file(figure: Figure) -> bytes:
-    """The content of a PDF file, with the legend."""
-    return _draw(figure, "pdf", _ON_WHITE, legend=True)
-
-
-def png_file(figure: Figure) -> bytes:
-    """The content of a PNG file, on white and with the legend."""
-    return _draw(figure, "png", _ON_WHITE, legend=True)
+def figure_file(figure: Figure, kind: str) -> bytes:
+    """The content of a file of a kind (svg, pdf or png), on white and with the legend."""
+    return svg_file(figure).encode() if kind == "svg" else _drawn_file(figure, kind)
 
 
 def matplotlib_figure(figure: Figure) -> Canvas:
@@ -111,13 +106,6 @@ def matplotlib_figure(figure: Figure) -> Canvas:
         canvas.set_facecolor("white")
     return canvas
 
-
-#: The content of a file of a figure, by its kind.
-FILES: Mapping[str, Callable[[Figure], bytes]] = {
-    "svg": lambda figure: svg_file(figure).encode(),
-    "pdf": pdf_file,
-    "png": png_file,
-}
 
 #: What of a file is left out, by its kind: another on each day, or with another version of matplotlib.
 _UNSTATED = {
@@ -129,8 +117,8 @@ _UNSTATED = {
 _PNG_SCALE = 3
 
 
-def _draw(figure: Figure, kind: str, colours: Mapping[str, str], *, legend: bool) -> bytes:
-    with _drawn(figure, colours, legend=legend) as canvas:
+def _drawn_file(figure: Figure, kind: str) -> bytes:
+    with _drawn(figure, _ON_WHITE, legend=True) as canvas:
         return _saved(canvas, kind)
 
 

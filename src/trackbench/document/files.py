@@ -45,11 +45,11 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
         for table in document.tables:
             yield f"{_TABLES}/{table.name}.{ending}", partial(_encoded, render, table)
     if format in ("markdown", "svg", "latex", "pdf", "png"):
-        from trackbench.document.drawing import FILES
+        from trackbench.document.drawing import figure_file
 
         ending = {"markdown": "svg", "latex": "pdf"}.get(format, format)
         for figure in document.figures:
-            yield f"{_FIGURES}/{figure.name}.{ending}", partial(FILES[ending], figure)
+            yield f"{_FIGURES}/{figure.name}.{ending}", partial(figure_file, figure, ending)
 
 
 def _main_file(document: Document, format: Format, tables: str, figures: str) -> bytes:

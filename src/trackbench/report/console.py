@@ -59,9 +59,11 @@ def summary_table(result: Result) -> Table:
     names = [Cell(tracker.name + "*" * tracker.is_reference, tracker=tracker.name) for tracker in trackers]
     columns = [(TRACKER, names)]
     for heading, path, digits, factor in COLUMNS[kind]:
-        columns.append((Column(heading, left=path == "nees"), _cells(result, path, digits, factor)))
+        columns.append(
+            (Column(heading, left=path == "nees" and kind == "known identities"), _cells(result, path, digits, factor))
+        )
     if result.summary.truth.known and not _too_many_groups(shown := standing(result)):
-        columns.insert(2, (Column(shown.short), list(map(Cell, shown.cells))))
+        columns.insert(2, (Column(shown.short, left=True), list(map(Cell, shown.cells))))
     return Table.of_columns("summary", columns)
 
 

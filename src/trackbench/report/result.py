@@ -138,9 +138,6 @@ def _truth_and_sensors(result: Result) -> Iterator[Block]:
         if audit := audit_table(truth):
             yield audit
     yield sensor_table(result)
-    for name, sensor in result.summary.sensors.items():
-        if sensor.effects:
-            yield Paragraph(f"Effects of {name}: {sensor.effects_with_options}.")
 
 
 def _reproduction(result: Result) -> Iterator[Block]:

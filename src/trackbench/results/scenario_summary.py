@@ -90,10 +90,6 @@ class TruthAudit(ResultModel):
 
 #: None where a truth was not audited; such a ``Truth`` has an empty mapping.
 Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
-#: Earlier results have the type of an effect alone.
-EffectOptions = Annotated[
-    dict[str, JsonValue], BeforeValidator(lambda value: {"type": value} if isinstance(value, str) else value)
-]
 
 
 class ScenarioSummary(ResultModel):
@@ -210,7 +206,7 @@ class SensorSummary(ResultModel):
     """Share of the scans with an object in view that gave a measurement of it."""
     latency_s: tuple[float, float] = (0.0, 0.0)
     """The least and the most time from a measurement to its arrival."""
-    effects: tuple[EffectOptions, ...] = ()
+    effects: tuple[dict[str, JsonValue], ...] = ()
     """How it differs from an ideal sensor, in the order in which they act: the type and the options of each."""
 
     @property
@@ -235,13 +231,9 @@ class SensorSummary(ResultModel):
 
     @property
     def effects_in_words(self) -> str:
-        """How it differs from an ideal one, such as "reflection, correlated errors"."""
-        return ", ".join(_effect_type(effect) for effect in self.effects) or "none"
-
-    @property
-    def effects_with_options(self) -> str:
-        """The same with their options, such as "faces (share 0.2); bias (azimuth 0.1 deg)"; empty of an ideal one."""
-        return "; ".join(f"{_effect_type(each)} ({', '.join(_options_in_words(each))})" for each in self.effects)
+        """How it differs from an ideal one, such as "faces (share 0.2); bias (azimuth 0.1 deg)", or "none"."""
+        effects = (f"{_effect_type(each)} ({', '.join(_options_in_words(each))})" for each in self.effects)
+        return "; ".join(effects) or "none"
 
 
 def _effect_type(effect: Mapping[str, object]) -> str:

@@ -81,7 +81,7 @@ def map_of_run(result: Result, styles: Sequence[TrackerStyle], moments: Mapping[
         moments: by tracker, the worst, which is marked where identities are known.
 
     Returns:
-        The figure; None without a path.
+        The figure; None without a path or a track.
 
     Raises:
         InputError: the tables are not those of one run.
@@ -90,9 +90,9 @@ def map_of_run(result: Result, styles: Sequence[TrackerStyle], moments: Mapping[
     targets, observer = alive_paths(tables.truth, "target"), alive_paths(tables.truth, "observer")
     every_path = [*targets.values(), *observer.values()]
     x, y = (np.concatenate([np.empty(0), *(path[axis] for path in every_path)]) for axis in (0, 1))
-    if not x.size:
-        return None
     hidden = summary.identities == "hidden"
+    if not x.size or (hidden and not drawn):
+        return None
     stated, key = (tables.tracks, "track") if hidden else (tables.estimates, "object")
     estimates = [paths_by(rows_where(stated, tracker=style.name), key) for style in drawn]
     marks = [_marks(result, style.name, moments.get(style.name)) for style in drawn]
