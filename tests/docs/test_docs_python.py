@@ -25,7 +25,7 @@ def test_the_page_runs_from_top_to_bottom(fenced: Callable[[Path], list[Any]], t
     assert blocks
     python("\n".join(blocks), tmp_path)
     written = {file.name for file in tmp_path.iterdir()}
-    assert {"cut_in.html", "position-error.pdf", "objects.pdf", "own.png", "results"} <= written
+    assert {"cut_in.html", "errors.pdf", "own.png", "results"} <= written
 
 
 @pytest.mark.docs_pages

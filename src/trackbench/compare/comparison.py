@@ -233,10 +233,6 @@ class OrderInWorlds(ResultModel):
     """By world, the tracker that is shown to be better by more than the margin; None where neither is. Corrected for
     the pairs of all worlds of the scenario."""
 
-    def where(self, name: str | None) -> list[str]:
-        """The worlds in which this tracker is ahead, or neither."""
-        return [world for world, ahead in self.ahead.items() if ahead == name]
-
     @property
     def order(self) -> Literal["holds", "turns", "holds in part", "not shown"]:
         """turns: each is ahead in some world; holds: one is ahead in all of them."""
