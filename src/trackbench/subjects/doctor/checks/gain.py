@@ -236,14 +236,11 @@ def _jacobian(
     confidence, shown_by = 0.8 + 0.15 * share, worst.trial.name
     if tracker.once(linearises) is False:
         return [_not_redrawn(tracker, sensor) or _inconsistent(sensor, rows, text, confidence)]
-    gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
-    j = int(np.argmax(np.abs(gap)))
+    j = int(np.argmax(np.abs(worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma))
     at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
     implied_entry, right_entry = worst.jacobian[i, j], worst.trial.jacobian[i, j]
-    entry = (
-        f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry:.4g}, where {right_entry:.4g} is "
-    )
-    entry += f"right (px, py, vx, vy = {at}); {text}"
+    entry = f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry:.4g}, where {right_entry:.4g} "
+    entry += f"is right (px, py, vx, vy = {at}); {text}"
     return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by)]
 
 
