@@ -163,6 +163,7 @@ def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, se
         (Finding("axis_mirrored", 0.98, "", sensor="lidar"), Finding("overconfident_start", 0.9, "")),
         (Finding("wrong_dt", 0.97, ""), Finding("q_too_large", 0.97, "")),
         (Finding("wrong_dt", 0.97, ""), Finding("predicted_covariance_wrong", 0.95, "")),
+        (Finding("predicted_covariance_wrong", 0.96, ""), Finding("update_not_kept", 0.95, "")),
         (Finding("arctan_quadrant", 0.99, "", sensor="radar"), Finding("nonfinite", 0.98, "")),
         (Finding("predicted_covariance_not_psd", 0.95, ""), Finding("q_too_small", 0.97, "")),
         (Finding("angle_mean_not_circular", 0.95, "", sensor="radar"), Finding("azimuth_not_wrapped", 0.85, "")),

@@ -64,7 +64,7 @@ class PredictedStep(NamedTuple):
             "Where the time since the last scan is computed and stored.",
             "dt = scan.time - time of the state, in s, at every scan, missed ones too; store the new time with the "
             "state.",
-            Role("motion", rank=16, drive="uneven_steps"),
+            Role("motion", rank=12, drive="uneven_steps"),
         ),
         "missed_scan_not_predicted": KnownFault(
             "there is no prediction at a missed scan",

@@ -79,7 +79,7 @@ class Moved(NamedTuple):
             "Where the covariance is predicted and stored.",
             "P = F P F^T + Q, or the spread of the moved points about their own mean plus Q, at every scan, missed "
             "ones too.",
-            Role(rank=18, drive="long_gap"),
+            Role(rank=13, drive="long_gap"),
         )
     },
 )
