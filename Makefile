@@ -156,9 +156,9 @@ drivers: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.drivers fit
 	$(BIN)/python -m benchmarks.drivers reversal
 
-# What the doctor says of faults that people made, and of the sound trackers they are put into; five CPU minutes.
+# What the doctor says of faults that people made, and of the sound trackers they are put into; four CPU minutes.
 real-faults: $(VENV)/.installed-dev
-	$(BIN)/python -m benchmarks.faults
+	$(BIN)/python -m benchmarks.faults.rates
 
 clean:
 	rm -rf $(VENV) build dist src/*.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

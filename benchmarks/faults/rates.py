@@ -1,6 +1,6 @@
 """What the doctor says of faults that people made, and of the sound trackers that the faults are put into.
 
-    python -m benchmarks.faults [--workers N] [--only TEXT]
+    python -m benchmarks.faults.rates [--workers N] [--only TEXT]
 
 Prints a line for each program, and the shares of faults that are named and of sound trackers that are accused.
 """
