@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/command-line.md docs/glossary.md docs/doctor-reference.md
 
-.PHONY: help demo quick test test-all test-long fuzz doctor-rates real-faults calibration calibrated-worlds radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
+.PHONY: help demo quick test test-all test-long fuzz real-faults calibration calibrated-worlds radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -156,14 +156,9 @@ drivers: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.drivers fit
 	$(BIN)/python -m benchmarks.drivers reversal
 
-# How often the doctor is right; about 40 minutes on two cores.
-doctor-rates: $(VENV)/.installed-dev
-	$(BIN)/python benchmarks/doctor_rates.py
-
-# What the doctor says of faults that people made, of a set in benchmarks/faults; five minutes on two cores.
-SET ?= seen
+# What the doctor says of faults that people made, and of the sound trackers they are put into; four CPU minutes.
 real-faults: $(VENV)/.installed-dev
-	$(BIN)/python benchmarks/real_faults.py $(SET)
+	$(BIN)/python -m benchmarks.faults.rates
 
 clean:
 	rm -rf $(VENV) build dist src/*.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -16,7 +16,7 @@ from trackbench.subjects.doctor.findings import known_faults, questions
 def test_every_term_of_a_table_and_an_examination_has_a_page() -> None:
     names = {term.name for of in terms().values() for term in of}
     metrics = {field.name.partition(".")[0] for field in metric_paths()}
-    words = {"diverged", "group", "shown", "likely", "unclear", "fragile"}
+    words = {"diverged", "group", "shown", "likely", "unclear"}
     assert names >= {*metrics, *known_faults(), *questions(), *CONSISTENCY, *TRUST, *words}
 
 

@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from benchmarks.doctor.correct import CORRECT, UNBELIEVABLE
-from benchmarks.doctor.plain_ekf import PlainEkf
+from benchmarks.faults.bases.plain_ekf import Tracker as PlainEkf
 from tests.support.doctor import drives_of, under_test
 
 from trackbench.subjects.doctor.checks.drives import drives
@@ -89,23 +88,6 @@ def test_before_a_track_has_settled_it_is_not_judged() -> None:
     error = drawn()
     error[:, one.time <= 3.0] *= 100.0
     assert judged(error).findings == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(UNBELIEVABLE))
-def test_a_tracker_with_an_unbelievable_covariance_is_not_healthy(name: str) -> None:
-    doctor = Doctor(SENSORS, seed=5)
-    first = drives(under_test(UNBELIEVABLE[name], doctor._drives)).findings[0]
-    assert first.fault in ("too_far_off", "covariance_unbelievable")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["alpha_beta", "kf cv calm, first_measurement", "PlainEkf first_measurement"])
-def test_sound_trackers_pass_every_drive(name: str) -> None:
-    doctor = Doctor(SENSORS, seed=5)
-    found = drives(under_test(CORRECT[name], doctor._drives))
-    assert found.findings == []
-    assert all(check.passed for check in found.checks)
 
 
 class SilentAtMisses(PlainEkf):

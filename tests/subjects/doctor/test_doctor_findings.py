@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from benchmarks.doctor.plain_ekf import PlainEkf
-from benchmarks.doctor.traffic.sound import SOUND
+from benchmarks.faults.bases.plain_ekf import Tracker as PlainEkf
 from click.testing import CliRunner
+from tests.support.doctor import looped, tracker_of
 
 from trackbench.cli.commands import cli
 from trackbench.subjects.doctor import checks, traffic_checks
@@ -22,7 +22,6 @@ from trackbench.subjects.doctor.report import (
     Examination,
     examination_document,
     examination_text,
-    examination_verdict,
 )
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
@@ -77,21 +76,6 @@ def test_a_consequence_of_another_root_is_not_explained() -> None:
     assert found.certainty(other) == ("unclear", 0, ("a",))
 
 
-def test_what_is_fragile_is_no_fault_and_stands_after_the_findings() -> None:
-    at_zero = Finding("nonfinite", 0.98, "not finite where the range is 0", shown_by="at_sensor")
-    alone = Examination("mine", [], [MOTION], (at_zero,))
-    assert alone.healthy
-    assert examination_verdict(alone) == "mine: healthy; fragile at range 0"
-    assert alone.json()["fragile"][0]["fault"] == "nonfinite"
-    assert alone.json()["findings"] == []
-    both = examination_text(
-        replace(alone, findings=[GAIN], checks=[failed("a", GAIN.fault), replace(MOTION, passed=None)])
-    )
-    assert both.startswith("mine: 1 fault found; fragile at range 0\n")
-    places = [both.index(words) for words in ("r_too_small", "Fragile at:\n  range 0 (nonfinite)", "not made:")]
-    assert places == sorted(places)
-
-
 #: They take long, and are not needed here.
 DRIVES = tuple(drive_configs())
 #: A check of trackers of one object, and one of several.
@@ -104,7 +88,7 @@ from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult,
     place=5,
     faults={
         "right_handed": KnownFault(
-            "the hand is the wrong one", "At the wrist.", "Turn it round.", Role(rank=1, causes="gain")
+            "the hand is the wrong one", "At the wrist.", "Turn it round.", Role(rank=1)
         )
     },
 )
@@ -157,8 +141,8 @@ def test_a_check_is_listed_made_reported_and_skipped() -> None:
 
 @pytest.mark.usefixtures("added")
 def test_a_check_of_several_objects_is_made_and_reported() -> None:
-    found = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("mine", SOUND["nearest global"])
+    found = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("mine", looped(tracker_of("gnn")))
     assert (found.checks[0].name, found.checks[0].question) == ("hands", "Are they left-handed?")
     # The filter of its tracks is examined as a tracker of one object.
     assert [finding.fault for finding in found.findings] == ["right_handed", "hands_wrong"]
-    assert "2. the hands are wrong" in examination_text(found)
+    assert found.findings[1].consequence_of == "right_handed"

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.doctor.plain_ekf import PlainEkf
-from benchmarks.doctor.traffic.nearest_global import NearestGlobal
-from benchmarks.doctor.traffic.sound import SOUND
-from benchmarks.doctor.traffic.subject import built_in, looped
+from benchmarks.faults.bases.gnn import Detection, Track
+from benchmarks.faults.bases.gnn import Tracker as NearestGlobal
+from tests.support.doctor import built_in, looped, tracker_of
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.drive import empty_scan
@@ -15,7 +14,7 @@ from trackbench.subjects.doctor.findings import Finding
 from trackbench.subjects.doctor.isolated import Isolated, filter_examined
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic import joined_findings
+from trackbench.subjects.doctor.traffic import ranked_together
 
 PROBE, LIDAR = GENERAL[0], {"lidar": SENSORS["lidar"]}
 
@@ -36,18 +35,23 @@ def followed(tracker: Isolated, given: list[Scan]) -> list[Estimate | None]:
 def test_the_track_of_an_isolated_object_is_the_estimate_of_its_filter(sensor: str) -> None:
     given = scans(sensor, 8)
     given.insert(6, empty_scan(given[5]._replace(time=0.55)))
-    own, time = PlainEkf(velocity_sigma=15.0, acceleration_sigma=3.0), 0.0
-    x, P = own.one_measurement(*own.first_position(given[0]), given[0])
+    own, time = Track(_detection(given[0]), 0.0), 0.0
     found = followed(Isolated(looped(NearestGlobal)), given)
-    assert found[0] is None
-    for scan, estimate in zip(given[1:], found[1:], strict=True):
-        x, P = own.predict(x, P, scan.time - time)
+    assert found[:2] == [None, None]
+    for k, scan in enumerate(given[1:], 1):
+        own.predict(scan.time - time, 3.0)
         if scan.valid:
-            x, P = own.update(x, P, scan)
+            own.correct(_detection(scan))
         time = scan.time
-        assert estimate is not None
-        np.testing.assert_allclose(estimate.mean, x, atol=1e-12)
-        np.testing.assert_allclose(estimate.covariance, P, atol=1e-12)
+        if k >= 2:
+            estimate = found[k]
+            assert estimate is not None
+            np.testing.assert_allclose(estimate.mean, own.x, atol=1e-12)
+            np.testing.assert_allclose(estimate.covariance, own.P, atol=1e-12)
+
+
+def _detection(scan: Scan) -> Detection:
+    return Detection(scan._replace(measurement=scan.measurement[:, None]), 0)
 
 
 def test_probabilistic_association_is_sure_of_a_detection_without_clutter() -> None:
@@ -64,31 +68,23 @@ def test_another_track_is_answered_with_only_where_it_is_detected() -> None:
     jump = given[-1]._replace(measurement=given[-1].measurement + 200.0)
     later = [jump._replace(time=0.6 + 0.1 * k) for k in range(4)]
     far = [empty_scan(jump._replace(time=1.0 + 0.1 * k)) for k in range(12)]
-    *_, last = followed(Isolated(looped(NearestGlobal, misses=3)), given + later)
+    *_, last = followed(Isolated(looped(NearestGlobal, max_age=0.3)), given + later)
     assert last is not None
     assert last.mean[0] > 100
-    assert followed(Isolated(looped(NearestGlobal, misses=3)), given + far)[-1] is None
-
-
-class OnePeriod(NearestGlobal):
-    """Predicts by 0.1 s, whatever the times are."""
-
-    def predict(self, scan):
-        for track in self.tracks:
-            track.x, track.P = self.filter.predict(track.x, track.P, 0.1)
+    assert followed(Isolated(looped(NearestGlobal, max_age=0.3)), given + far)[-1] is None
 
 
 def test_a_wrong_time_step_is_named() -> None:
-    _, findings = filter_examined(LIDAR, looped(OnePeriod))
+    _, findings = filter_examined(LIDAR, looped(tracker_of("predicted_by_one_period")))
     assert findings[0].fault == "wrong_dt"
 
 
-@pytest.mark.parametrize("name", ["nearest global kf", "ipda", "greedy score, slow"])
+@pytest.mark.parametrize("name", ["gnn", "sort_like"])
 def test_the_filters_of_sound_trackers_have_no_fault(name: str) -> None:
-    checks, findings = filter_examined(LIDAR, SOUND[name])
+    checks, findings = filter_examined(LIDAR, looped(tracker_of(name)))
     assert findings == []
     assert [check.name for check in checks if check.passed is False] == []
-    assert {"prediction", "covariance_update.lidar", "spreading"} <= {check.name for check in checks if check.passed}
+    assert {"prediction", "transition"} <= {check.name for check in checks if check.passed}
 
 
 def test_a_tracker_that_cannot_be_copied_is_said_not_to_be_examined() -> None:
@@ -110,16 +106,8 @@ def finding(fault: str, cause: str | None = None) -> Finding:
 @pytest.mark.parametrize(
     ("of_filter", "of_tracks", "expected"),
     [
-        (
-            ["wrong_dt"],
-            ["gate_too_large", "order_dependent"],
-            ["wrong_dt", "order_dependent", "gate_too_large<wrong_dt"],
-        ),
-        (
-            ["missed_scan_not_predicted"],
-            ["empty_scan_not_predicted"],
-            ["empty_scan_not_predicted", "missed_scan_not_predicted<empty_scan_not_predicted"],
-        ),
+        (["wrong_dt"], ["gate_too_large"], ["wrong_dt", "gate_too_large<wrong_dt"]),
+        (["missed_scan_not_predicted"], ["empty_scan_not_predicted"], ["empty_scan_not_predicted"]),
         ([], ["gate_too_small"], ["gate_too_small"]),
         (["q_too_large"], [], ["q_too_large"]),
     ],
@@ -127,7 +115,7 @@ def finding(fault: str, cause: str | None = None) -> Finding:
 def test_what_a_wrong_filter_does_to_its_tracks_is_its_consequence(
     of_filter: list[str], of_tracks: list[str], expected: list[str]
 ) -> None:
-    found = joined_findings(list(map(finding, of_filter)), list(map(finding, of_tracks)))
+    found = ranked_together(list(map(finding, of_filter)), list(map(finding, of_tracks)))
     assert [
         finding.fault + (f"<{finding.consequence_of}" if finding.consequence_of else "") for finding in found
     ] == expected

@@ -5,13 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from benchmarks.doctor.builtin import ekf_cv, ukf_ctrv
-from benchmarks.doctor.plain_ekf import PlainEkf
+from benchmarks.faults.bases.plain_ekf import Tracker as PlainEkf
 from numpy.testing import assert_allclose
 from tests.support.doctor import scans_of, under_test
 
@@ -27,8 +27,13 @@ from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSess
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
+from trackbench.trackers.builtin import ekf, ukf
 from trackbench.trackers.config import PluginConfig
 
+ekf_cv = partial(ekf, motion="cv", acceleration_sigma_mps2=3.0)
+ukf_ctrv = partial(
+    ukf, motion="ctrv", acceleration_sigma_mps2=3.0, yaw_acceleration_sigma_radps2=0.5, initial="two_measurements"
+)
 PROBE = GENERAL[0]
 *FOLLOWED, NEXT = scans_of(PROBE)
 

@@ -61,23 +61,41 @@ def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *,
 def _examined_there(
     tracker: str, request: Mapping[str, Any], isolation: Isolation, progress: Progress
 ) -> Examination | None:
-    """The examination in the process that the tracker gets, where it is looked into too.
+    """Examine a tracker within the process that it gets; None where it gets none, or where that process ends.
 
-    None where it gets none, or where that fails: then it is asked from here, and what fails is found.
+    A tracker whose process ends is then examined from here, which finds the step at which it ends.
+
+    Raises:
+        TrackbenchError: it cannot be examined.
     """
+    if not lives_elsewhere(tracker, isolation):
+        return None
     process = None
     try:
-        if not lives_elsewhere(tracker, isolation):
-            return None
         process = TrackerProcess(isolation, *host_command(tracker))
-        arguments = {"tracker": tracker, "in_process": True, **request}
-        examination = process.work(f"{__name__}:doctor", arguments, progress)
-    except (TrackbenchError, TrackFault):
+        answer = process.work(f"{__name__}:examined_here", {"tracker": tracker, **request}, progress)
+    except TrackFault:
         return None
     finally:
         if process is not None:
             process.close()
-    return examination if isinstance(examination, Examination) else None
+    if isinstance(answer, TrackbenchError):
+        raise answer
+    return answer if isinstance(answer, Examination) else None
+
+
+def examined_here(tracker: str, progress: Progress, **request: Any) -> Examination | TrackbenchError:
+    """Examine a tracker in this process; return the error of one that cannot be examined.
+
+    Args:
+        tracker: ``module:Class`` or a published name.
+        progress: as of :func:`doctor`.
+        request: further arguments of :func:`doctor`.
+    """
+    try:
+        return doctor(tracker, in_process=True, progress=progress, **request)
+    except TrackbenchError as error:
+        return error
 
 
 @contextmanager

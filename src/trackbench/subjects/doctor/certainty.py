@@ -32,8 +32,6 @@ MEANING = {
     "likely": "There is evidence of this fault beside the errors of drives, and it explains at least half of the "
     "failed checks: those that found it or its consequences.",
     "unclear": "Something is wrong, as the failed checks show. The name may be another.",
-    "fragile": "It fails only where the range is exactly 0, or where a target turns away in a gap, which no motion "
-    "model follows and a gate may end. It is no fault, and no check has failed.",
     "healthy": "No check has failed. Those that could not be made are counted and listed.",
 }
 
@@ -127,5 +125,5 @@ def _of_check(check: DoctorCheck[...], question: Question) -> Iterator[tuple[str
     needs += ["an observer that moves"] if question.motion else []
     if needs:
         yield "needs", " and ".join(needs)
-    if faults := (*(question.finds or check.faults), *question.shows):
+    if faults := question.finds or check.faults:
         yield "finds", ", ".join(faults)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base import linalg
 from trackbench.base.types import Array, Mask, Scan, scan_of_member
 from trackbench.base.units import difference
 from trackbench.metrics.consistency import normalised_square
@@ -43,8 +42,6 @@ class SensorInnovations:
     """``(m, k)`` the innovation by which the estimate moved; NaN where it did not."""
     expected: Array
     """``(m, k)`` the measurement minus that of the tracker's own prediction, by the right measurement model."""
-    whitened: Array
-    """``(m, k)`` ``expected``, whitened by ``H P H^T + R``; NaN where that is not positive definite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +105,7 @@ def evidence_run(
     run = findings[0].run if findings else 0
     scans = [scan_of_member(scan, run) for scan in drive.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
-    innovations: dict[str, list[tuple[float, Array, Array, Array]]] = {}
+    innovations: dict[str, list[tuple[float, Array, Array]]] = {}
     # As many as the questions that give one innovation: the measurement, and two beside it in each component.
     session = TrackerSession(make, columns=1 + 2 * max(len(scan.measurement) for scan in scans))
     started = False
@@ -145,8 +142,8 @@ def evidence_run(
     )
 
 
-def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> tuple[float, Array, Array, Array] | None:
-    """Time, ``applied``, ``expected`` and ``whitened`` of one measurement, as in `SensorInnovations`."""
+def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> tuple[float, Array, Array] | None:
+    """Time, ``applied`` and ``expected`` of one measurement, as in `SensorInnovations`."""
     prediction = session.predict(scan)
     if prediction is None:
         return None
@@ -156,14 +153,11 @@ def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> tuple[
     update = trial.update(scan.measurement)
     applied = np.full(len(scan.measurement), np.nan) if update is None else update.innovation * trial.sigma
     expected = difference(scan.measurement, trial.predicted_measurement, SENSOR_MODELS[scan.kind].angular)
-    predicted = linalg.quadratic(trial.jacobian, linalg.symmetrise(prediction.covariance))
-    factor = linalg.cholesky(predicted + scan.noise_covariance)
-    whitened = factor.whiten(expected) if factor.positive else np.full(len(expected), np.nan)
-    return scan.time, applied, expected, whitened
+    return scan.time, applied, expected
 
 
-def _series(scan: Scan, innovations: list[tuple[float, Array, Array, Array]]) -> SensorInnovations:
-    time, applied, expected, whitened = zip(*innovations, strict=True)
+def _series(scan: Scan, innovations: list[tuple[float, Array, Array]]) -> SensorInnovations:
+    time, applied, expected = zip(*innovations, strict=True)
     return SensorInnovations(
         scan.sensor,
         scan.kind,
@@ -172,7 +166,6 @@ def _series(scan: Scan, innovations: list[tuple[float, Array, Array, Array]]) ->
         np.array(time),
         np.stack(applied, axis=1),
         np.stack(expected, axis=1),
-        np.stack(whitened, axis=1),
     )
 
 

@@ -25,13 +25,12 @@ from trackbench.subjects.doctor.findings import (
     CHECKS,
     CheckResult,
     DoctorCheck,
-    Finding,
     PartResult,
     check_named,
     checks_of,
     rank_findings,
 )
-from trackbench.subjects.doctor.inside.pinned import models_alone, of_each_model, with_mixing_as_cause
+from trackbench.subjects.doctor.inside.pinned import models_alone, of_each_model
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Carrier, Probes, simplified, site_of, varied
 from trackbench.subjects.doctor.report import Examination
@@ -132,7 +131,6 @@ class Doctor:
         self._probes = (probes.standing() if still else probes).placed(sites)
         self._setting = Setting(sites[0], bool(still), no_misses, observer is not None)
         self._seed = seed or 0
-        self._shown: tuple[Callable[[], Tracker] | None, dict[str, EvidenceRun]] = (None, {})
         self._late = {name: sensor.latency[1] for name, sensor in sensors.items() if sensor.latency[1] > 0}
 
     @cached_property
@@ -162,7 +160,6 @@ class Doctor:
             make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions, count
         )
         require_runnable(tracker)
-        self._shown = (make, tracker.shown)
         *checks, last = checks_of(CHECKS)
         results = []
         for number, check in enumerate(checks):
@@ -181,13 +178,11 @@ class Doctor:
         for check, result in zip((*checks, last), results, strict=True):
             # A drive in which a step failed is explained by what is found of that step.
             also = results[-1].findings if check.every_drive else []
-            result.checks = check.with_faults(result.checks, [*result.findings, *also], findings)
+            result.checks = check.with_faults(result.checks, [*result.findings, *also])
         if not findings and tracker.output_checks.estimates == 0:
             raise CannotRun("it gave no estimate at any scan")
         made = [check for result in results for check in result.checks]
-        fragile = {finding.fault: finding for finding in findings if finding.fragile}
-        faults = with_mixing_as_cause(rank_findings(finding for finding in findings if not finding.fragile))
-        return Examination(name, faults, made, tuple(fragile.values()))
+        return Examination(name, rank_findings(findings), made)
 
     def _asked(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
         """The result of a check; what is asked of a filter, of each model alone where the tracker has several."""
@@ -253,16 +248,8 @@ class Doctor:
         runs = [(*drives[name], of) for name, of in shown.items() if name in drives]
         count = StepCount(progress, evidence_steps([drive for drive, *_ in runs]))
         examined = Examined(make, self._assumptions.no_misses, count)
-        of, made = self._shown
-        again = made if of is make else {}
-
-        def run(drive: TestDrive, reference: Rollout, findings: list[Finding]) -> EvidenceRun:
-            if drive.name in again and not any(finding.run for finding in findings[:1]):
-                return replace(again[drive.name], findings=findings)
-            return evidence_run(examined, drive, reference, findings)
-
         try:
-            return [run(*each) for each in runs]
+            return [evidence_run(examined, *run) for run in runs]
         except TrackFault:
             # Its process has ended.
             return []

@@ -13,52 +13,17 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Generic, NamedTuple, ParamSpec
 
-from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
-
 #: The packages whose modules are checks: of trackers of one object, and of several.
 CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic_checks"
 P = ParamSpec("P")
 
 
-#: Groups of faults, by which a fault names its consequences.
+#: What a role says of a fault.
 KINDS = {
-    "numerical": "Invalid outputs. What is sure of them has begun at a good estimate, and has no other cause.",
-    "exact": "Found without a model of the tracker, or by one that fits it exactly: no other fault looks like them.",
-    "motion": "Found without a measurement: the use of one sensor's measurements does not change them.",
+    "exact": "Found without a model of the tracker, or by one that fits it exactly: no other fault looks like it.",
+    "motion": "Found without a measurement: the use of one sensor's measurements does not change it.",
     "driven": "What the estimates of drives show of any fault.",
-    "root": "Never a consequence.",
-    "gain": "What a wrong gain is called, with a Jacobian, with sigma points, and by what its update adds.",
-    "noise": "A measurement noise that is wrong.",
-    "growth": "A process noise that is wrong.",
-    "offset": "Measurements that are off by a constant, a factor or a time.",
-    "step": "What a wrong mean or covariance can look like after a step, or after many.",
-    "points": "Sigma points that are wrong.",
-    "angle": "Angles that are not wrapped.",
     "ego": "Of the sensor's own pose and velocity.",
-}
-_MEASURED = ("gain", "step", "points", "numerical", "course_not_wrapped", "overconfident_start")
-_AXES = (*_MEASURED, "angle", "ego", "noise", "growth", "arctan_quadrant", "wrong_dt", "velocity_unit")
-#: Consequences that several faults have.
-COMMON = {
-    # Of measurements that are predicted or read wrongly.
-    "measured": _MEASURED,
-    # Of a wrong step of the state, after which the innovations of all measurements are wrong too.
-    "stepped": (*_MEASURED, "noise", "growth", "offset", "angle"),
-    # Of a wrong covariance.
-    "covariance": ("gain", "noise", "growth", "step", "azimuth_not_wrapped", "overconfident_start"),
-    # Of swapped or mirrored axes.
-    "axes": _AXES,
-    # Of a wrong assignment of detections to tracks.
-    "tracks": (
-        "double_tracks",
-        "wrong_track_deleted",
-        "confirms_too_late",
-        "confirms_too_soon",
-        "never_deletes",
-        "empty_scan_not_predicted",
-    ),
-    # Of wrong sums over sigma points.
-    "sums": ("numerical", "course_not_wrapped", "angle_mean_not_circular"),
 }
 
 
@@ -69,10 +34,6 @@ class Role(NamedTuple):
     """Of ``KINDS``."""
     rank: int = 100
     """Its place among the causes; those with a lower one are tried first."""
-    causes: str = ""
-    """Names and kinds of the faults that it can cause of the same sensor, and names of ``COMMON``."""
-    always: str = ""
-    """The same, whatever their sensor and although they are exact. ``every``: all but those that are a ``root``."""
     drive: str | None = None
     """The test drive in which it is visible."""
 
@@ -94,13 +55,6 @@ class KnownFault(NamedTuple):
         return self.role.kinds.split()
 
 
-def _includes(faults: str, name: str, fault: KnownFault) -> bool:
-    if faults == "every":
-        return "root" not in fault.kinds
-    included = {item for entry in faults.split() for item in COMMON.get(entry, (entry,))}
-    return not included.isdisjoint({name, *fault.kinds})
-
-
 class Question(NamedTuple):
     """One of the questions that a check answers, as ``trackbench list checks`` shows it."""
 
@@ -116,8 +70,6 @@ class Question(NamedTuple):
     """Whether it needs an observer that moves."""
     finds: tuple[str, ...] = ()
     """The faults that it alone finds, where its check has several questions."""
-    shows: tuple[str, ...] = ()
-    """Faults that other checks find and that make it fail."""
 
 
 @dataclass(frozen=True)
@@ -157,25 +109,16 @@ class DoctorCheck(Generic[P]):
             results.append(replace(check, question=check.question or full[name].format(sensor=sensor)))
         return results
 
-    def with_faults(
-        self, checks: Iterable[CheckResult], findings: Sequence[Finding], others: Sequence[Finding] = ()
-    ) -> list[CheckResult]:
-        """The results of its function, a failed one without faults with those that it shows.
-
-        Args:
-            checks: the results.
-            findings: its own.
-            others: those of other checks, of which questions ``show`` some.
-        """
-        questions = {question.name: question for question in self.questions}
-        shared = {fault for question in self.questions for fault in question.finds}
+    def with_faults(self, checks: Iterable[CheckResult], findings: Sequence[Finding]) -> list[CheckResult]:
+        """Return the results of its function, a failed one without faults with those of its findings that it shows."""
+        finds = {question.name: question.finds for question in self.questions}
+        shared = {fault for faults in finds.values() for fault in faults}
 
         def shown(check: CheckResult) -> Iterator[str]:
             name, _, sensor = check.name.partition(".")
-            finds, shows = (questions[name].finds, questions[name].shows) if name in questions else ((), ())
-            own = [finding for finding in findings if finding.fault in finds or finding.fault not in shared]
-            for finding in [*own, *(other for other in others if other.fault in shows)]:
-                if not sensor or finding.sensor in (None, sensor):
+            for finding in findings:
+                is_own = finding.fault in finds.get(name, ()) or finding.fault not in shared
+                if is_own and (not sensor or finding.sensor in (None, sensor)):
                     yield finding.fault
 
         return [
@@ -257,32 +200,25 @@ class Finding:
     consequence_of: str | None = None
     """The fault that causes this one."""
 
-    @property
-    def fragile(self) -> str | None:
-        """Where it alone arises, if that is no fault: at range 0, or in the drive that is beyond motion models."""
-        if self.shown_by in SINGULAR:
-            return "range 0"
-        return "a turn in a gap" if self.shown_by == BEYOND and self.fault in OF_DRIVES else None
 
-
-#: What a drive alone shows.
-OF_DRIVES = ("too_far_off", "covariance_unbelievable")
 #: Confidence from which on a finding can be the cause of others.
 SURE = 0.8
 #: Confidence from which on an exact finding is the consequence of no other.
 CERTAIN = 0.9
-#: That of a line that is seen to compute another value than the right one, and what it can cause.
-PROVEN, CAUSED = 1.0, {"numerical", "gain", "noise", "growth", "step", "points", "angle", "offset"}
+#: Confidence of a line that is seen to compute another value than the right one.
+PROVEN = 1.0
 
 
-def rank_findings(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
-    """One finding for each fault and sensor: root causes first, then consequences, each by falling confidence.
+def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
+    """Keep one finding for each fault and sensor, and order them: root causes, then consequences.
+
+    Among the findings that are as certain, the fault with the lower rank is tried first: its symptoms include the
+    others'. A finding is the consequence of the first root cause that it may depend on.
 
     Args:
         findings: in the order in which they were found.
-        package: of the checks that found them.
     """
-    faults = faults_of(package)
+    faults = known_faults()
     unique: dict[tuple[str, str | None], Finding] = {}
     for finding in findings:
         key = (finding.fault, finding.sensor)
@@ -292,38 +228,30 @@ def rank_findings(findings: Iterable[Finding], package: str = CHECKS) -> list[Fi
     ordered = sorted(
         (finding for (fault, sensor), finding in unique.items() if sensor is not None or fault not in of_sensors),
         key=lambda finding: (
-            finding.confidence < SURE,
-            finding.confidence < PROVEN,
             "driven" in faults[finding.fault].kinds,
+            -sum(finding.confidence >= limit for limit in (SURE, CERTAIN, PROVEN)),
             faults[finding.fault].role.rank,
         ),
     )
     ranked: list[Finding] = []
     for finding in ordered:
         roots = (root for root in ranked if root.consequence_of is None)
-        cause = next((root.fault for root in roots if _causes(faults, root, finding)), None)
+        cause = next((root.fault for root in roots if _explains(root, finding, faults[finding.fault].kinds)), None)
         ranked.append(replace(finding, consequence_of=cause))
-    return sorted(ranked, key=lambda finding: (finding.consequence_of is not None, -finding.confidence))
+    return sorted(ranked, key=lambda finding: finding.consequence_of is not None)
 
 
-def _causes(faults: Mapping[str, KnownFault], root: Finding, finding: Finding) -> bool:
-    """Whether a finding can be the consequence of a root cause, in its sensor and place."""
-    cause, fault = faults[root.fault], faults[finding.fault]
+def _explains(root: Finding, finding: Finding, kinds: Sequence[str]) -> bool:
+    """Whether a finding depends on what the root cause is about, and does not stand for itself."""
     if root.confidence < SURE or root.fault == finding.fault:
         return False
-    if "driven" in fault.kinds and "driven" not in cause.kinds:
+    if "driven" in kinds:
         return True
-    if _includes(cause.role.always, finding.fault, fault):
-        return True
-    if root.confidence >= PROVEN and not CAUSED.isdisjoint(fault.kinds):
-        return True
-    if not _includes(cause.role.causes, finding.fault, fault):
+    if finding.confidence >= (CERTAIN if "exact" in kinds else PROVEN):
         return False
-    if "exact" in fault.kinds and finding.confidence >= CERTAIN:
-        return False
-    if "motion" in fault.kinds or (finding.fault == "jacobian_wrong" and finding.sensor is None):
-        return root.sensor is None
-    return root.sensor is None or finding.sensor is None or root.sensor == finding.sensor
+    if root.sensor is None:
+        return True
+    return "motion" not in kinds and finding.sensor in (None, root.sensor)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,6 @@ LEFT_OUT = {
     "confidence",
     "continuity",
     "growth_by_noise",
-    "drive_innovations",
     "drives",
 }
 #: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic

@@ -17,12 +17,6 @@ from trackbench.subjects.doctor.matrices import largest_entry
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.trackers.answers import Tracker
 
-#: Probe and drive with a range of zero: the azimuth is undefined there, and a correct covariance can become indefinite
-#: by rounding.
-SINGULAR = ("at_sensor", "on_the_sensor")
-#: The drive that a gate may end: in its gap the target turns away from where the motion model has it.
-BEYOND = "gap_in_a_turn"
-
 #: Negative eigenvalue that rounding does not explain, of a covariance scaled to unit variances.
 NEGATIVE = 1e-6
 
@@ -56,7 +50,7 @@ class OutputChecks:
         self.estimates = 0
         self.indefinite_estimates = 0
         self.not_finite: WorstCase | None = None
-        """The first one, and of those at a range of zero only where there is no other."""
+        """The first one."""
         self.asymmetry: WorstCase | None = None
         """Difference of mirrored entries over the geometric mean of their variances."""
         self.indefinite: WorstCase | None = None
@@ -86,12 +80,11 @@ class OutputChecks:
         """
         self.estimates += mean.shape[1]
         finite = np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
-        before = self.not_finite
-        if not finite.all() and (before is None or (before.where in SINGULAR and where not in SINGULAR)):
+        if not finite.all() and self.not_finite is None:
             first = int(np.argmin(finite))
             self.not_finite = _case(1.0, scans[first], where, partial(given, first))
         known = np.flatnonzero(finite)
-        if len(known) == 0 or where in SINGULAR:
+        if len(known) == 0:
             return
         relative = scaled_covariances(np.moveaxis(covariance[:, :, known], -1, 0))
         apart, least = asymmetry(relative), least_eigenvalue(relative)
@@ -127,10 +120,6 @@ def _case(size: float, scan: Scan, where: str, given: Callable[[], Sequence[Scan
 
 #: Asymmetry, and negative eigenvalue, that rounding does not explain, of a covariance scaled to unit variances.
 ROUNDING = 1e-6
-#: Predictions whose mirrored entries have one ratio, if it is made where the estimate is returned, s; a process noise
-#: has another share of each.
-AHEAD = (0.02, 0.1, 0.5)
-
 Make = Callable[[], Tracker]
 Measure = Callable[[Array], Array]
 Blame = Callable[[Array, Array, Array | None], bool]
@@ -140,20 +129,16 @@ Blame = Callable[[Array, Array, Array | None], bool]
 class FaultyStep(NamedTuple):
     """The first step of a track that makes its covariance wrong."""
 
-    step: Literal["start", "prediction", "update", "output"]
+    step: Literal["start", "prediction", "update"]
     scan: Scan
     before: Array | None
     """``(4, 4)`` the covariance before that step: the estimate's, or the one predicted to the update."""
     after: Array
     """``(4, 4)`` the first wrong one."""
-    ratio: float | None = None
-    """Of mirrored entries, where it is the same in every estimate."""
 
     @property
     def words(self) -> str:
         """The step and its time."""
-        if self.step == "output":
-            return f"where the estimate is returned, first at {self.scan.time:.4g} s"
         if self.step == "start":
             return f"in the first estimate, at {self.scan.time:.4g} s"
         of = f" with {self.scan.sensor}" if self.step == "update" else ""
@@ -173,28 +158,7 @@ def asymmetric(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
             and (after is None or then - first >= asymmetry(scaled_covariances(after, like=predicted)) - then)
         )
 
-    origin = _origin(make, scans, asymmetry, adds_more)
-    if origin is None or origin.step != "prediction":
-        return origin
-    ratio = _ratio(make, scans, _mirrored(origin))
-    return origin if ratio is None else FaultyStep("output", origin.scan, None, origin.after, ratio)
-
-
-def _ratio(make: Make, scans: Sequence[Scan], entry: tuple[int, int]) -> float | None:
-    """Of two mirrored entries, if it is the same after all scans and in predictions of several lengths."""
-    session, last = TrackerSession(make), scans[-1]
-    stated = [_covariance(session.step, scan)[0] for scan in scans]
-    ahead = [_covariance(session.peek, empty_scan(last._replace(time=last.time + time)))[0] for time in AHEAD]
-    i, j = entry
-    wrong = [
-        p
-        for p in (*stated, *ahead)
-        if p is not None and abs(scaled_covariances(p)[i, j] - scaled_covariances(p)[j, i]) > ROUNDING
-    ]
-    if len(wrong) < len(AHEAD) or any(p is None for p in ahead):
-        return None
-    ratios = [float(p[i, j] / p[j, i]) for p in wrong]
-    return ratios[0] if np.ptp(ratios) < ROUNDING * abs(ratios[0]) else None
+    return _origin(make, scans, asymmetry, adds_more)
 
 
 def indefinite(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
@@ -217,8 +181,6 @@ def mirrored_entries(of: FaultyStep) -> str:
     i, j = _mirrored(of)
     row, column = COMMON_STATE[i], COMMON_STATE[j]
     text = f"row {row}, column {column} is {of.after[i, j]:.6g} and row {column}, column {row} {of.after[j, i]:.6g}"
-    if of.ratio is not None:
-        return f"{text}, with the ratio {of.ratio:.4g} in every estimate, after measurements and without"
     return text if of.before is None else f"{text} ({of.before[i, j]:.6g} and {of.before[j, i]:.6g} before it)"
 
 

@@ -107,9 +107,9 @@ def simplified(sensor: Sensor) -> Sensor:
     return sensor.model_copy(update={**unlimited, **rate})
 
 
-#: Angles by which a mounting or a scene is turned, rad: more than any azimuth is uncertain at the probes, and not so
-#: much that a target behind the sensor is ahead of it.
-TURNS = (0.6, -0.6)
+#: Angle by which a mounting is turned, rad: more than any azimuth is uncertain at the probes, and not so much that a
+#: target behind the sensor is ahead of it.
+MOUNTED_TURN = -0.6
 
 
 def rotation(angle: float) -> Array:
@@ -128,13 +128,6 @@ def turned_mounting(scan: Scan, angle: float) -> Scan:
         turn = rotation(angle)
         measurement, noise = turn @ measurement, turn @ noise @ turn.T
     return scan._replace(measurement=measurement, noise_covariance=noise, sensor_pose=pose)
-
-
-def turned_scene(scan: Scan, angle: float) -> Scan:
-    """The target, the sensor and its velocity turned about the origin."""
-    turn, pose = rotation(angle), scan.sensor_pose
-    turned = np.array([*(turn @ pose[:2]), wrap_angle(pose[2] + angle)])
-    return scan._replace(sensor_pose=turned, sensor_velocity=turn @ scan.sensor_velocity)
 
 
 class Probe(NamedTuple):
@@ -249,7 +242,6 @@ AXES = (
     Probe("azimuth_axis", "a target at the azimuth pi", (-25.0, 1e-4, 2.0, -7.0)),
     Probe("azimuth_axis_near", "a target just before the azimuth pi", (-25.0, 0.3, 2.0, -7.0)),
 )
-COURSE_AXIS = Probe("course_axis", "a target with the course pi", (20.0, -15.0, -9.0, 0.002))
 #: Its course goes from 0.8 rad, at -5 s, to pi at -0.5 s. It starts ahead and moves away: of a tracker that starts with
 #: the course 0 the speed becomes positive, so that its own course passes pi.
 COURSE_TURN = Probe(
@@ -259,7 +251,6 @@ COURSE_TURN = Probe(
     turn_rate=np.deg2rad(30.0),
 )
 AT_REST = Probe("at_rest", "a target at rest", (17.0, 11.0, 0.0, 0.0))
-AT_SENSOR = Probe("at_sensor", "a target at the sensor's own position", (0.0, 0.0, 0.0, 0.0))
 
 
 class Probes(NamedTuple):
@@ -271,10 +262,8 @@ class Probes(NamedTuple):
     passing: tuple[Probe, ...] = PASSING
     moving: tuple[Probe, ...] = MOVING
     axes: tuple[Probe, ...] = AXES
-    course_axis: Probe = COURSE_AXIS
     course_turn: Probe = COURSE_TURN
     at_rest: Probe = AT_REST
-    at_sensor: Probe = AT_SENSOR
     site: SensorSite = SensorSite()
 
     def standing(self) -> Probes:
@@ -288,11 +277,6 @@ class Probes(NamedTuple):
         def all_placed(probes: Sequence[Probe]) -> tuple[Probe, ...]:
             return tuple(probe.placed(site) for probe in probes)
 
-        def with_own_course(probe: Probe) -> Probe:
-            """Its course is that of the fixed frame."""
-            placed = probe.placed(site)
-            return placed._replace(target=(*placed.target[:2], *probe.target[2:]))
-
         return Probes(
             all_placed(self.general),
             self.radial.placed(site),
@@ -300,10 +284,8 @@ class Probes(NamedTuple):
             all_placed(self.passing),
             all_placed(self.moving),
             tuple(dict.fromkeys(probe.placed(one) for one in sites for probe in self.axes)),
-            with_own_course(self.course_axis),
-            with_own_course(self.course_turn),
+            self.course_turn.placed(site),
             self.at_rest.placed(site),
-            self.at_sensor.placed(site),
             site,
         )
 

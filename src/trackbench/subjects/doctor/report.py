@@ -38,8 +38,6 @@ class Examination:
     tracker: str
     findings: list[Finding]
     checks: list[CheckResult]
-    fragile: tuple[Finding, ...] = ()
-    """What fails only where the range is exactly 0; no fault."""
     evidence: tuple[EvidenceRun, ...] = field(default=(), compare=False, repr=False)
     """The test drives that show the findings; none of a tracker of several objects."""
     notes: tuple[str, ...] = ()
@@ -73,7 +71,6 @@ class Examination:
             "tracker": self.tracker,
             "healthy": self.healthy,
             "findings": [self._of_finding(finding) for finding in self.findings],
-            "fragile": [self._of_finding(finding) for finding in self.fragile],
             "checks": [check.json() for check in self.checks],
         }
 
@@ -101,9 +98,9 @@ class Examination:
         """
         try:
             values = read_json(file)
-            findings, fragile = ([_loaded(entry) for entry in values[key]] for key in ("findings", "fragile"))
+            findings = [_loaded(entry) for entry in values["findings"]]
             checks = TypeAdapter(list[CheckResult]).validate_python(values["checks"])
-            return cls(str(values["tracker"]), findings, checks, tuple(fragile))
+            return cls(str(values["tracker"]), findings, checks)
         except ValidationError as invalid:
             first = invalid.errors()[0]
             where = ".".join(map(str, first["loc"]))
@@ -166,9 +163,7 @@ def _loaded(entry: Any) -> Finding:
 
 def examination_verdict(examination: Examination) -> str:
     """The result in one sentence."""
-    places = dict.fromkeys(finding.fragile for finding in examination.fragile)
-    fragile = f"; fragile at {' and '.join(map(str, places))}" if places else ""
-    return f"{examination.tracker}: {_found(examination)}{fragile}"
+    return f"{examination.tracker}: {_found(examination)}"
 
 
 def _found(examination: Examination) -> str:
@@ -247,11 +242,6 @@ def examination_text(examination: Examination, every_check: bool = False) -> str
         lines += ["", "Probably consequences; check them again after the fix:"]
         for finding in examination.consequences:
             lines += _wrapped(f"  {finding.fault} (of {finding.consequence_of}): {finding.evidence}", "    ")
-    if examination.fragile:
-        lines += ["", "Fragile at:"]
-        for finding in examination.fragile:
-            lines += _wrapped(f"  {finding.fragile} ({finding.fault}): {finding.evidence}", "    ")
-            lines += _wrapped(f"    {fix(examination, finding)}", "    ")
     made = [check for check in examination.checks if check.passed is not None]
     failed = [check for check in made if not check.passed]
     names_follow = ", failed:" if failed and not every_check else ""
@@ -316,12 +306,6 @@ def _findings(examination: Examination) -> Iterator[Block]:
     ]
     if caused:
         yield Section("Probably consequences: check them again after the fix", (Items(tuple(caused)),))
-    fragile = [
-        Item(f"{finding.evidence}. {fix(examination, finding)}", f"{finding.fragile} ({finding.fault})".capitalize())
-        for finding in examination.fragile
-    ]
-    if fragile:
-        yield Section("Fragile at", (Items(tuple(fragile)),))
 
 
 def _not_made_section(examination: Examination) -> Iterator[Section]:

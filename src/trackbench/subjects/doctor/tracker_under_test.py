@@ -14,7 +14,6 @@ from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.assumptions import NONE, Assumptions
 from trackbench.subjects.doctor.drives import Rollout, TestDrive
-from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Probe, Probes, probe_rate
 from trackbench.subjects.doctor.session import Examined, MissGiven, StepFailed, TrackerSession, finite, not_counted
@@ -79,8 +78,6 @@ class TrackerUnderTest:
         self.output_checks = OutputChecks()
         self.failures: list[tuple[str, StepFailed]] = []
         """Each with the name of the probe, drive or check where it happened."""
-        self.shown: dict[str, EvidenceRun] = {}
-        """First runs of drives with their innovations, by the name of the drive."""
         self._sessions: dict[tuple[Probe, tuple[str, ...], bool], TrackerSession | None] = {}
         self._trials: dict[tuple[Probe, str, tuple[str, ...], bool], Trial | None] = {}
         self._at_zero: dict[Probe, tuple[TrackerSession, Estimate] | None] = {}

@@ -18,6 +18,7 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.findings import (
+    SURE,
     TRAFFIC_CHECKS,
     CheckResult,
     DoctorCheck,
@@ -39,15 +40,6 @@ RATE, RANGE, DETECTION, FALSE_ALARMS = 20.0, 150.0, 0.9, 2.0
 OBJECTS = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3], [20, -60, 1, 9]]).T
 #: A track this near to an object is on it, m.
 NEAR = 5.0
-#: What a wrong filter of the tracks can bring about.
-OF_FILTER = {
-    *("gate_too_small", "gate_too_large", "empty_scan_not_predicted", "associated_unpredicted", "confirms_too_late"),
-    *("double_tracks", "never_deletes", "ids_reused", "wrong_track_deleted"),
-}
-#: What is wrong with the filter of a tracker that has this fault, and nothing else.
-SAME = {"empty_scan_not_predicted": "missed_scan_not_predicted"}
-#: What shows in old scans alone; what makes a tracker take every scan for one of the next moment.
-OF_OLD_SCANS, TIMELESS = "late_processed_as_new", "wrong_dt"
 #: What a failed step is called by the words of its error.
 FAILURES = {NOT_DEFINITE: "covariance_not_psd", NOT_FINITE: "nonfinite"}
 #: Gives a fresh tracker.
@@ -251,42 +243,29 @@ class TrafficDoctor:
         of_filter, filter_findings = filter_examined({site.name: site.sensor for site in used}, make)
         progress(len(scenes) + 1, len(scenes) + 1)
         # Some faults of a filter show in a scene of several detections alone.
-        # Where no sensor is late, no scan is old: that causes nothing else, and comes last.
-        none_late = all(site.latency == 0.0 for site in used)
-        of_old = [finding for finding in once if none_late and finding.fault == OF_OLD_SCANS]
         of_tracks = [finding for finding in once if finding.fault in faults_of(TRAFFIC_CHECKS)]
-        filter_findings += [finding for finding in once if finding not in [*of_tracks, *of_old]]
-        ranked = joined_findings(rank_findings(filter_findings), rank_findings(of_tracks, TRAFFIC_CHECKS))
-        return Examination(name, with_old_scans(ranked, of_old), [*checks, *of_filter])
+        filter_findings += [finding for finding in once if finding not in of_tracks]
+        return Examination(name, ranked_together(filter_findings, of_tracks), [*checks, *of_filter])
 
 
-def joined_findings(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
-    """Root causes first: of the filter, then of the tracks. Both are ranked."""
-    if not of_filter:
-        return list(of_tracks)
-    cause, own = of_filter[0].fault, {finding.fault for finding in of_tracks}
-    if cause == "wrong_dt" and of_filter[0].factor == 0.0:
-        # What a track is asked at missed scans is asked of one that is not predicted there.
-        cause = "missed_scan_not_predicted"
-    first = next((fault for fault, same in SAME.items() if same == cause and fault in own), None)
-    if first is not None:
-        of_filter = [replace(finding, consequence_of=finding.consequence_of or first) for finding in of_filter]
-    else:
-        caused = {finding.fault for finding in of_tracks} & OF_FILTER
-        of_tracks = [
-            replace(finding, consequence_of=cause)
-            if finding.fault in caused or finding.consequence_of in caused
-            else finding
-            for finding in of_tracks
-        ]
-    return sorted([*of_filter, *of_tracks], key=lambda finding: finding.consequence_of is not None)
+def ranked_together(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
+    """Rank the findings of a filter, which is examined without association, before those of its tracks.
+
+    A sure finding of the filter explains all findings of the tracks.
+    """
+    faults = {finding.fault for finding in of_tracks}
+    if "empty_scan_not_predicted" in faults:
+        of_filter = [finding for finding in of_filter if not _stands_still(finding)]
+    first, tracks = rank_findings(of_filter), rank_findings(of_tracks)
+    if not first or first[0].confidence < SURE:
+        return sorted([*tracks, *first], key=lambda finding: finding.consequence_of is not None)
+    return [*first, *(replace(finding, consequence_of=finding.consequence_of or first[0].fault) for finding in tracks)]
 
 
-def with_old_scans(ranked: Sequence[Finding], of_old: Sequence[Finding]) -> list[Finding]:
-    """Ranked findings, and after their root causes those of old scans that the scenario does not have."""
-    if any(finding.fault == TIMELESS and finding.consequence_of is None for finding in ranked):
-        of_old = [replace(finding, consequence_of=TIMELESS) for finding in of_old]
-    return sorted([*ranked, *of_old], key=lambda finding: finding.consequence_of is not None)
+def _stands_still(finding: Finding) -> bool:
+    """Whether it says that the track of a filter stays where it is at a missed scan."""
+    no_step = finding.fault == "wrong_dt" and finding.factor == 0.0
+    return no_step or finding.fault == "missed_scan_not_predicted"
 
 
 def _begins(make: Make, site: Site) -> bool:

@@ -9,11 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Mask
-from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.drives import Rollout, TestDrive, drive_configs, rollout
-from trackbench.subjects.doctor.evidence import evidence_run
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.builtin import kf
@@ -32,8 +29,6 @@ NEAR = 0.6
 #: independent instants, of which chi-square allows 0.6 to 1.6 (99.9 %); the rest is for motion models that are not
 #: those of the target: constant turn rates at rest have 0.13, nearly constant accelerations on a straight path 8.
 NEES = (0.03, 15.0)
-#: Innovations whose applied angle is larger than pi, from which on it is no chance.
-UNWRAPPED = 3
 #: Ratio of the position errors to those of a filter with the same measurements, and of the NEES either way, from which
 #: on a gain is harmful.
 HARM, STATED = 1.5, 4.0
@@ -69,13 +64,7 @@ class JudgedDrive(NamedTuple):
 
     @property
     def far(self) -> float:
-        """How many times too far off; below 1 where it is not.
-
-        Not judged where the direction to the target is undefined: a scan more or less leads sound turning models of a
-        slow radar elsewhere.
-        """
-        if self.drive.name in SINGULAR:
-            return 0.0
+        """How many times too far off; below 1 where it is not."""
         own, other = self.rms
         return own / max(FAR * other, NEAR)
 
@@ -114,7 +103,7 @@ class JudgedDrive(NamedTuple):
             "the estimate is too far off",
             "In the named drive at the named time; first at the checks that fail besides.",
             "Run that drive (the report shows it), and compare the predicted with the measured values at that time.",
-            Role("driven", rank=49, causes="covariance_unbelievable", drive="manoeuvre"),
+            Role("driven", rank=49, drive="manoeuvre"),
         ),
         "covariance_unbelievable": KnownFault(
             "the stated covariance does not fit the errors",
@@ -133,19 +122,13 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
         if isinstance(outcome, StepFailed):
             tracker.failures.append((drive.name, outcome))
             text = f"the tracker failed at {outcome.scan.time:g} s: {outcome}"
-            # At the sensor's own position rounding alone can break a correct filter; another error is a finding.
-            passed = None if drive.name in SINGULAR else False
-            result.add(drive.name, passed, text)
-        elif drive.name in SINGULAR:
-            text = "the tracker went through; a radar's range and azimuth have no linearisation there"
-            result.add(drive.name, True, text)
+            result.add(drive.name, False, text)
         elif not np.isfinite(outcome.rms[0]):
             result.add(drive.name, None, "there is no estimate to judge")
         else:
             judged.append(outcome)
-    beyond = all(one.believable or one.drive.name == BEYOND for one in judged)
     for one in judged:
-        result.add(one.drive.name, one.believable or (None if beyond else False), _text(one))
+        result.add(one.drive.name, one.believable, _text(one))
     findings = (_too_far_off(judged), _covariance_unbelievable(judged))
     result.findings += [finding for finding in findings if finding is not None]
     return result
@@ -171,7 +154,7 @@ def harmless(tracker: TrackerUnderTest) -> str | None:
     that of a Kalman filter which uses the same components of the measurements, or a covariance that does not fit the
     errors.
     """
-    outcomes = [outcome for drive, outcome in tracker.once(driven) if drive.name not in (*SINGULAR, BEYOND)]
+    outcomes = [outcome for _, outcome in tracker.once(driven)]
     judged = [outcome for outcome in outcomes if isinstance(outcome, JudgedDrive) and outcome.believable]
     if not judged or len(judged) < len(outcomes):
         return None
@@ -230,7 +213,7 @@ def _too_far_off(judged: list[JudgedDrive]) -> Finding | None:
     off = [one for one in judged if one.far > 1.0]
     if not off:
         return None
-    worst = max(off, key=lambda one: (one.drive.name != BEYOND, one.far))
+    worst = max(off, key=lambda one: one.far)
     own, other = worst.rms
     begin, within = _interval(worst, worst.errors.distance, worst.measured, largest=True)
     run = int(np.argmax(within.any(axis=0)))
@@ -252,7 +235,7 @@ def _covariance_unbelievable(judged: list[JudgedDrive]) -> Finding | None:
     off = [(one, part) for one in judged for part in PARTS if one.unbelievable(part) > 1.0]
     if not off:
         return None
-    worst, part = max(off, key=lambda pair: (pair[0].drive.name != BEYOND, pair[0].unbelievable(pair[1])))
+    worst, part = max(off, key=lambda pair: pair[0].unbelievable(pair[1]))
     nees = worst.nees(part)
     begin, within = _interval(worst, worst.errors.nees[part], worst.scored, largest=nees > 2.0)
     run = int(np.argmax(within.any(axis=0)))
@@ -310,57 +293,3 @@ def _errors(estimates: Rollout, drive: TestDrive) -> Errors:
         nees[part] = np.full(known.shape, np.nan)
         nees[part][known] = np.einsum("ni,nij,nj->n", e, np.linalg.pinv(p), e)
     return Errors(np.where(known, np.hypot(error[0], error[1]), np.nan), nees)
-
-
-#: The drive in which the azimuth passes pi.
-DRIVE = "azimuth_crossing"
-
-
-@doctor_check(
-    Question(
-        "innovations",
-        "Are all angles in the innovations wrapped?",
-        "Are all angles in the innovations of {sensor} wrapped where the azimuth passes pi?",
-        each_sensor=True,
-        shows=("azimuth_not_wrapped", "angle_mean_not_circular"),
-    ),
-    place=210,
-    of_filters=True,
-)
-def drive_innovations(tracker: TrackerUnderTest) -> PartResult:
-    """Mean, NIS, autocorrelation and unwrapped angles of the innovations of each sensor."""
-    found = next((pair for pair in tracker.drives if pair[0].name == DRIVE), None)
-    result = PartResult()
-    if found is None:
-        question = "Are all angles in the innovations wrapped where the azimuth passes pi?"
-        for name in tracker.sensors:
-            result.add(f"innovations.{name}", None, f"its drive {DRIVE} is skipped", question=question)
-        return result
-    drive, reference = found
-    tracker.shown[DRIVE] = evidence_run(tracker.make, drive, reference, [])
-    for of in tracker.shown[DRIVE].innovations:
-        angular, mean = SENSOR_MODELS[of.kind].angular, np.nanmean(of.applied / of.sigma[:, None], axis=1)
-        means = ", ".join(f"{name.replace('_', ' ')} {v:.2g}" for name, v in zip(of.components, mean, strict=True))
-        nis = float(np.nanmean(np.sum(of.whitened**2, axis=0)))
-        text = f"mean {means} sigma; NIS {nis:.3g} (expected: {len(of.sigma)}); "
-        text += f"lag-one autocorrelation {_autocorrelation(of.whitened):.2g}"
-        unwrapped = sum(int(np.sum(np.abs(of.applied[i]) > np.pi)) for i in angular)
-        if angular:
-            text += f"; {unwrapped} of {of.applied.shape[1]} larger than pi"
-        # The motion model alone can give the innovations a mean and a correlation in this drive; these are only
-        # reported.
-        finding = None
-        if unwrapped >= UNWRAPPED:
-            words = f"the angles of {unwrapped} innovations of {of.sensor} that were applied are larger than pi"
-            finding = Finding("azimuth_not_wrapped", 0.85, words, sensor=of.sensor, shown_by=DRIVE)
-        result.add(f"innovations.{of.sensor}", unwrapped == 0, text, finding)
-    return result
-
-
-def _autocorrelation(whitened: Array) -> float:
-    """Of successive innovations."""
-    known: Mask = np.asarray(np.isfinite(whitened).all(axis=0))
-    now, before = whitened[:, 1:], whitened[:, :-1]
-    both: Mask = np.asarray(known[1:] & known[:-1])
-    power = float(np.sum(now[:, both] ** 2))
-    return float(np.sum(now[:, both] * before[:, both])) / power if power > 0.0 else 0.0

@@ -1,6 +1,6 @@
 """Does the tracker predict the right measurement of the target that it estimates?
 
-Wrong innovations are explained by models with a known fault, and by constant errors of a sensor.
+Wrong innovations are explained by models with a known fault.
 """
 
 from __future__ import annotations
@@ -10,23 +10,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackbench.base.types import Array, Mask
+from trackbench.base.types import Array
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.expected_gain import linearised_gain
-from trackbench.subjects.doctor.findings import SURE, Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
-from trackbench.subjects.doctor.wrong_models import WrongModel, systematic_error, wrong_models
+from trackbench.subjects.doctor.wrong_models import WrongModel, wrong_models
 
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0
-#: Distance from its prediction of the measurement that is drawn where none has an effect, in standard deviations.
-ASIDE = 2.0
 #: Share of the trials in which the innovation of the right model must be zero.
 MOST = 0.85
-#: Share of the trials with moving observers in which it may be zero where their motion is used wrongly.
-HALF = 0.5
 #: Share of the largest singular value of a gain that is none, and one that has to be there; in how many trials.
 NO_GAIN, CLEAR_GAIN, LEAST = 1e-6, 1e-3, 3
 EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
@@ -48,81 +44,71 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
     place=130,
     of_filters=True,
     faults={
+        "axis_swapped": KnownFault(
+            "two axes are swapped",
+            "Where measurements are read and where the estimate is returned (px, py, vx, vy).",
+            "x is along the boresight and y to its left; the azimuth starts at x; the estimate's order is px, py, vx, "
+            "vy.",
+            Role("exact", rank=7, drive="tangential_pass"),
+        ),
+        "axis_mirrored": KnownFault(
+            "an axis points the wrong way",
+            "Where the measurements of this sensor are read.",
+            "y is to the left of the boresight, and azimuths are counter-clockwise.",
+            Role("exact", rank=8, drive="azimuth_crossing"),
+        ),
+        "arctan_quadrant": KnownFault(
+            "arctan is used instead of arctan2",
+            "Where an angle is computed from two components, such as the predicted azimuth or the course of a new "
+            "track.",
+            "Use arctan2(y, x); arctan(y / x) gives the same angle for a target ahead and for the opposite one behind.",
+            Role("exact", rank=12, drive="azimuth_crossing"),
+        ),
         "doppler_sign": KnownFault(
             "the range rate has the wrong sign",
             "Where the range rate is predicted, and where the measurement is read.",
             "The range rate is positive if the target moves away: (p . v) / |p|, with p and v relative to the sensor.",
-            Role("exact", rank=13, causes="measured", drive="radial_approach"),
+            Role("exact", rank=13, drive="radial_approach"),
         ),
         "speed_for_range_rate": KnownFault(
             "the range rate is not predicted as the velocity along the line of sight",
             "Where the third component of a radar's measurement is predicted.",
             "Predict the component of the relative velocity along the line of sight, (p . v) / |p|, not its length.",
-            Role("exact", rank=14, causes="measured", drive="tangential_pass"),
+            Role("exact", rank=14, drive="tangential_pass"),
         ),
         "degrees_for_radians": KnownFault(
             "degrees and radians are mixed up",
             "Where azimuths, yaws and their standard deviations are read.",
             "Measurements, poses and noise are in radians here; convert once, where they enter the tracker, if at all.",
-            Role("exact", rank=9, causes="measured noise angle arctan_quadrant", drive="azimuth_crossing"),
+            Role("exact", rank=9, drive="azimuth_crossing"),
         ),
         "ego_motion_ignored": KnownFault(
             "the sensor's own pose or velocity is left out",
             "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
             "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
             "target's velocity.",
-            Role(
-                "exact ego",
-                rank=10,
-                causes="measured noise arctan_quadrant",
-                always="ego_motion_wrong",
-                drive="moving_observer",
-            ),
+            Role("exact ego", rank=10, drive="moving_observer"),
         ),
         "ego_motion_wrong": KnownFault(
             "the sensor's own pose or velocity is applied wrongly",
             "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
             "Subtract scan.sensor_velocity from the target's velocity, both in the fixed frame, and take the component "
             "along the line of sight: u @ (v - scan.sensor_velocity); turn positions by scan.sensor_pose[2].",
-            Role("exact ego", rank=10, causes="measured noise arctan_quadrant", drive="moving_observer"),
+            Role("exact ego", rank=10, drive="moving_observer"),
         ),
         "sensor_pose_ignored": KnownFault(
             "the pose of a sensor that stands still is left out",
             "Where measurements are converted to the fixed frame, and where they are predicted.",
             "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, of the observer and the "
             "mounting together.",
-            Role("exact ego", rank=11, causes="measured noise angle polar_start arctan_quadrant", drive="stationary"),
+            Role("exact ego", rank=11, drive="stationary"),
         ),
         "measurement_ignored": KnownFault(
             "the measurements of a sensor, or a component of them, are never used",
             "Where the tracker chooses its update by the sensor's name or kind, and where the gain is computed.",
             "Check that scan.kind is compared with the right word, that no column of the gain is zero, and that no "
             "gate rejects all.",
-            Role(
-                "exact",
-                rank=28,
-                causes="nonfinite gain noise growth covariance_update_wrong",
-                always="covariance_not_psd",
-                drive="manoeuvre",
-            ),
-        ),
-        "sensor_bias": KnownFault(
-            "the measurements of a sensor have a constant bias",
-            "Where the measurements of this sensor are read, and where its mounting is applied.",
-            "Look for an offset that is added or missing (calibration, mounting), and correct it.",
-            Role("offset", rank=31, causes="numerical gain overconfident_start", drive="own_model"),
-        ),
-        "scale_error": KnownFault(
-            "the measurements of a sensor are scaled by a constant",
-            "Where the measurements of this sensor are read, and where units are converted.",
-            "Look for a factor that is applied or missing (a unit, a calibration), and correct it.",
-            Role("offset", rank=32, causes="numerical gain overconfident_start", drive="radial_approach"),
-        ),
-        "time_offset": KnownFault(
-            "the time of a sensor's measurements is off by a constant",
-            "Where the time of a scan is read, and where a latency is taken off or added.",
-            "scan.time is when the measurement was taken: predict to it, and add or subtract no latency.",
-            Role("offset", rank=27, causes="measured growth angle sensor_bias scale_error", drive="tangential_pass"),
+            Role("exact", rank=28, drive="manoeuvre"),
         ),
     },
 )
@@ -182,31 +168,8 @@ def _examined(
         f"in {np.sum(~right)} of {len(moved)} trials the predicted measurement has an innovation, of "
         f"{np.nanmedian(innovations[~right]):.3g} sigma in their median (largest: {worst.description})"
     )
-    finding = _wrong_model(sensor, kind, moved, zero) or systematic_error(sensor, moved, zero)
-    if finding is None and moving.any() and np.mean(right[moving]) < HALF and np.mean(right[~moving]) >= MOST:
-        finding = _while_moving(
-            sensor, [trial for trial, moves in zip(moved, moving, strict=True) if moves], right, moving
-        )
-    if finding is None and kind == "radar":
-        finding = _range_rate_alone(sensor, moved)
+    finding = _wrong_model(sensor, kind, moved, zero)
     return False, text, finding
-
-
-def _range_rate_alone(sensor: str, trials: Sequence[Trial]) -> Finding | None:
-    """Where range and azimuth have no innovation, and the range rate has one that no model explains."""
-    offsets = [(trial, offset / trial.sigma) for trial in trials if (offset := trial.offset()) is not None]
-    wrong = [(trial, offset) for trial, offset in offsets if abs(offset[2]) > ZERO]
-    if len(offsets) < MOST * len(trials) or 2 * len(wrong) < len(trials):
-        return None
-    if any(np.abs(offset[:2]).max() > ZERO for _, offset in offsets):
-        return None
-    trial, offset = max(wrong, key=lambda entry: abs(float(entry[1][2])))
-    used = trial.predicted_measurement + offset * trial.sigma
-    text = (
-        f"of what {sensor} measures the range rate alone is predicted wrongly in {len(wrong)} of {len(trials)} trials: "
-        f"of {trial.description} {used[2]:.4g} m/s has no innovation, and {trial.predicted_measurement[2]:.4g} is right"
-    )
-    return Finding("speed_for_range_rate", SURE, text, sensor=sensor, shown_by=trial.name)
 
 
 def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
@@ -237,16 +200,6 @@ def _least_share(gain: Array) -> float:
     """The least singular value over the largest."""
     values = np.linalg.svd(gain, compute_uv=False)
     return float(values[-1] / max(values[0], np.finfo(float).tiny))
-
-
-def _while_moving(sensor: str, trials: Sequence[Trial], right: Mask, moving: Mask) -> Finding:
-    """Wrong from moving observers alone."""
-    worst = max(trials, key=lambda trial: _innovation(trial, trial.predicted_measurement))
-    text = (
-        f"from moving observers the predicted measurement of {sensor} has an innovation in {np.sum(~right[moving])} of "
-        f"{np.sum(moving)} trials, and from standing ones in {np.sum(~right[~moving])} of {np.sum(~moving)}"
-    )
-    return Finding("ego_motion_wrong", 0.9, text, sensor=sensor, shown_by=worst.name)
 
 
 def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:

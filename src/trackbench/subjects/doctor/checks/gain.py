@@ -10,16 +10,14 @@ import numpy as np
 from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.drives import harmless
-from trackbench.subjects.doctor.checks.implied_noise import DIRECTION, ERRORS, noise_factors, uncertainty, wrong_noise
+from trackbench.subjects.doctor.checks.implied_noise import DIRECTION, ERRORS, noise_factors, wrong_noise
 from trackbench.subjects.doctor.checks.jacobians import wrong_line
 from trackbench.subjects.doctor.checks.one_gain import update_faults
-from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
 from trackbench.subjects.doctor.findings import CERTAIN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import sampling_noise
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, learned_offsets, linearises
 from trackbench.subjects.doctor.trial import Trial
-from trackbench.subjects.doctor.units_ratio import conversion
 
 #: Difference of the factors of sensors up to which they are one.
 SAME_FACTOR = 0.1
@@ -40,7 +38,7 @@ def inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
 
     The gains are then those of the stated noise, and the returned covariance is larger than that which they are of.
     """
-    large = [finding for finding in result.findings if finding.fault in ("r_too_large", "measurement_noise_twice")]
+    large = [finding for finding in result.findings if finding.fault == "r_too_large"]
     factors = [finding.factor for finding in large]
     sizes = np.array([factor for factor in factors if factor is not None])
     everywhere = len(sizes) == len(result.findings) == len(tracker.sensors) > 1
@@ -54,6 +52,9 @@ def inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
 
 #: Error of the length of a row, as a ratio. Sigma points reach 1.25.
 SIZE = 1.7
+#: Relative error of a gain of sigma points that is none, and one that is; gaps after the last measurement, s.
+SMALL, LARGE = 0.05, 0.12
+AT_ONCE, LATER = 1e-3, 0.5
 #: Ratio of the implied noises of the trials up to which they are one: 1.00 with constant velocity and any Jacobian, and
 #: 1.14 in a turning model's EKF.
 SAME_NOISE = 1.15
@@ -89,42 +90,30 @@ OWN_NOISE = (
             "a Jacobian is wrong",
             "Where the derivative of the measurement model or of the motion model is written out.",
             "Derive the named entry again, and compare the whole matrix with finite differences in a test.",
-            Role("gain", rank=42, causes="numerical noise growth angle", drive="tangential_pass"),
+            Role(rank=42, drive="tangential_pass"),
         ),
         "r_too_small": KnownFault(
             "the measurement noise is too small",
             *OWN_NOISE,
-            Role("noise", rank=46, causes="numerical overconfident_start", drive="own_model"),
+            Role(rank=46, drive="own_model"),
         ),
         "r_too_large": KnownFault(
             "the measurement noise is too large",
             *OWN_NOISE,
-            Role("noise", rank=47, causes="numerical", drive="own_model"),
+            Role(rank=47, drive="own_model"),
         ),
         "measurement_noise_omitted": KnownFault(
             "the measurement noise is missing from the innovation covariance",
             "Where the innovation covariance S is computed.",
             "S = H P H^T + R, or the sum over the sigma points plus R.",
-            Role("noise", rank=15, causes="stepped polar_start wrong_dt", drive="own_model"),
-        ),
-        "measurement_noise_twice": KnownFault(
-            "the measurement noise is added twice",
-            "Where the innovation covariance S is computed, and where R is handed to it.",
-            "Add R once: to S, or by an augmented state. If R is doubled on purpose, this is a tuning.",
-            Role("noise", rank=43, causes="numerical", drive="own_model"),
+            Role(rank=15, drive="own_model"),
         ),
         "sigma_points_not_redrawn": KnownFault(
             "the update uses sigma points without the process noise",
             "Between the prediction and the update, where the moved points are used again.",
             "Draw new points from the predicted mean and covariance, or let the noise be part of the points (augmented "
             "state).",
-            Role(
-                "gain",
-                rank=37,
-                causes="numerical noise growth jacobian_wrong",
-                always="gain_inconsistent",
-                drive="uneven_steps",
-            ),
+            Role(rank=37, drive="uneven_steps"),
         ),
     },
 )
@@ -240,24 +229,43 @@ def _jacobian(
         share = max(float(np.mean(turned)), float(np.mean(scaled)))
         text = f"the row of {component.replace('_', ' ')} {_row_off(direction, size, turned, scaled)} "
         text += f"(medians of the {np.sum(turned | scaled)} of {len(of)} trials in which it is off)"
-        if np.mean(turned) < 0.12:
-            text += _unit_of_row(size)
         found.append((share, worst, i, text))
     if not found:
         return []
     share, worst, i, text = max(found, key=lambda one: one[0])
     confidence, shown_by = 0.8 + 0.15 * share, worst.trial.name
     if tracker.once(linearises) is False:
-        return [not_redrawn(tracker, sensor) or _inconsistent(sensor, rows, text, confidence)]
-    gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
-    j = int(np.argmax(np.abs(gap)))
+        return [_not_redrawn(tracker, sensor) or _inconsistent(sensor, rows, text, confidence)]
+    j = int(np.argmax(np.abs(worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma))
     at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
-    implied_entry, right_entry = _told_apart(worst.jacobian[i, j], worst.trial.jacobian[i, j])
-    entry = (
-        f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry}, where {right_entry} is right "
-        f"(px, py, vx, vy = {at}); {text}"
-    )
+    implied_entry, right_entry = worst.jacobian[i, j], worst.trial.jacobian[i, j]
+    entry = f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry:.4g}, where {right_entry:.4g} "
+    entry += f"is right (px, py, vx, vy = {at}); {text}"
     return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by)]
+
+
+def _not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
+    """That the gain is right at once after a measurement, and without the process noise after a gap, if it is so."""
+    errors: dict[float, list[float]] = {AT_ONCE: [], LATER: []}
+    for probe in tracker.probes.general:
+        for sensor_set in tracker.sensor_sets():
+            session = tracker.session_at(probe, sensor_set)
+            for gap, found in errors.items():
+                trial = None if session is None else after_gap(tracker, probe, sensor, session, gap)
+                update = None if trial is None or not trial.usable else trial.linear_update()
+                if trial is not None and update is not None:
+                    found.append(gain_error(trial, update.gain)[0])
+    if min(len(found) for found in errors.values()) < 3:
+        return None
+    at_once, later = (float(np.median(found)) for found in errors.values())
+    if not (at_once < SMALL and later > LARGE):
+        return None
+    text = (
+        f"the gain is that of the predicted covariance at {AT_ONCE:g} s after a measurement (within {at_once:.1%}) "
+        f"and off by {later:.0%} at {LATER:g} s: the update goes on with points in which the process noise is missing"
+    )
+    shown_by = tracker.probes.general[0].name
+    return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by)
 
 
 def _is_right(row: ImpliedModel) -> bool:
@@ -276,14 +284,6 @@ def _row_off(direction: Array, size: Array, turned: Mask, scaled: Mask) -> str:
     ratio = f"{abs(length):.3g}"
     parts += [f"has {ratio} times the right length"] if ratio != "1" else []
     return " and ".join(parts)
-
-
-def _unit_of_row(size: Array) -> str:
-    """That a row is too long by a unit, if it is."""
-    known = size[size > 0.0]
-    ratio = float(np.median(known)) if len(known) else 0.0
-    unit = conversion(ratio, uncertainty(known), quantities=("angle", "speed", "length")) if len(known) else None
-    return "" if unit is None else f": {unit.words}"
 
 
 def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confidence: float) -> Finding:
@@ -332,9 +332,3 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     if length > SIZE:
         said += f", one {length:.3g} times as long as the right one"
     return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"
-
-
-def _told_apart(one: float, other: float) -> tuple[str, str]:
-    """Two numbers with as many digits as tell them apart, three at least."""
-    texts = [(f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(3, 17)]
-    return next((pair for pair in texts if pair[0] != pair[1]), texts[0])

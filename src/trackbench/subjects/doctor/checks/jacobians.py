@@ -1,22 +1,15 @@
-"""Are the Jacobians that a tracker's lines write, or that it provides, the derivatives of its models?
+"""Are the Jacobians that a tracker's lines write the derivatives of its models?
 
 Of a filter whose mean and covariance are found in the tracker (`inside.own_filter`) the derivatives are taken by
 differences of the filter itself: F of its prediction, and C of its estimate by its state. A line's matrix counts as the
 Jacobian that was used where covariances move, or gains come, as by it: by F D F^T a difference D of covariances, and as
 P H^T (H P H^T + R)^-1 the gain (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
-
-A tracker may provide these methods, each of its own state ``(n,)`` (that of ``Estimate.state``):
-``measurement(x, scan)`` with ``measurement_jacobian(x, scan)``, and ``transition(x, dt)`` with
-``transition_jacobian(x, dt)``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +22,6 @@ from trackbench.subjects.doctor.inside.values import Assigned
 from trackbench.subjects.doctor.matrices import largest_entry
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.subjects.doctor.units_ratio import conversion
 
 #: Time of the prediction, s.
 OVER = 0.1
@@ -42,6 +34,8 @@ USED, EXACT = 0.01, 1e-6
 OFF = 0.1
 #: Change of a measurement for a derivative, and innovation that is none, in its standard deviations.
 STEP, NONE = 0.1, 0.01
+#: Difference of a transition's derivative from the identity that is rounding.
+STANDS = 1e-6
 #: Share of the largest gain that is none.
 NO_GAIN = 1e-6
 #: Times over which the process noise is compared, s, and share by which it falls from one to the next.
@@ -89,6 +83,9 @@ def _of_motion(own: OwnFilter) -> Finding | None:
     right = own.derivative(scan, lambda after: after.mean, narrow)
     less, more = (own.after(scan, covariance=size * narrow, trace=True) for size in (1.0, 2.0))
     if right is None or less is None or more is None:
+        return None
+    if np.allclose(right, np.eye(len(right)), atol=STANDS):
+        # The mean is not predicted at all.
         return None
     moved = more.covariance - less.covariance
     if covariances_apart(right @ narrow @ right.T, moved) < WRONG:
@@ -186,80 +183,3 @@ def _last_values(assigned: Sequence[Assigned], shape: tuple[int, ...]) -> list[A
 
 def _same(value: Array, other: Array) -> bool:
     return bool(np.abs(value - other).max() < 1e-4 * np.abs(other).max())
-
-
-MODELS = ("measurement", "transition")
-#: Difference of an entry from the finite difference, relative to the largest entry of its row.
-TOLERANCE = 1e-3
-#: Change of an entry of the state for a finite difference, relative to it.
-RELATIVE_STEP = 1e-5
-
-
-@doctor_check(Question("models", "Are the Jacobians that the tracker provides right?"), place=180)
-def provided_jacobians(tracker: TrackerUnderTest) -> PartResult:
-    """Compare each Jacobian that the tracker provides with finite differences of its model."""
-    provided = [name for name in MODELS if _has(tracker, name) and _has(tracker, f"{name}_jacobian")]
-    if not provided:
-        return PartResult()
-    entries = [entry for name in provided for entry in _entries(tracker, name)]
-    question = f"Are the Jacobians of the {' and the '.join(provided)} that the tracker provides right?"
-    if not entries:
-        return PartResult().add("models", None, "its estimates have no state", question=question)
-    size, worst = max(entries, key=lambda entry: entry[0])
-    text = f"the largest difference from finite differences in {len(entries)} Jacobians: {worst.evidence}"
-    finding = None if size < TOLERANCE else replace(worst, evidence=text)
-    return PartResult().add("models", finding is None, text, finding, question=question)
-
-
-def _has(tracker: TrackerUnderTest, name: str) -> bool:
-    return callable(getattr(tracker.make(), name, None))
-
-
-def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Finding]]:
-    """The largest error of each Jacobian, as a finding."""
-    fresh = tracker.make()
-    model, jacobian = getattr(fresh, name), getattr(fresh, f"{name}_jacobian")
-
-    def called(x: Array, given: Any) -> Array:
-        return np.asarray(model(x, given), dtype=float)
-
-    for probe in tracker.probes.regular:
-        session = tracker.session_at(probe, tracker.sensor_sets()[-1])
-        for sensor in tracker.sensors if name == "measurement" else list(tracker.sensors)[:1]:
-            scan = tracker.scan(probe, sensor, 0.0)
-            estimate = tracker.predict(session, scan, probe.name)
-            if estimate is None or estimate.state is None:
-                continue
-            given: Any = scan if name == "measurement" else 0.1
-            try:
-                provided = np.asarray(jacobian(estimate.state, given), dtype=float)
-                found = _differences(partial(called, given=given), estimate.state)
-            except Exception as error:
-                raise StepFailed(error, scan) from error
-            scale = np.maximum(np.abs(found).max(axis=1, keepdims=True), 1e-9)
-            apart = np.abs(provided - found) / scale
-            i, j = largest_entry(apart)
-            text = f"d {name}[{i}] / d x[{j}] = {provided[i, j]:.4g}, where {found[i, j]:.4g} is right "
-            text += f"({probe.description})" + _unit(provided[i], found[i])
-            fault, of = "jacobian_wrong", sensor if name == "measurement" else None
-            yield float(apart[i, j]), Finding(fault, 0.98, text, sensor=of, shown_by=probe.name)
-
-
-def _unit(provided: Array, found: Array) -> str:
-    """That a row or one of its entries is off by a unit, if it is."""
-    used = np.abs(found) > 1e-6 * np.abs(found).max()
-    off = used & (np.abs(provided - found) > TOLERANCE * np.abs(found).max())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        units = {conversion(float(ratio)) for ratio in (provided / found)[off]}
-    unit = units.pop() if len(units) == 1 else None
-    return "" if unit is None else f", off by a unit: {unit.words}"
-
-
-def _differences(model: Callable[[Array], Array], x: Array) -> Array:
-    """Central differences ``(m, n)``."""
-    columns = []
-    for j in range(len(x)):
-        step = np.zeros(len(x))
-        step[j] = RELATIVE_STEP * max(1.0, abs(float(x[j])))
-        columns.append((model(x + step) - model(x - step)) / (2 * step[j]))
-    return np.stack(columns, axis=1)

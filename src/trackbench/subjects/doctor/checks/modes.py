@@ -6,7 +6,7 @@ It is looked for by its values in a tracker that runs in this process; see `insi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, ModelInnovation, bank_of, log_density
-from trackbench.subjects.doctor.inside.pinned import models_alone
 from trackbench.subjects.doctor.inside.values import Pool, nearest_assigned, with_value
-from trackbench.subjects.doctor.session import apart
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: Error of a logarithm of a ratio of probabilities: of a Kalman filter 1e-9; sigma points have another innovation
@@ -58,7 +56,6 @@ INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
     "the likelihood has the determinant of the innovation covariance, and not its logarithm": lambda of, *_: float(
         -0.5 * (of.value @ np.linalg.solve(of.covariance, of.value) + np.linalg.det(of.covariance))
     ),
-    "they are divided by the likelihoods": lambda of, *_: -_density(of),
     "the likelihood is that of the stated noise, without the covariance of the prediction": lambda of, *_: log_density(
         of.value, of.noise
     ),
@@ -66,7 +63,6 @@ INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
     "the probabilities before the measurement are those before the transition": lambda of, before, after: (
         _density(of) + float(np.log(before / after))
     ),
-    "the likelihood is taken twice": lambda of, *_: 2.0 * _density(of),
 }
 
 
@@ -74,46 +70,33 @@ INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
     Question("mixing", "Does each model start from the mixture that the transition probabilities give?"),
     Question("mode_probabilities", "Do the models' probabilities follow from the likelihoods of innovations?"),
     Question("combination", "Is the estimate the mixture of the models?"),
-    Question("different_models", "Do the models predict differently?"),
     place=35,
     faults={
         "imm_transition_transposed": KnownFault(
             "the transition probabilities of the models are transposed",
             "Where the probabilities of the models are multiplied by the transition probabilities.",
             "c_j = sum over i of pi_ij mu_i, and w_ij = pi_ij mu_i / c_j, with i the model before and j the one after.",
-            Role("root exact", rank=2, causes="covariance measured driven", drive="long_run"),
+            Role("exact", rank=2, drive="long_run"),
         ),
         "imm_mixing_wrong": KnownFault(
             "the models start from a wrong mixture",
             "Where the means and covariances of the models are mixed before the prediction.",
             "Model j starts from x_0j = sum over i of w_ij x_i and P_0j = sum over i of w_ij (P_i + (x_i - x_0j)(x_i - "
             "x_0j)^T), of the estimates of all models before any is replaced.",
-            Role(
-                "root exact",
-                rank=3,
-                causes="covariance measured driven",
-                always="sums sigma_weights_wrong points",
-                drive="long_run",
-            ),
+            Role("exact", rank=3, drive="long_run"),
         ),
         "imm_likelihood_wrong": KnownFault(
             "the probabilities of the models do not follow from their likelihoods",
             "Where the probabilities of the models are updated after a measurement.",
             "mu_j = c_j N(y_j; 0, S_j), divided by their sum, with the innovation y_j and its covariance S_j of each "
             "model before its update, and the determinant of S_j.",
-            Role("root exact", rank=4, causes="covariance measured driven", drive="long_run"),
+            Role("exact", rank=4, drive="long_run"),
         ),
         "imm_combination_wrong": KnownFault(
             "the covariance that is returned is not that of the mixture of the models",
             "Where the estimates of the models are combined.",
             "P = sum over j of mu_j (P_j + (x_j - x)(x_j - x)^T), with the probabilities after the measurement.",
-            Role("root exact", rank=5, causes="covariance driven", drive="long_run"),
-        ),
-        "imm_models_equal": KnownFault(
-            "two models are the same",
-            "Where the models get their motion and their process noise.",
-            "Give each model a noise or a motion of its own; do not let them share one array.",
-            Role("root exact", rank=6, causes="covariance driven", drive="long_run"),
+            Role("exact", rank=5, drive="long_run"),
         ),
     },
 )
@@ -136,24 +119,7 @@ def modes(tracker: TrackerUnderTest) -> PartResult:
     output = None if bank.fits else _output(steps[-1])
     rule = "the estimate is the mixture of the models, its covariance with the spread of their means"
     result.add_evidence("combination", output, rule)
-    return _different(tracker, result)
-
-
-def _different(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
-    """Whether the models, each alone, predict differently."""
-    predicted, probe, sensor = [], tracker.probes.general[0], next(iter(tracker.sensors))
-    for model in tracker.once(models_alone):
-        with model.alone() as alone:
-            trial = alone.trial(probe, sensor, (sensor,))
-            if trial is not None and trial.usable:
-                predicted.append(trial.prediction)
-    if len(predicted) < 2:
-        return result.add("different_models", None, "the models cannot be tried one by one")
-    gaps = [apart(before, after) for before, after in pairwise(predicted)]
-    if min(gaps) > ROUNDED:
-        return result.add("different_models", True, "each model alone predicts another covariance")
-    text = f"models {np.argmin(gaps) + 1} and {np.argmin(gaps) + 2}, each alone, predict the same mean and covariance"
-    return result.add("different_models", False, text, Finding("imm_models_equal", CONFIDENCE, text))
+    return result
 
 
 def _start(steps: Sequence[BankStep]) -> Finding | None:

@@ -7,15 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base import linalg
-from trackbench.base.types import Array, Estimate
-from trackbench.driving.drive import empty_scan
+from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
-from trackbench.subjects.doctor.probes import Probe, probe_rate
-from trackbench.subjects.doctor.session import TrackerSession, finite
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
-from trackbench.subjects.doctor.units_ratio import FAR_APART, conversion
+from trackbench.subjects.doctor.probes import Probe
+from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: Time steps of the predictions, s.
 STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
@@ -23,6 +19,8 @@ STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
 TOLERANCE = 0.1
 #: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.
 SHORT = 0.01
+#: Units of times, over seconds, and uncertainty of a ratio of times that is one of them, relative to it.
+UNITS, FAR_APART = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}, 0.3
 #: Longest time of motion of an estimate that does not move, s.
 STILL = 1e-3
 #: Turn of the velocity, rad, and change of the speed, relative to it, up to which a prediction is straight.
@@ -32,29 +30,6 @@ MOST = 0.8
 #: Time after which a measurement shows whether there is a prediction to it, s, and the share of the motion in it by
 #: which the estimate may be off then.
 LATER, MISSED = 0.4, 0.25
-#: Bounds of the growth of the position's covariance, relative to constant velocity. Correct trackers have 0.67 to 1.5,
-#: because their models turn or accelerate.
-GROWTH = (0.45, 2.2)
-#: The same where tracks are settled; there they have 1.1 to 1.95.
-SETTLED_GROWTH = (0.7, 2.5)
-#: Time over which the growth is examined, s.
-SPREAD_OVER = 0.1
-#: First of the scans of a track after which it is examined.
-SETTLED = 4
-#: Standard deviation of the velocity over the speed below which the growth is examined.
-KNOWN = 0.35
-
-
-class Spread(NamedTuple):
-    """How much the covariance of position and velocity grows over that which the uncertain velocity causes."""
-
-    least: float
-    """Along one axis."""
-    most: float
-    """Along the other."""
-    block: Array
-    """``(2, 2)`` d position / d velocity, s."""
-    probe: Probe
 
 
 class PredictedStep(NamedTuple):
@@ -89,25 +64,13 @@ class PredictedStep(NamedTuple):
             "Where the time since the last scan is computed and stored.",
             "dt = scan.time - time of the state, in s, at every scan, missed ones too; store the new time with the "
             "state.",
-            Role("motion", rank=20, causes="measured growth time_offset", drive="uneven_steps"),
+            Role("motion", rank=12, drive="uneven_steps"),
         ),
         "missed_scan_not_predicted": KnownFault(
             "there is no prediction at a missed scan",
             "Where a scan without a measurement (scan.valid is False) returns early.",
             "Predict to scan.time at every scan, and leave out only the update where there is no measurement.",
-            Role("exact", rank=17, causes="stepped", drive="uneven_steps"),
-        ),
-        "velocity_unit": KnownFault(
-            "the velocity is in another unit than m/s",
-            "Where the estimate is returned, or where the velocity is made from positions and times.",
-            "Return m/s; the state may have any unit, if it is converted there, with the covariance.",
-            Role(
-                "motion",
-                rank=6,
-                causes="stepped wrong_dt",
-                always="ego doppler_sign speed_for_range_rate",
-                drive="tangential_pass",
-            ),
+            Role("exact", rank=17, drive="uneven_steps"),
         ),
     },
 )
@@ -134,7 +97,7 @@ def _explained(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Fin
     ratios, shown_by = moved / step, tracker.probes.general[0].name
     ratio = float(np.median(ratios))
     # Over a step that is far too long a turning model goes round in circles.
-    time = conversion(float(np.median(ratios[step <= SHORT])), FAR_APART, quantities=("time",))
+    unit = _unit(float(np.median(ratios[step <= SHORT])))
     if np.allclose(moved, previous, rtol=TOLERANCE, atol=2e-3):
         text = (
             f"the tracker uses the previous time step: after steps of "
@@ -163,23 +126,26 @@ def _explained(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Fin
         return Finding(
             "wrong_dt", 0.97, text, factor=float(np.median(moved)) / float(np.median(step)), shown_by=shown_by
         )
-    if time is not None:
+    if unit is not None:
+        name, factor = unit
         text = (
-            f"a prediction over {step[0]:g} s moves the estimate by {moved[0]:.3g} s times its velocity: "
-            f"{time.unit.name} and seconds are confused"
+            f"a prediction over {step[0]:g} s moves the estimate by {moved[0]:.3g} s times its velocity: {name} and "
+            "seconds are confused"
         )
-        return Finding("wrong_dt", 0.97, text, factor=time.exact, shown_by=shown_by)
+        return Finding("wrong_dt", 0.97, text, factor=factor, shown_by=shown_by)
     if not float(np.std(ratios)) < TOLERANCE * abs(ratio):
         return _other_time(steps)
-    velocity = conversion(1 / ratio, float(np.std(ratios)) / abs(ratio), quantities=("speed", "length"))
-    if velocity is not None:
-        text = (
-            f"over {step[-1]:g} s the position moves {ratio:.4g} times as far as the velocity says, which is "
-            f"{1 / ratio:.4g} times as large: {velocity.words}"
-        )
-        return Finding("velocity_unit", 0.97, text, factor=1 / ratio, shown_by=shown_by)
     text = f"a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity"
     return Finding("wrong_dt", 0.97, text, factor=ratio, shown_by=shown_by)
+
+
+def _unit(ratio: float) -> tuple[str, float] | None:
+    """The unit that a time is in instead of seconds, or is converted from once too often, and the ratio of both."""
+    for name, size in UNITS.items():
+        for exact in (size, 1.0 / size):
+            if ratio > 0.0 and abs(np.log(ratio / exact)) < FAR_APART:
+                return name, exact
+    return None
 
 
 def _other_time(steps: Sequence[PredictedStep]) -> Finding | None:
@@ -232,105 +198,3 @@ def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedS
                     moved = displacement @ first.mean[2:] / speed**2
                     found.append(PredictedStep(step, float(moved), previous, first, later))
     return found
-
-
-@doctor_check(
-    Question("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),
-    place=100,
-    of_filters=True,
-    of_own_covariance=True,
-)
-def spreading(tracker: TrackerUnderTest) -> PartResult:
-    """Early in a track and later, compare the growth of the position's covariance with the uncertainty of the velocity.
-
-    Of any motion model ``d P_pp = t (P_pv + P_vp) + t^2 P_vv`` to first order, and ``d P_pv = t P_vv``.
-    """
-    early = [
-        Spread(*ratio, probe)
-        for probe in tracker.probes.general[:4]
-        for name in tracker.sensors
-        for ratio in _growth(tracker, probe, name)
-    ]
-    settled = [spread for probe in tracker.probes.general if (spread := _settled_growth(tracker, probe)) is not None]
-    if not early and not settled:
-        return PartResult().add("spreading", None, "there was no estimate early enough")
-    off = list[Spread]()
-    for spreads, bounds, share in ((early, GROWTH, 0.3), (settled, SETTLED_GROWTH, MOST)):
-        beyond = [spread for spread in spreads if spread.least < bounds[0] or spread.most > bounds[1]]
-        off += beyond if len(beyond) >= share * len(spreads) else []
-    ratios = early or settled
-    least, most = np.quantile([of.least for of in ratios], 0.3), np.quantile([of.most for of in ratios], 0.7)
-    text = (
-        "the covariance of position and velocity grows as much as the uncertain velocity causes, times at least "
-        f"{least:.2g} in 70 % of the trials and at most {most:.2g} in 70 %"
-    )
-    if not off:
-        return PartResult().add("spreading", True, text)
-    low, high, _, probe = min(off, key=lambda spread: spread.least)
-    points = tracker.once(linearises) is False
-    where = "a moved sigma point" if points else "an entry of the transition's Jacobian"
-    evidence = (
-        f"the covariance of position and velocity grows {low:.2g} to {high:.2g} times as much as the uncertain "
-        f"velocity causes: {where} (d px / d vx = dt) is wrong"
-    )
-    fault = "predicted_covariance_wrong" if points else "jacobian_wrong"
-    finding = Finding(fault, 0.9, evidence, shown_by=probe.name)
-    return PartResult().add("spreading", False, text, finding)
-
-
-def _settled_growth(tracker: TrackerUnderTest, probe: Probe) -> Spread | None:
-    """From the estimate at a probe on."""
-    session, name = tracker.session_of_most(probe), next(iter(tracker.sensors))
-    now, then = (tracker.peek(session, tracker.missed(probe, name, time), probe.name) for time in (0.0, SPREAD_OVER))
-    if now is None or then is None or not (finite(now) and finite(then) and _known(now)):
-        return None
-    return Spread(*_ratios(now, then, SPREAD_OVER), _block(now, then), probe)
-
-
-def _block(now: Estimate, then: Estimate) -> Array:
-    """``(2, 2)`` d position / d velocity, with the mean covariance of the velocity over the step."""
-    grown = (then.covariance - now.covariance)[:2, 2:]
-    return np.asarray(grown @ np.linalg.pinv(0.5 * (now.covariance + then.covariance)[2:, 2:]))
-
-
-def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[float, float, Array]]:
-    sensor, session = tracker.sensors[name], TrackerSession(tracker.make)
-    rate = probe_rate(sensor)
-    found: list[tuple[float, float, Array]] = []
-    with tracker.recording_failures(probe.name):
-        for k in range(12):
-            session.step(probe.scan(name, sensor, k / rate - 2.0))
-            if k < SETTLED:
-                continue
-            now = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0)))
-            then = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0 + SPREAD_OVER)))
-            if now is not None and then is not None and finite(now) and finite(then) and _known(now):
-                found.append((*_ratios(now, then, SPREAD_OVER), _block(now, then)))
-    return found
-
-
-def _known(estimate: Estimate) -> bool:
-    """Whether the direction of motion is known well enough for a turning model to be nearly linear.
-
-    Nothing follows from a covariance that is indefinite.
-    """
-    if least_eigenvalue(scaled_covariances(estimate.covariance)) < 0.0:
-        return False
-    variances = np.abs(np.linalg.eigvalsh(linalg.symmetrise(estimate.covariance[2:, 2:])))
-    return variances.min() > 0.0 and float(np.sqrt(variances.sum())) < KNOWN * float(np.hypot(*estimate.mean[2:]))
-
-
-def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:
-    """Smallest and largest growth of the covariance of position and velocity along two axes.
-
-    The smallest is relative to what the variance of the velocity at the beginning causes, the largest to what its mean
-    over the step does: the latter is exact for a white acceleration, constant over the step or not.
-    """
-    p, after = now.covariance, then.covariance
-    axes: Array = np.linalg.eigh(0.5 * (p[2:, 2:] + p[2:, 2:].T))[1]
-    least, most = [], []
-    for u in axes.T:
-        grown, before, later = (float(u @ block @ u) for block in ((after - p)[:2, 2:], p[2:, 2:], after[2:, 2:]))
-        least.append(grown / (step * before))
-        most.append(grown / (step * (before + later) / 2))
-    return min(least), max(most)

@@ -68,33 +68,27 @@ ABOVE = (2, 1, 0)
             "Where Q is computed.",
             "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
             "cars).",
-            Role("motion growth", rank=48, causes="numerical", drive="manoeuvre"),
+            Role("motion", rank=48, drive="manoeuvre"),
         ),
         "q_too_large": KnownFault(
             "the process noise is too large",
             "Where Q is computed; check the powers of dt too.",
             "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
             "cars).",
-            Role(
-                "motion growth",
-                rank=22,
-                causes="numerical",
-                always="predicted_covariance_not_psd covariance_not_psd",
-                drive="own_model",
-            ),
+            Role("motion", rank=22, drive="own_model"),
         ),
         "q_constant_per_step": KnownFault(
             "the process noise does not depend on the time step",
             "Where Q is computed, or set once.",
             "Compute Q from the dt of every step: G G^T sigma^2 with G = (dt^2 / 2, dt)^T for each axis; it is zero "
             "for dt = 0.",
-            Role("motion growth", rank=25, causes="gain growth points overconfident_start", drive="uneven_steps"),
+            Role("motion", rank=25, drive="uneven_steps"),
         ),
         "process_noise_omitted": KnownFault(
             "the process noise is missing from the predicted covariance",
             "Where the covariance is predicted.",
             "P = F P F^T + Q, or the sum over the moved points plus Q.",
-            Role("motion growth", rank=33, causes="numerical q_too_small overconfident_start", drive="manoeuvre"),
+            Role("motion", rank=33, drive="manoeuvre"),
         ),
     },
 )
@@ -121,9 +115,6 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
         f"difference of the squares), as with a white acceleration of {equal:.3g} m/s^2 at 20 steps a second; "
         f"{BAND[0]:g} to {BAND[1]:g} m/s fit road vehicles"
     )
-    if (axis := _without_noise(tracker)) is not None:
-        finding = Finding("process_noise_omitted", 0.96, axis, shown_by=shown_by)
-        return PartResult().add("process_noise", False, axis, finding)
     fits = BAND[0] <= growth <= BAND[1]
     result = PartResult().add("process_noise", fits, text)
     _per_step(tracker, result)
@@ -134,23 +125,6 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
         finding = Finding(fault, confidence, text, factor=factor, shown_by=shown_by)
         result.findings.append(finding)
     return result
-
-
-def _without_noise(tracker: TrackerUnderTest) -> str | None:
-    """That the velocity along one axis has no process noise, wherever targets go and however fast, if it has none."""
-    axes = []
-    for probe in tracker.probes.general:
-        over = tracker.predicted(probe, 1.0)
-        if over is None:
-            return None
-        values, vectors = np.linalg.eigh((over[1].covariance - over[0].covariance)[2:, 2:])
-        if not abs(values[0]) < SAME * values[1]:
-            return None
-        axes.append(np.abs(vectors[:, 0]))
-    if len(axes) < len(STEPS) or float(np.ptp(axes, axis=0).max()) > WHOLE:
-        return None
-    x, y = np.mean(axes, axis=0)
-    return f"in 1 s without a measurement the variance of the velocity along ({x:.2g}, {y:.2g}) does not grow"
 
 
 def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
@@ -246,13 +220,7 @@ class Power(NamedTuple):
             "Where Q is written out.",
             "Position, position and velocity, velocity: dt^4 / 4, dt^3 / 2, dt^2 for G G^T sigma^2; dt^3 / 3, dt^2 / "
             "2, dt for a continuous white noise.",
-            Role(
-                "motion growth",
-                rank=21,
-                causes="gain noise growth overconfident_start",
-                always="numerical",
-                drive="uneven_steps",
-            ),
+            Role("motion", rank=21, drive="uneven_steps"),
         )
     },
 )

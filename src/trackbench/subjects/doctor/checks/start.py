@@ -113,22 +113,6 @@ def _started(tracker: TrackerUnderTest, targets: Sequence[Approach]) -> list[Fir
         each_sensor=True,
     ),
     place=30,
-    faults={
-        "arctan_quadrant": KnownFault(
-            "arctan is used instead of arctan2",
-            "Where an angle is computed from two components, such as the predicted azimuth or the course of a new "
-            "track.",
-            "Use arctan2(y, x); arctan(y / x) gives the same angle for a target ahead and for the opposite one behind.",
-            Role("exact", rank=12, causes="measured angle", always="nonfinite", drive="azimuth_crossing"),
-        ),
-        "polar_start": KnownFault(
-            "a polar measurement is used as a Cartesian position",
-            "Where the first state of a track is computed from a radar measurement.",
-            "x = r cos(azimuth), y = r sin(azimuth) in the sensor's frame, then into the fixed frame by the sensor's "
-            "pose.",
-            Role(rank=45, causes="overconfident_start sensor_bias", drive="radial_approach"),
-        ),
-    },
 )
 def first_position(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks without noise at many probes with each sensor alone."""
@@ -144,9 +128,8 @@ def first_position(tracker: TrackerUnderTest) -> PartResult:
         off = [one for one in started if _error(one) > _allowed(one)]
         worst = max(started, key=_error)
         text = f"{len(off)} of {len(started)} tracks start elsewhere; the largest error is {_error(worst):.3g} m"
-        polar = _polar(name, started) if sensor.type != "lidar" and off else None
         carried = _own_velocity(name, started) if sensor.type == "radar" else None
-        result.add(f"start.{name}", not off and carried is None, text, polar, _reversed(name, started), carried)
+        result.add(f"start.{name}", not off and carried is None, text, carried)
     return result
 
 
@@ -157,51 +140,6 @@ def _error(first: FirstEstimate) -> float:
 def _allowed(first: FirstEstimate) -> float:
     position = SENSOR_MODELS[first.scan.kind].position(first.scan).covariance
     return 3.0 * float(np.sqrt(np.trace(position)))
-
-
-def _polar(name: str, started: list[FirstEstimate]) -> Finding | None:
-    """Range and azimuth used as px and py, relative to the fixed frame or to the sensor."""
-    fixed, relative = (
-        [
-            one
-            for one in started
-            if np.allclose(
-                one.estimate.mean[:2] - origin * one.scan.sensor_pose[:2], one.scan.measurement[:2], atol=0.2
-            )
-        ]
-        for origin in (0.0, 1.0)
-    )
-    best = max(fixed, relative, key=len)
-    if len(best) < 0.7 * len(started):
-        return None
-    probe, scan, estimate, truth, _ = best[0]
-    text = (
-        f"a track that starts with range {scan.measurement[0]:.4g} m and azimuth {scan.measurement[1]:.4g} rad starts "
-        f"at px {estimate.mean[0]:.4g}, py {estimate.mean[1]:.4g}; the target is at {truth[0]:.4g}, {truth[1]:.4g} "
-        f"({len(best)} of {len(started)} tracks)"
-    )
-    return Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name)
-
-
-def _reversed(name: str, started: list[FirstEstimate]) -> Finding | None:
-    """First velocities with the wrong sign for all targets that move toward -x, and for no others."""
-    known = [one for one in started if np.hypot(*one.estimate.mean[2:]) > 2.0 and _error(one) < 3 * _allowed(one)]
-    wrong = [
-        one
-        for one in known
-        if float(one.estimate.mean[2:] @ one.truth[2:]) < -0.5 * float(one.truth[2:] @ one.truth[2:])
-    ]
-    if len(known) < 4 or len(wrong) < 2 or any(one.truth[2] > 0.0 for one in wrong):
-        return None
-    if any(one.truth[2] < 0.0 and one not in wrong for one in known):
-        return None
-    probe, _, estimate, truth, _ = wrong[0]
-    text = (
-        f"the first velocity of a target with {truth[2]:.3g}, {truth[3]:.3g} m/s is {estimate.mean[2]:.3g}, "
-        f"{estimate.mean[3]:.3g}: it is reversed for all {len(wrong)} targets that move toward -x, and for none of the "
-        f"other {len(known) - len(wrong)}"
-    )
-    return Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name)
 
 
 def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:

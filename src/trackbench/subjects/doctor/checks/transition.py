@@ -79,13 +79,7 @@ class Moved(NamedTuple):
             "Where the covariance is predicted and stored.",
             "P = F P F^T + Q, or the spread of the moved points about their own mean plus Q, at every scan, missed "
             "ones too.",
-            Role(
-                "step",
-                rank=13,
-                causes="stepped",
-                always="update_not_kept predicted_covariance_asymmetric covariance_asymmetric process_noise_omitted",
-                drive="long_gap",
-            ),
+            Role(rank=13, drive="long_gap"),
         )
     },
 )
@@ -260,71 +254,3 @@ def _apart(one: Estimate, other: Estimate) -> float:
     """The largest difference of two covariances in variances of the latter."""
     sigma = np.sqrt(np.maximum(np.diag(other.covariance), 1e-12))
     return float(np.abs((one.covariance - other.covariance) / np.outer(sigma, sigma)).max())
-
-
-#: By which target and observer are moved, m.
-SHIFT = (47.0, -35.0)
-#: Time of the prediction, s.
-GROWTH_STEP = 0.4
-#: Ratio of the growths of the velocity's variance that is one, and how many of the probes have to have a larger one.
-SAME_GROWTH, LEAST_OFF = 1.3, 2
-#: Distance of the moved estimate from where it should be, in standard deviations, from which on it is another track.
-ANOTHER = 1.0
-
-
-@doctor_check(
-    Question("noise_place", "Is the process noise the same wherever the scene is?", misses=True, motion=True),
-    place=115,
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "q_depends_on_state": KnownFault(
-            "the process noise depends on the position",
-            "Where Q is computed from entries of the state.",
-            "Q of G G^T sigma^2 depends on dt alone; where it is scaled by the state, take the entry that is meant: a "
-            "speed, not a position in the fixed frame.",
-            Role("motion growth", rank=20, causes="growth numerical", drive="manoeuvre"),
-        )
-    },
-)
-def noise_place(tracker: TrackerUnderTest) -> PartResult:
-    """Compare the growth of the covariance without measurements with that of the same scene elsewhere."""
-    if has_samples(tracker):
-        return PartResult().add("noise_place", None, OTHER_ANSWERS)
-    growths = []
-    for probe in tracker.probes.general[:3]:
-        here, there = (tracker.predicted(place, GROWTH_STEP) for place in (probe, _elsewhere(probe)))
-        if here is not None and there is not None and _alike(here[0], there[0]):
-            pair = np.array([_growth(*here), _growth(*there)])
-            if pair.min() > 0.0:
-                growths.append((pair, probe))
-    if not growths:
-        return PartResult().add("noise_place", None, "there was no estimate that grows, or it was another elsewhere")
-    ratios = [float(pair[1] / pair[0]) for pair, _ in growths]
-    where = f"{SHIFT[0]:g}, {SHIFT[1]:g} m away"
-    words = ", ".join(f"{ratio:.3g}" for ratio in ratios)
-    text = (
-        f"over {GROWTH_STEP:g} s without a measurement the variance of the velocity grows {where} {words} times as much"
-    )
-    off = [(pair, probe) for pair, probe in growths if abs(np.log(pair[1] / pair[0])) > np.log(SAME_GROWTH)]
-    if len(off) < LEAST_OFF:
-        return PartResult().add("noise_place", True, text)
-    pair, probe = off[0]
-    finding = Finding("q_depends_on_state", 0.95, text, shown_by=probe.name)
-    return PartResult().add("noise_place", False, text, finding)
-
-
-def _elsewhere(probe: Probe) -> Probe:
-    px, py, vx, vy = probe.target
-    observer = probe.observer._replace(x=probe.observer.x + SHIFT[0], y=probe.observer.y + SHIFT[1])
-    return probe._replace(target=(px + SHIFT[0], py + SHIFT[1], vx, vy), observer=observer)
-
-
-def _alike(here: Estimate, there: Estimate) -> bool:
-    sigma = np.sqrt(np.maximum(np.diag(here.covariance), np.finfo(float).tiny))
-    apart = np.abs(there.mean - here.mean - np.array([*SHIFT, 0.0, 0.0])) / sigma
-    return bool(apart.max() < ANOTHER)
-
-
-def _growth(now: Estimate, then: Estimate) -> float:
-    return float(np.trace((then.covariance - now.covariance)[2:, 2:]))

@@ -10,16 +10,12 @@ from trackbench.base.types import Array, Estimate
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import (
     ROUNDING,
-    SINGULAR,
     WorstCase,
     asymmetric,
-    asymmetry,
     fault_of_step,
     indefinite,
     indefinite_entries,
-    least_eigenvalue,
     mirrored_entries,
-    scaled_covariances,
 )
 from trackbench.subjects.doctor.probes import Probe, with_measurement_noise
 from trackbench.subjects.doctor.session import FAR, StepFailed, TrackerSession, plausible
@@ -32,9 +28,6 @@ SAMPLES = 0.5
 STARTED = 4
 #: Share of indefinite covariances below which they are probably the consequence of another fault.
 SELDOM = 0.02
-#: Time of one prediction after which a wrong process noise outweighs the covariance before it, s; at how many probes
-#: it has to.
-LONG, AT_LEAST = 1.0, 2
 #: Share below which they are no fault: sigma points started from two measurements close together lose one at times.
 RARE = 1e-3
 
@@ -51,12 +44,6 @@ RARE = 1e-3
         "Is every covariance positive definite?",
         finds=("covariance_not_psd", "predicted_covariance_not_psd"),
     ),
-    Question(
-        "predicted_definite",
-        "Does a prediction over 1 s leave the covariance positive definite?",
-        misses=True,
-        finds=("predicted_covariance_not_psd",),
-    ),
     place=900,
     asks_at_misses=True,
     faults={
@@ -65,54 +52,42 @@ RARE = 1e-3
             "At square roots, and at divisions by a range, a speed, a yaw rate or a time step that can be zero.",
             "Use the limit where the divisor is zero (straight motion for a turn rate of zero); skip a time step of "
             "zero.",
-            Role("exact numerical", drive="uneven_steps"),
+            Role(drive="uneven_steps"),
         ),
         "covariance_asymmetric": KnownFault(
             "the covariance is not symmetric",
             "In the update of the covariance, and where the first one is set or the estimate is returned.",
             "Use Joseph's form or P - K S K^T, and P = (P + P^T) / 2 after it.",
-            Role(rank=29, causes="numerical gain azimuth_not_wrapped", drive="long_run"),
+            Role(rank=29, drive="long_run"),
         ),
         "predicted_covariance_asymmetric": KnownFault(
             "the prediction makes the covariance asymmetric",
             "In the prediction, where Q is written out and where F P F^T is computed.",
             "Compute Q as G G^T sigma^2, or mirror the named entry, and transpose the second F; P = (P + P^T) / 2 only "
             "hides a wrong entry.",
-            Role(
-                rank=23,
-                causes="numerical gain azimuth_not_wrapped covariance_asymmetric",
-                always="predicted_covariance_not_psd covariance_not_psd",
-                drive="long_run",
-            ),
+            Role(rank=23, drive="long_run"),
         ),
         "covariance_not_psd": KnownFault(
             "the covariance is not positive definite",
             "In the update of the covariance, and in the weights of sigma points.",
             "Use Joseph's form, or P - K S K^T with the gain of the same S; check the sign of each weight.",
-            Role("exact numerical", rank=41, causes="covariance", always="nonfinite", drive="long_run"),
+            Role(rank=41, drive="long_run"),
         ),
         "predicted_covariance_not_psd": KnownFault(
             "the prediction makes the covariance indefinite",
             "In the prediction, where Q is computed, and in the weights of sigma points.",
             "Compute Q as G G^T sigma^2, which has no negative eigenvalue; check the sign and the power of dt of each "
             "entry, and the central weight. Symmetrising does not mend it.",
-            Role(
-                "exact numerical",
-                rank=24,
-                causes="covariance points",
-                always="nonfinite covariance_not_psd",
-                drive="long_run",
-            ),
+            Role(rank=24, drive="long_run"),
         ),
     },
 )
 def validity(tracker: TrackerUnderTest) -> PartResult:
-    """Report the checks of all estimates of the examination; add those of targets at rest and at the sensor."""
-    for probe in (tracker.probes.at_rest, tracker.probes.at_sensor):
-        for sensor_set in tracker.sensor_sets():
-            tracker.session_at(probe, sensor_set)
-        for name in tracker.sensors:
-            _measure_at_once(tracker, probe, name)
+    """Report the checks of all estimates of the examination; add those of a target at rest."""
+    for sensor_set in tracker.sensor_sets():
+        tracker.session_at(tracker.probes.at_rest, sensor_set)
+    for name in tracker.sensors:
+        _measure_at_once(tracker, tracker.probes.at_rest, name)
     checks, result = tracker.output_checks, PartResult()
     bad = checks.not_finite
     text = (
@@ -120,10 +95,9 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         if bad is None
         else f"not at {bad.time:g} s of {bad.where}, after {bad.sensor}"
     )
-    result.add("finite", bad is None or bad.where in SINGULAR, text)
+    result.add("finite", bad is None, text)
     if bad is not None:
-        place = "where the range is 0" if bad.where in SINGULAR else f"at {bad.time:g} s of {bad.where}"
-        text = f"the estimate is not finite {place}, after a measurement of {bad.sensor}"
+        text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
         # A track that has diverged may overflow for that alone.
         session, before, after = TrackerSession(tracker.make), None, None
         for scan in bad.given():
@@ -132,7 +106,6 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where))
     _symmetric(tracker, result)
     _definite(tracker, result)
-    _predicted_definite(tracker, result)
     return result
 
 
@@ -169,30 +142,6 @@ def _definite(tracker: TrackerUnderTest, result: PartResult) -> None:
         confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
         finding = Finding(fault, confidence, evidence, shown_by=worst.where)
     result.add("definite", finding is None, text, finding)
-
-
-def _predicted_definite(tracker: TrackerUnderTest, result: PartResult) -> None:
-    """With short steps a process noise that is no covariance can hide in the covariance before it."""
-    least = {}
-    for probe in tracker.probes.general:
-        over = tracker.predicted(probe, LONG)
-        # An entry added on one side alone has a name of its own.
-        if over is not None and asymmetry(scaled_covariances(over[1].covariance)) < ROUNDING:
-            before, after = (float(least_eigenvalue(scaled_covariances(estimate.covariance))) for estimate in over)
-            if before > 0.0:
-                least[probe] = (before, after)
-    if not least:
-        result.add("predicted_definite", None, "there was no covariance to predict")
-        return
-    probe = min(least, key=lambda one: least[one][1])
-    before, after = least[probe]
-    text = (
-        f"its smallest eigenvalue, scaled to unit variances, is {before:.3g} before and {after:.3g} after it "
-        f"({probe.description})"
-    )
-    wrong = sum(after < -ROUNDING for _, after in least.values()) >= AT_LEAST
-    finding = Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name)
-    result.add("predicted_definite", not wrong, text, finding if wrong else None)
 
 
 def _at(worst: WorstCase) -> str:
@@ -236,7 +185,7 @@ def _noise(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
             "At random numbers without a seed, and at values kept in the class or module instead of the state.",
             "Seed the generator in __init__, and keep all memory in the state or the instance. A filter of samples "
             "says random = True.",
-            Role(rank=1, always="every", drive="uneven_steps"),
+            Role(rank=1, drive="uneven_steps"),
         )
     },
 )
@@ -276,7 +225,4 @@ def _copied(session: TrackerSession) -> str:
         why = session.copy().not_copied
     except StepFailed as failure:
         return f"; {failure}: no measurement can be tried on it"
-    if why is None:
-        return ""
-    text = f"; copy.deepcopy cannot copy it ({why}), so that each measurement is tried on a fresh one that is given all"
-    return f"{text} scans before it again, which takes longer"
+    return "" if why is None else f"; copy.deepcopy cannot copy it ({why}): fresh ones are given all scans again"

@@ -15,10 +15,8 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.course_jump import jumps_of_course
-from trackbench.subjects.doctor.expected_gain import gain_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
+from trackbench.subjects.doctor.probes import MOUNTED_TURN, Probe, rotation, turned_mounting
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
@@ -40,18 +38,8 @@ SIDES = (-2.0, 2.0)
 #: Standard deviations of the predicted azimuth within which all sigma points lie; those of the measurement by which it
 #: is beyond pi, where a prediction is so far from it.
 SPREAD_OVER, BEYOND = 5.0, 2.0
-#: Angles by which the target is turned, rad: no angle is near pi then.
-TURN, OTHER_TURN = -1.2, 1.9
-#: Share of a jump which the two turned targets may differ by, and error of their gain that is a fault of its own.
-ALIKE, OFF = 0.2, 0.5
-#: Error of the velocity after 3 s without noise, as a share of the speed, of a target that is as good as lost, and the
-#: least ratio to that of the turned target.
-ASTRAY, WORSE = 0.05, 5.0
-#: The same error from which on the track has diverged: a wrong course, of any speed that is about right, has up to 2.
-DIVERGED = 5.0
-#: By how much it is turned elsewhere, rad. After a quarter turn the sigma points of an uncertain course lie about the
-#: axes as before: what leads them astray there too is no angle that jumps.
-ELSEWHERE = (TURN, OTHER_TURN, np.pi / 2, np.pi)
+#: Angle by which the target is turned, rad: no angle is near pi then.
+TURN = -1.2
 #: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
 NEAR_PI = 0.02
 
@@ -81,11 +69,6 @@ class Jump(NamedTuple):
         "Is the update of a target with the azimuth pi the same as with any other?",
         finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
     ),
-    Question(
-        "course_wrapping",
-        "Is the update of a target with the course pi the same as with any other?",
-        finds=("course_not_wrapped",),
-    ),
     place=190,
     of_filters=True,
     faults={
@@ -94,77 +77,36 @@ class Jump(NamedTuple):
             "Where the innovation, or the difference of sigma points from their mean, is computed.",
             "Wrap every difference of angles, of the azimuth and of the course in the state: d = (d + pi) % (2 pi) - "
             "pi.",
-            Role("exact angle", rank=44, causes="numerical", drive="azimuth_crossing"),
+            Role("exact", rank=44, drive="azimuth_crossing"),
         ),
         "angle_mean_not_circular": KnownFault(
             "angles of sigma points are averaged or subtracted across pi",
             "Where the mean of the sigma points' azimuths is computed, and their differences from it.",
             "mean = a_0 + sum w wrap(a - a_0) with a_0 of one point, or atan2(sum w sin a, sum w cos a); wrap every "
             "difference from the mean.",
-            Role(
-                "exact angle",
-                rank=18,
-                causes="measured noise angle",
-                always="azimuth_not_wrapped",
-                drive="azimuth_crossing",
-            ),
-        ),
-        "course_not_wrapped": KnownFault(
-            "a difference of courses in the state is not wrapped to (-pi, pi]",
-            "Where the mean of the sigma points, or of the models of an IMM, is computed, and their differences from "
-            "it.",
-            "Wrap every difference of courses: d = (d + pi) % (2 pi) - pi; for a mean, that of the differences from "
-            "one point.",
-            Role(
-                "exact angle",
-                rank=19,
-                causes="stepped",
-                always="predicted_covariance_not_psd covariance_not_psd",
-                drive="long_run",
-            ),
+            Role("exact", rank=18, drive="azimuth_crossing"),
         ),
     },
 )
 def wrapping(tracker: TrackerUnderTest) -> PartResult:
-    """Try measurements beside a target at the azimuth pi, and beside one with the course pi; follow one through it."""
-    result = PartResult()
+    """Try measurements beside a target at the azimuth pi."""
     polar = [name for name, sensor in tracker.sensors.items() if sensor.type != "lidar"]
-    for angle, probes, sensors in (
-        ("azimuth", tracker.probes.axes, polar),
-        ("course", (tracker.probes.course_axis,), tracker.sensors),
-    ):
-        if not sensors:
-            continue
-        jumps = [
-            jump
-            for probe in probes
-            for name in sensors
-            # The sensor has to see the target near the azimuth pi.
-            if angle == "course" or np.pi - abs(tracker.scan(probe, name, 0.0).measurement[1]) < NEAR_PI
-            for sensor_set in tracker.sensor_sets()
-            for jump in _jumps_of(tracker, probe, name, sensor_set, angle == "azimuth")
-        ]
-        if angle == "course":
-            jumps += [astray for of in tracker.sensor_sets() if (astray := _astray(tracker, probes[0], of)) is not None]
-            jumps += [
-                Jump(jump.size, f"{probe.description}; {jump.text}", jump.scan.sensor, probe)
-                for probe, jump in jumps_of_course(tracker)
-            ]
-        if not jumps:
-            result.add(f"{angle}_wrapping", None, "there was no estimate to update")
-            continue
-        worst = max(jumps, key=lambda jump: jump.size)
-        finding = None
-        if worst.size >= FAR and angle == "azimuth":
-            finding = _azimuth(tracker, [jump for jump in jumps if jump.size >= FAR], worst)
-        elif worst.size >= FAR:
-            # Wrong gains are not turned with the target either.
-            confidence = 0.97 if worst.size > 5 * FAR else 0.75
-            # The drive on a circle passes the course pi; the probe's own has no other target.
-            drive = "long_run"
-            finding = Finding("course_not_wrapped", confidence, worst.text, shown_by=drive)
-        result.add(f"{angle}_wrapping", finding is None, worst.text, finding)
-    return result
+    jumps = [
+        jump
+        for probe in tracker.probes.axes
+        for name in polar
+        # The sensor has to see the target near the azimuth pi.
+        if np.pi - abs(tracker.scan(probe, name, 0.0).measurement[1]) < NEAR_PI
+        for sensor_set in tracker.sensor_sets()
+        for jump in _jumps_of(tracker, probe, name, sensor_set)
+    ]
+    if not polar:
+        return PartResult()
+    if not jumps:
+        return PartResult().add("azimuth_wrapping", None, "there was no estimate to update")
+    worst, far = max(jumps, key=lambda jump: jump.size), [jump for jump in jumps if jump.size >= FAR]
+    finding = _azimuth(tracker, far, worst) if far else None
+    return PartResult().add("azimuth_wrapping", finding is None, worst.text, finding)
 
 
 def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> Finding:
@@ -185,38 +127,7 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
     return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name)
 
 
-def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Jump | None:
-    """A target that was followed without noise and has another velocity then, where turned targets have their own."""
-    true, speed = probe.truth(0.0)[2:], float(np.hypot(*probe.target[2:]))
-    here, error = _followed(tracker, probe, sensor_set)
-    if here is None or not ASTRAY * speed <= error < DIVERGED * speed:
-        return None
-    usual = 0.0
-    for turn in ELSEWHERE:
-        turned, of_turned = _followed(tracker, probe.turned(turn, tracker.sensors[sensor_set[0]]), sensor_set)
-        usual = max(usual, of_turned)
-        if turned is None or error < WORSE * usual:
-            return None
-    vx, vy = here.prediction.mean[2:]
-    text = (
-        f"after 3 s of measurements without noise {probe.description} has the velocity {vx:.3g}, {vy:.3g} m/s, where "
-        f"{true[0]:.3g}, {true[1]:.3g} is right; that of the same target turned away is right to {usual:.2g} m/s"
-    )
-    return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe)
-
-
-def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> tuple[Trial | None, float]:
-    """The trial of a target, and the error of its velocity; its speed where that is not a number, m/s."""
-    trial = tracker.trial(probe, sensor_set[0], sensor_set)
-    if trial is None:
-        return None, np.inf
-    error = float(np.hypot(*(trial.prediction.mean - probe.truth(0.0))[2:]))
-    return trial, error if np.isfinite(error) else float(np.hypot(*probe.target[2:]))
-
-
-def _jumps_of(
-    tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...], azimuth: bool
-) -> list[Jump]:
+def _jumps_of(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> list[Jump]:
     """The updates beside the target, each compared with that of the turned target."""
     away = probe.turned(TURN, tracker.sensors[name])
     here, turned = tracker.trial(probe, name, sensor_set), tracker.trial(away, name, sensor_set)
@@ -226,11 +137,6 @@ def _jumps_of(
     found = [jump for side in SIDES if (jump := _jump(here, turned, rotation(-TURN), side, probe)) is not None]
     if all(jump.size < FAR for jump in found):
         return found
-    if not azimuth:
-        update = turned.linear_update()
-        if update is not None and gain_error(turned, update.gain, update.used)[0] > OFF:
-            return []
-        return [] if _turns_differ(tracker, probe, turned, max(jump.size for jump in found)) else found
     mounted = _mounted(tracker, probe, name, sensor_set)
     if mounted is None or not _right(mounted, probe):
         return found
@@ -262,24 +168,12 @@ def _beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: t
     return None if jump is None else jump._replace(confirmed=True)
 
 
-def _turns_differ(tracker: TrackerUnderTest, probe: Probe, turned: Trial, size: float) -> bool:
-    """Whether the updates of two turned targets, whose courses are not near pi, differ like that of the probe: a wrong
-    gain is not turned with the target either."""
-    name = turned.scan.sensor
-    other = tracker.trial(probe.turned(OTHER_TURN, tracker.sensors[name]), name, turned.sensor_set)
-    if other is None or not other.usable:
-        return False
-    jumps = (_jump(turned, other, rotation(TURN - OTHER_TURN), side, probe) for side in SIDES)
-    return any(jump is not None and jump.size > ALIKE * size for jump in jumps)
-
-
 def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
     """The same target, seen by sensors that are mounted at another yaw: away from pi."""
-    angle = TURNS[1]
-    turned = [turned_mounting(scan, angle) for scan in tracker.approach(probe, sensor_set)]
+    turned = [turned_mounting(scan, MOUNTED_TURN) for scan in tracker.approach(probe, sensor_set)]
     try:
         session = TrackerSession.after(tracker.make, turned)
-        scan = turned_mounting(tracker.scan(probe, name, 0.0), angle)
+        scan = turned_mounting(tracker.scan(probe, name, 0.0), MOUNTED_TURN)
         prediction = session.predict(scan)
     except StepFailed:
         return None
@@ -332,24 +226,15 @@ def _change(trial: Trial, side: float) -> Array | None:
 
 def _beside(trial: Trial, side: float) -> Array:
     """The predicted measurement moved by some standard deviations to the left, as seen from the sensor."""
-    if trial.scan.kind != "lidar":
-        measurement = trial.predicted_measurement.copy()
-        measurement[1] = wrap_angle(measurement[1] + side * trial.sigma[1])
-        return measurement
-    dx, dy = trial.prediction.mean[:2] - trial.scan.sensor_pose[:2]
-    left = side * trial.sigma[0] * np.array([-dy, dx, 0.0, 0.0]) / np.hypot(dx, dy)
-    target, scan = trial.prediction.mean + left, trial.scan
-    return SENSOR_MODELS[scan.kind].measure(target, scan.sensor_pose, scan.sensor_velocity)
+    measurement = trial.predicted_measurement.copy()
+    measurement[1] = wrap_angle(measurement[1] + side * trial.sigma[1])
+    return measurement
 
 
 def _text(trial: Trial, side: float, size: float) -> str:
-    if trial.scan.kind == "lidar":
-        course = np.arctan2(trial.prediction.mean[3], trial.prediction.mean[2])
-        at = f"course {course:+.4f} rad, measurement {abs(side):g} sigma to the side"
-    else:
-        measured, predicted = _beside(trial, side)[1], trial.predicted_measurement[1]
-        at = (
-            f"predicted azimuth {predicted:+.4f} rad, measurement {measured:+.4f} rad, {abs(side):g} sigma apart "
-            f"(plain difference {measured - predicted:+.4f})"
-        )
-    return f"{at}: the update differs by {size:.3g} of its standard deviations from that of the same target turned away"
+    measured, predicted = _beside(trial, side)[1], trial.predicted_measurement[1]
+    return (
+        f"predicted azimuth {predicted:+.4f} rad, measurement {measured:+.4f} rad, {abs(side):g} sigma apart (plain "
+        f"difference {measured - predicted:+.4f}): the update differs by {size:.3g} of its standard deviations from "
+        "that of the same target turned away"
+    )

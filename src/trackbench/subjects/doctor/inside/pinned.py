@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.findings import Finding, PartResult
+from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.inside.interaction import Bank, bank_of, models_of
 from trackbench.subjects.doctor.inside.values import HeldAt, Way, formed, held_values
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
@@ -22,8 +22,6 @@ from trackbench.trackers.answers import Tracker
 NEVER = 1e-30
 #: Probability from which on a model is alone.
 ALONE = 1.0 - 1e-9
-#: How the evidence of what is found of a model alone begins.
-OF_MODEL = "of model"
 
 
 class _Pinned:
@@ -122,24 +120,11 @@ def of_each_model(results: Sequence[PartResult]) -> PartResult:
         passed = not any(failed) if any(made) else None
         merged.checks.append(replace(checks[0], passed=passed, result=text, faults=faults))
     merged.findings = [
-        replace(finding, evidence=f"{OF_MODEL} {j} alone: {finding.evidence}")
+        replace(finding, evidence=f"of model {j} alone: {finding.evidence}")
         for j, result in enumerate(results, 1)
         for finding in result.findings
     ]
     return merged
-
-
-def with_mixing_as_cause(findings: Sequence[Finding]) -> list[Finding]:
-    """With what is found of a model alone as a consequence of a wrong mixture: each model starts from one."""
-    if not any(finding.fault == "imm_mixing_wrong" for finding in findings):
-        return list(findings)
-    caused = [
-        replace(finding, consequence_of=finding.consequence_of or "imm_mixing_wrong")
-        if finding.evidence.startswith(OF_MODEL)
-        else finding
-        for finding in findings
-    ]
-    return sorted(caused, key=lambda finding: finding.consequence_of is not None)
 
 
 def _put(place: HeldAt, matrix: Array) -> None:

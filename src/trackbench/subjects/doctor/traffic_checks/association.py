@@ -53,9 +53,6 @@ EVERY = np.concatenate([LEAVING, STAYING], axis=1)
 COMES = 1.0
 #: Periods of the scans by which a track is behind its object, from which on it is not predicted.
 BEHIND = 0.25
-#: Speed of objects whose tracks begin, as a share of others', so that they begin without a prediction too; how much
-#: more time there is between the same detections; and until when a track has to be there, s.
-BEGINNING, SLOWER, AWAITED = 0.6, 1.5, 3.0
 
 
 @doctor_check(
@@ -66,7 +63,7 @@ BEGINNING, SLOWER, AWAITED = 0.6, 1.5, 3.0
             "a track takes the farthest detection in its gate",
             "Where the assignment is computed: whether it seeks the least or the largest sum, and of what.",
             "linear_sum_assignment seeks the least sum: give it distances, or maximize=True with likelihoods.",
-            Role(rank=0, always="tracks associated_unpredicted gated_after_assignment gate_too_large order_dependent"),
+            Role(rank=0),
         )
     },
 )
@@ -98,7 +95,7 @@ def nearer_of_two(make: Make, site: Site) -> PartResult:
             "detections are compared with tracks that are not predicted",
             "Where the distance of detections from tracks is computed, and where tracks are predicted.",
             "Predict all tracks to scan.time first, mean and covariance; then compute the distances.",
-            Role(rank=0, always="tracks gate_too_small gate_too_large gated_after_assignment order_dependent"),
+            Role(rank=0),
         )
     },
 )
@@ -132,41 +129,6 @@ def _way_back(make: Make, site: Site, target: Array) -> float | None:
     return float((after[0] - predicted)[:2] @ way / (way @ way))
 
 
-@doctor_check(Question("new_predicted", "Is a new track predicted from one detection to the next?"), place=13)
-def new_predicted(make: Make, site: Site) -> PartResult:
-    """The same first detections with more time between them: a track that is predicted is another one after them."""
-    behind = [lag for target in OBJECTS.T if (lag := _behind_at_first(make, site, target)) is not None]
-    if not behind:
-        return PartResult()
-    same = sum(lag > BEHIND for lag in behind)
-    text = (
-        f"the first estimate of {same} of {len(behind)} new tracks is the same whatever the time between the "
-        f"detections, and up to {max(behind):.2g} of the way between two of them behind the last one"
-    )
-    return PartResult().note("new_predicted", not min(behind) > BEHIND, text, "associated_unpredicted")
-
-
-def _behind_at_first(make: Make, site: Site, target: Array) -> float | None:
-    """How far a new track is behind its last detection, in periods of the scans, if time does not count for it.
-
-    0 where it counts; None where there is no track, or one after the first detection.
-    """
-    slow = target * np.array([1, 1, BEGINNING, BEGINNING])
-    session, scans = MultiObjectSession(make), site.scans(slow[:, None], AWAITED)
-    answers = ((count, session.step(scan)) for count, scan in enumerate(scans))
-    last, tracks = next(((count, tracks) for count, tracks in answers if len(tracks.ids)), (0, None))
-    if tracks is None or last == 0 or len(tracks.ids) != 1:
-        return None
-    later = [one._replace(time=SLOWER * one.time, arrival_time=SLOWER * one.time) for one in scans[: last + 1]]
-    other = MultiObjectSession(make).follow(later)[-1]
-    if len(other.ids) != 1 or not all(
-        np.allclose(own, its, rtol=1e-9, atol=1e-12)
-        for own, its in ((tracks.mean, other.mean), (tracks.covariance, other.covariance))
-    ):
-        return 0.0
-    return _behind(tracks, moved_objects(slow, scans[last].time)[:, None])
-
-
 @doctor_check(
     Question("allowed_pair", "Does a pair that no gate allows keep none from a detection of its own?"),
     place=22,
@@ -175,7 +137,7 @@ def _behind_at_first(make: Make, site: Site, target: Array) -> float | None:
             "pairs that the gate does not allow take part in the assignment",
             "Where the costs of the assignment are computed, and where pairs beyond the gate are dropped.",
             "Give pairs beyond the gate one high cost before the assignment; drop those of them that it chooses.",
-            Role(rank=1, always="tracks"),
+            Role(rank=1),
         )
     },
 )
@@ -246,7 +208,7 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
             "Where tracks are removed from their list, and where their missed scans are counted.",
             "Keep those that are to stay: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
             "once an earlier track has been removed. A detection sets the count of missed scans back to 0.",
-            Role(rank=6, always="never_deletes double_tracks ids_reused"),
+            Role(rank=6),
         )
     },
 )

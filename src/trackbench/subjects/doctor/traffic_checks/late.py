@@ -1,13 +1,10 @@
-"""What late scans do: an old one; and many that all arrive late, of a sensor that the scenario says is late."""
+"""What late scans of a sensor do that the scenario says is late: an old one; and many that all arrive late."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
 from trackbench.base.types import Array, Tracks
-from trackbench.driving.faults import fault_of
 from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
     OBJECTS,
@@ -19,9 +16,8 @@ from trackbench.subjects.doctor.traffic import (
     moved_objects,
 )
 
-#: An old scan is older than the latest one by the latency of its sensor, within these, s; and where it has none.
-LEAST, MOST, USUAL = 0.1, 0.5, 0.2
-NONE_LATE = "No sensor here is late: it does harm where a scan comes after a newer one."
+#: An old scan is older than the latest one by the latency of its sensor, within these, s.
+LEAST, MOST = 0.1, 0.5
 #: How long objects are followed, s.
 FOLLOWED = 2.0
 #: Shares of the speed with which they move where an old scan is tried, until one is clear: it has to be within the gate
@@ -50,20 +46,12 @@ BEHIND = 0.5
     },
 )
 def late_scans(make: Make, site: Site) -> PartResult:
-    """An old scan after newer ones, given late and as if it were new; of a sensor that is late, scans that all are."""
+    """An old scan after newer ones, given late and as if it were new; and scans that are all late."""
     result = PartResult()
     if site.latency > 0.0:
         age = float(np.clip(site.latency, LEAST, MOST))
         _old_scan(make, site, age, result)
         _all_late(make, site, age, result)
-        return result
-    try:
-        _old_scan(make, site, USUAL, result)
-    except Exception as error:
-        # It need not take what its sensors do not send.
-        result.add("late", None, f"it fails at a scan that is not newer than the one before: {fault_of(error)}")
-    # Where no scan is late it does no harm.
-    result.findings = [replace(finding, evidence=f"{finding.evidence} {NONE_LATE}") for finding in result.findings]
     return result
 
 
@@ -87,7 +75,7 @@ def _clear_moves(make: Make, site: Site, age: float, share: float) -> list[tuple
     scans, random = site.scans(objects, FOLLOWED), np.random.default_rng(0)
     latest = scans[-1].time
     old = site.scan(latest - age, site.detections(objects, latest - age), random)._replace(arrival_time=latest)
-    empty = site.scan(latest + 1 / RATE, old.measurement[:, :0], random)._replace(asked=site.latency > 0.0)
+    empty = site.scan(latest + 1 / RATE, old.measurement[:, :0], random)._replace(asked=True)
     without, given_late, as_new = (
         MultiObjectSession(make).follow([*scans, *more, empty])[-1] for more in ([], [old], [old._replace(time=latest)])
     )

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.base import linalg
 from trackbench.base.types import Array, Mask, Scan, Tracks
 from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
@@ -16,7 +15,6 @@ from trackbench.subjects.doctor.traffic import (
     Make,
     MultiObjectSession,
     Site,
-    column_of_nearest,
     distances,
     moved_objects,
 )
@@ -32,9 +30,6 @@ TOLERATED = 0.1
 PAIRS, AWAY, MEET, TOGETHER, PASSING = 5, 40.0, 2.0, 10.0, 0.5
 #: How far beside one of each pair a third one is, m, within the gates of new tracks; seeds of the noise and the orders.
 NEXT, DRAWS = 2.0, (5, 6, 7)
-#: False alarms beside objects: how far, in standard deviations of an innovation, in one scan of so many, until when, s;
-#: and the time that is judged when a track may not last any more, s.
-FURTHER, EVERY, OFTEN, JUDGED = 5.0, 10, 1.1, 0.5
 #: How many empty scans follow each other where one track's prediction is looked at, and objects that come at once.
 EMPTY, COMING = 3, 8
 
@@ -54,7 +49,7 @@ EMPTY, COMING = 3, 8
             "Where a detection starts a new track.",
             "Let only those detections start one that no track is likely to have caused, and merge tracks that "
             "coincide.",
-            Role(rank=8, always="confirms_too_soon"),
+            Role(rank=8),
         ),
     },
 )
@@ -70,43 +65,6 @@ def following(make: Make, site: Site) -> PartResult:
 
 
 @doctor_check(
-    Question("double_tracks.beside", "Does a false alarm beside an object give it no second track?"), place=14
-)
-def alarms_beside_objects(make: Make, site: Site) -> PartResult:
-    """Three objects, and now and then a false alarm beside each of them, which no track of it expects."""
-    session, alone, random = MultiObjectSession(make), MultiObjectSession(make), np.random.default_rng(10)
-    scans = site.scans(OBJECTS, OFTEN + LONGEST + JUDGED, random)
-    answers: list[Tracks] = []
-    for number, scan in enumerate(scans):
-        alarms: list[Array] = []
-        if answers and number % EVERY == 0 and scan.time <= OFTEN:
-            ahead = answers[-1]._replace(mean=moved_objects(answers[-1].mean, 1 / RATE))
-            columns = [column_of_nearest(ahead, target) for target in moved_objects(OBJECTS, scan.time).T]
-            places = [site.expected(ahead, column)[:2] for column in columns if column is not None]
-            alarms = [(at + FURTHER * linalg.cholesky(spread).lower()[:, 0])[:, None] for at, spread in places]
-        only = np.concatenate([scan.measurement[:, :0], *alarms], axis=1)
-        if len(alone.step(site.scan(scan.time, only, random)).ids):
-            return PartResult().add("double_tracks.beside", None, "false alarms make tracks without an object, too")
-        scan = site.scan(scan.time, np.concatenate([scan.measurement, only], axis=1), random)
-        answers.append(session.step(scan))
-    last = round(JUDGED * RATE)
-    return _single_tracks(PartResult(), "double_tracks.beside", _on_objects(answers[-last:], scans[-last:]))
-
-
-@doctor_check(
-    Question("double_tracks.together", "Has each object one track for all sensors together?"), place=80, least_sensors=2
-)
-def tracks_of_all_sensors(make: Make, sites: Sequence[Site]) -> PartResult:
-    """The same objects, seen by sensors in turn."""
-    random, seconds = np.random.default_rng(2), 2.0
-    parts = (site.scans(OBJECTS, seconds, random, start=k / RATE / len(sites)) for k, site in enumerate(sites))
-    scans = [scan for instant in zip(*parts, strict=True) for scan in instant]
-    return _single_tracks(
-        PartResult(), "double_tracks.together", _on_objects(MultiObjectSession(make).follow(scans), scans)
-    )
-
-
-@doctor_check(
     Question("false_alarms", "Does a single detection make no track?"),
     place=30,
     faults={
@@ -115,7 +73,7 @@ def tracks_of_all_sensors(make: Make, sites: Sequence[Site]) -> PartResult:
             "Where a tentative track becomes a confirmed one.",
             "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
             "reach.",
-            Role(rank=9, always="double_tracks"),
+            Role(rank=9),
         )
     },
 )
@@ -142,7 +100,7 @@ def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
             "Where a track without detections is looked at.",
             "Delete a track after about a second in view without a detection, or when its existence has become "
             "improbable.",
-            Role(rank=7, always="double_tracks"),
+            Role(rank=7),
         ),
         "ids_reused": KnownFault(
             "identities are used again",
@@ -195,7 +153,7 @@ def leaving(make: Make, site: Site) -> PartResult:
             "the order of the detections changes the tracks",
             "Where detections are assigned to tracks one after the other.",
             "Assign all of a scan at once (scipy.optimize.linear_sum_assignment), or by marginal probabilities.",
-            Role(rank=2, always="tracks gate_too_large ids_reused"),
+            Role(rank=2),
         )
     },
 )
@@ -248,7 +206,7 @@ def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
             "tracks are not predicted to an empty scan",
             "Where a scan without detections returns early.",
             "Predict at every scan, empty ones too, and count the miss.",
-            Role(rank=3, always="never_deletes pd_misstated ids_reused wrong_track_deleted"),
+            Role(rank=3),
         )
     },
 )

@@ -18,7 +18,7 @@ from scipy.special import gammaincinv
 from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.driving.faults import TrackFault
-from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
+from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
     DETECTION,
     OBJECTS,
@@ -115,6 +115,20 @@ class WeighedTrack(FollowedTrack):
     Question("spread_of_means", "Does the covariance have the spread of what several detections say?"),
     Question("spread_of_one", "Does the covariance have the spread of what a detection and a miss say?"),
     place=72,
+    faults={
+        "pd_misstated": KnownFault(
+            "a miss does not count as the sensor's detection probability says",
+            "Where the probability of a miss is computed.",
+            "Use scan.detection_probability, times the probability of the gate; or state no existence, if it is none.",
+            Role(rank=4),
+        ),
+        "clutter_misstated": KnownFault(
+            "a detection does not count as the stated clutter says",
+            "Where the likelihood of a detection is divided by the density of false alarms.",
+            "Use scan.clutter_density: false alarms per unit volume of the measurement space (m, rad, m/s) and scan.",
+            Role(rank=5),
+        ),
+    },
 )
 def weights(make: Make, site: Site) -> PartResult:
     """State other detection probabilities and clutter, and give two detections at once."""
@@ -124,9 +138,7 @@ def weights(make: Make, site: Site) -> PartResult:
     way = np.hypot(*(track.geometry[2] @ track.beside)[:2])
     if track.whole is None or np.hypot(*track.whole[:2]) < LEAST * way:
         return result
-    if track.tracks.existence is None:
-        # With an existence its odds say the same, and more exactly.
-        _of_odds(track, result)
+    _of_odds(track, result)
     _of_spread(track, result)
     _of_one(track, result)
     return result
