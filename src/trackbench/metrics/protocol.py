@@ -115,7 +115,7 @@ class Chunk:
     covariance: Array
     """``(4, 4, instants, batch)``, of estimates that were given."""
     values: Array
-    """``(17, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where not scored."""
+    """``(15, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where not scored."""
     scored: Mask
     """``(instants, batch)`` where an estimate is due, and the error counts. Elsewhere, what other arrays hold means
     nothing."""

@@ -11,10 +11,9 @@ from trackbench.base.types import Array, Indices
 
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
-#: Rows of the sums of errors: number of errors, squared errors, and the same for the course where it is defined;
-#: the NEES of the position and of the velocity by themselves, and of each along and across the true velocity (1 degree
-#: of freedom); the reference of the squared errors; and how many of the errors are of an estimate that the tracker
-#: gave, which alone have a NEES.
+#: Rows of the sums of errors: number of errors and squared errors; the NEES, those of the position and of the velocity
+#: alone, and of each along and across the true velocity (1 degree of freedom); the reference of the squared
+#: errors; and how many of the errors are of an estimate that the tracker gave, which alone have a NEES.
 ERROR_FIELDS = (
     "count",
     "px",
@@ -22,8 +21,6 @@ ERROR_FIELDS = (
     "vx",
     "vy",
     "nees",
-    "course_count",
-    "course",
     "nees_position",
     "nees_velocity",
     "nees_along",
@@ -89,11 +86,11 @@ class BlockScores:
     """
 
     per_step: Array
-    """``(17, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(15, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(17, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    """``(15, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
     per_part: Array
-    """``(17, parts)`` rows ``ERROR_FIELDS``."""
+    """``(15, parts)`` rows ``ERROR_FIELDS``."""
     charged: Array
     """Share of ``per_part`` that the tracker is charged with where it gave no estimate."""
     due: Array

@@ -124,7 +124,7 @@ TRACK_GROUPS: dict[str, tuple[str, ...]] = {
 #: Words of the metrics' names that are written otherwise.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
-    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES", "ospa": "OSPA", "nis": "NIS",
+    "mota": "MOTA", "rmse": "RMSE", "nees": "NEES", "nis": "NIS",
 }  # fmt: skip
 
 

@@ -61,7 +61,6 @@ def _error(first: int, second: int) -> Callable[[Record], Array]:
 ERRORS = [
     _number("position_rmse_m", _root_mean("px", "py")),
     _number("velocity_rmse_mps", _root_mean("vx", "vy")),
-    _number("course_rmse_deg", lambda record: np.rad2deg(np.sqrt(mean(record["course"], record["course_count"])))),
     *(_number(f"{name}_rmse_m", _root_mean(name)) for name in ("px", "py")),
     *(_number(f"{name}_rmse_mps", _root_mean(name)) for name in ("vx", "vy")),
 ]
@@ -155,7 +154,7 @@ LABELLED = {
         "errors of each tracker in each run",
         ["tracker"],
         [
-            *_numbers("run", "scene", "count", "course_count", DUE, "given", *ERRORS),
+            *_numbers("run", "scene", "count", DUE, "given", *ERRORS),
             _number("nees_mean", _mean("nees", "given")),
             _number("nis_mean", lambda record: mean(record["nis"], record["nis_count"])),
             *_numbers(*REFERENCES, "diverged", "repaired"),
@@ -165,7 +164,7 @@ LABELLED = {
         "of a single run or few logs: errors of each tracker in each stretch of time, which stand for independent runs",
         ["tracker"],
         [
-            *_numbers("run", "stretch", "count", "course_count", "given", *ERRORS),
+            *_numbers("run", "stretch", "count", "given", *ERRORS),
             *_numbers(_number("nees_mean", _mean("nees", "given")), *REFERENCES),
         ],
     ),

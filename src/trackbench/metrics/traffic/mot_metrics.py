@@ -13,8 +13,8 @@ from trackbench.metrics.traffic.assignment import (
     best_matching,
     equal_stretches,
     last_instant_before,
-    matched_in_group,
 )
+from trackbench.trackers.multi.association import assigned
 
 NO_TRACK = NOBODY = -1
 
@@ -62,7 +62,7 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
         left = own[~(among(item, item[kept]) | among(pairs.column[own], pairs.column[own[kept]]))]
         now = own[kept]
         if len(left):
-            won = left[matched_in_group(pairs.object[left], pairs.column[left], gain[left])]
+            won = left[assigned(pairs.object[left], pairs.column[left], gain[left])]
             now = np.concatenate([now, won])
         matched[now] = True
         track_of[instant, pairs.object[now]] = pairs.track[now]
