@@ -254,11 +254,6 @@ BAD = [
     ("{nearest: 4}", "{nearest: 0}", ["9: truth.targets.nearest: 0 is not possible: it must be at least 1"]),
     ("to_s: 6", "to_s: 5", ["18: sensors.front.dropouts.0.to_s: must be later than from_s, which is 5"]),
     ("sensors: [front, roof]", "sensors: []", ["21: trackers.ekf.sensors: must not be empty"]),
-    (
-        "sensors: [front, roof]",
-        "sensors: [front, front]",
-        ["21: trackers.ekf.sensors.1: 'front' is named twice; remove one"],
-    ),
     # Required keys.
     (
         "    range_sigma_m: 0.3\n",

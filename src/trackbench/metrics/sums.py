@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -123,30 +124,24 @@ class BlockScores:
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
     """Add the scores of consecutive blocks of runs in their order; later scenes may be shorter."""
     first = blocks[0]
-    return BlockScores(
+    by_run: dict[str, Any] = _joined(blocks, ("per_run", "per_part", "charged", "due", "diverged", "repaired"))
+    return replace(
+        first,
         per_step=_total([block.per_step for block in blocks]),
-        per_run=_joined([block.per_run for block in blocks]),
-        per_part=_joined([block.per_part for block in blocks]),
-        charged=_joined([block.charged for block in blocks]),
-        due=_joined([block.due for block in blocks]),
-        diverged=_joined([block.diverged for block in blocks]),
-        repaired=_joined([block.repaired for block in blocks]),
-        nis={
-            name: NisScores(
-                dof=max(block.nis[name].dof for block in blocks),
-                per_step=_total([block.nis[name].per_step for block in blocks]),
-                per_run=_joined([block.nis[name].per_run for block in blocks]),
-                per_part=_joined([block.nis[name].per_part for block in blocks]),
-            )
-            for name in first.nis
-        },
+        **by_run,
+        nis={name: _merged_nis([block.nis[name] for block in blocks]) for name in first.nis},
         classes=[item for block in blocks for item in block.classes],
         stretches=None if first.stretches is None else [item for block in blocks for item in block.stretches or ()],
     )
 
 
-def _joined(parts: Sequence[Array]) -> Array:
-    return np.concatenate(parts, axis=-1)
+def _merged_nis(parts: Sequence[NisScores]) -> NisScores:
+    per_step = _total([part.per_step for part in parts])
+    return NisScores(max(part.dof for part in parts), per_step, **_joined(parts, ("per_run", "per_part")))
+
+
+def _joined(parts: Sequence[Any], names: Sequence[str]) -> dict[str, Array]:
+    return {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in names}
 
 
 def added(sums: Array, part: Indices) -> Array:
