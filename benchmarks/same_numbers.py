@@ -73,6 +73,7 @@ REMOVED: dict[str, str] = {
     "*trackers[*].metrics.velocity_reference": "the same",
     "*.motp*": "the position RMSE of matched tracks says it",
     "*ospa*": "metrics that stood beside GOSPA and T-GOSPA and said the same",
+    "*fragmentations*": "the share of lost time and the events say it",
     "*track_purity*": "IDF1 and AssA say it",
     "*track_length*": "the tracks per minute that begin say it",
     "*ospa2*": "a metric that stood beside T-GOSPA and said the same",

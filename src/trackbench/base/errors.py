@@ -12,10 +12,6 @@ class TrackbenchError(Exception):
     """Base of every error whose text is meant for the user."""
 
 
-class PluginError(TrackbenchError):
-    """A failure of built-in code after plug-ins were loaded. The command line shows it and exits with status 3."""
-
-
 class OutputError(TrackbenchError):
     """A result cannot be written. The command line shows it and exits with status 4."""
 
@@ -45,9 +41,7 @@ class InputError(TrackbenchError):
 
     def __str__(self) -> str:
         place = ":".join(shortened_text(str(part)) for part in (self.file, self.line) if part is not None)
-        return ": ".join(
-            part for part in (place, shortened_text(self.key or ""), shortened_text(self.message, 2000)) if part
-        )
+        return ": ".join(filter(None, (place, shortened_text(self.key or ""), shortened_text(self.message, 2000))))
 
 
 class InputErrors(InputError):

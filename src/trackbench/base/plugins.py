@@ -214,14 +214,11 @@ def lacks_class(base: type) -> Callable[[Any], str | None]:
         if not isinstance(result, type) or not issubclass(result, base):
             return f"it must be a subclass of {wanted}"
         missing = sorted(getattr(result, "__abstractmethods__", ()))
-        unset = [name for name in inspect.get_annotations(base) if _stated(base, name) and not hasattr(result, name)]
+        # Class variables without a value.
+        stated = [name for name, kind in inspect.get_annotations(base).items() if str(kind).startswith("ClassVar")]
+        unset = [name for name in stated if not hasattr(base, name) and not hasattr(result, name)]
         if missing or unset:
             return f"it lacks {' and '.join([*unset, *missing])}"
         return None
 
     return lacks
-
-
-def _stated(base: type, name: str) -> bool:
-    """Whether each subclass has to state a class variable: it is annotated as one, and has no value."""
-    return str(inspect.get_annotations(base)[name]).startswith("ClassVar") and not hasattr(base, name)

@@ -18,14 +18,13 @@ import click
 from trackbench.base.errors import (
     InputError,
     OutputError,
-    PluginError,
     TrackbenchError,
     did_you_mean,
     printable,
     shortened_text,
     similar_names,
 )
-from trackbench.base.exit_status import BAD_INPUT, CANNOT_WRITE, FAILED_PLUGIN, FAULT, INTERRUPTED, UNREAD
+from trackbench.base.exit_status import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.plugins import with_plugins
 from trackbench.base.subjects import Offer, kind_of_file, offered, resolve
 from trackbench.base.user_code import place_of
@@ -206,8 +205,6 @@ def _run() -> int:
         return _failed(str(error), BAD_INPUT)
     except OutputError as error:
         return _failed(f"trackbench: {error}{_and_plugins()}", CANNOT_WRITE)
-    except PluginError as error:
-        return _failed(f"trackbench: {error}", FAILED_PLUGIN)
     except TrackbenchError as error:
         return _failed(f"trackbench: {error}", BAD_INPUT)
     except click.Abort as error:

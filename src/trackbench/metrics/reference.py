@@ -168,7 +168,6 @@ def conditional_bound(
 
 
 def _step(compute: Compute, equations: Equations, values: Values) -> tuple[Array, Array]:
-    """Return the covariance and the bound after a step of the recursion."""
     computed = compute(equations, values)
     return computed["covariance"], computed["bound"]
 

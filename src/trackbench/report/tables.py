@@ -114,7 +114,7 @@ RANKING_OF_TRACKS = (
 )  # fmt: skip
 MATCHED = "Errors of matched tracks"
 TRACK_GROUPS: dict[str, tuple[str, ...]] = {
-    "Identity": ("id_switches", "fragmentations", "assa", "idf1"),
+    "Identity": ("id_switches", "assa", "idf1"),
     "Detection": ("deta", "mota", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
     MATCHED: ("gospa_localisation", "position_rmse", "velocity_rmse", "nees", "nees_inside", "matched_share"),
     "Association": (

@@ -136,7 +136,6 @@ class TrackerResult(ResultModel):
         idf1: ClassVar[MetricValue]
         mota: ClassVar[MetricValue]
         id_switches: ClassVar[MetricValue]
-        fragmentations: ClassVar[MetricValue]
         false_tracks: ClassVar[MetricValue]
         confirm_latency: ClassVar[MetricValue]
         never_confirmed: ClassVar[MetricValue]

@@ -270,7 +270,6 @@ class FilterConfig(OptionsBeside):
 
 
 def _name(motion: MotionModel) -> str:
-    """The name of a motion model in a scenario."""
     return MOTION_MODELS.name_of(type(motion.motion if isinstance(motion, ConstantProcessNoise) else motion))
 
 

@@ -70,7 +70,7 @@ def test_a_track_on_an_optional_object_is_neither_right_nor_wrong() -> None:
     gone = x[:, :1].copy()
     gone[6:] = NAN
     found = ratios(score_run(truth_of(x, status), tracks_of(gone)))
-    assert (found["gospa"], found["lost_time_share"], found["fragmentations"]) == (0, 0, 0)
+    assert (found["gospa"], found["lost_time_share"]) == (0, 0)
 
 
 def test_an_optional_object_takes_no_track_from_a_due_one() -> None:
@@ -136,7 +136,6 @@ def test_latency_loss_and_fragmentation() -> None:
     assert found["never_confirmed"] == 0
     assert found["lost_time_share"] == pytest.approx(2 / (12 + 14))
     assert found["matched_share"] == pytest.approx((10 + 14) / (16 + 14))
-    assert found["fragmentations"] == pytest.approx(1 / (30 * STEP / 60))
     assert found["position_rmse"] == pytest.approx((10 / 24) ** 0.5)
     assert found["nees"] == pytest.approx(10 / 24)
     expected = [NOT_DUE] * 0 + [WAITING] * 4 + [TRACKED] * 6 + [LOST] * 2 + [TRACKED] * 4
@@ -222,7 +221,6 @@ def test_events_account_for_all_that_gospa_finds_missed_and_false(seed: int, spr
     truth = truth._replace(status=np.where(truth.status == ABSENT, ABSENT, status))
     scores = score_run(truth, tracks)
     assert_costs_are_gospas(scores)
-    assert sum(event.kind == "fragmented" for event in scores.events) == scores.values["fragmentations"][0]
     assert sum(event.kind == "switched" for event in scores.events) == scores.values["id_switches"][0]
     assert [event.instant for event in scores.events] == sorted(event.instant for event in scores.events)
 

@@ -175,7 +175,7 @@ class Nis(EstimateMetric):
         share = float(nis.per_part[NIS["inside"]].sum() / count.sum())
         value = _chi_square(total, count, nis.dof, inside, scenes, runs)
         expected = count.sum() + nis.per_part[NIS["missing"]].sum()
-        coverage = _share(count.sum(), expected)
+        coverage = float(count.sum() / expected)
         # The innovations that are missing may be the large ones.
         word = value.verdict if coverage >= LEAST_COVERAGE else "undecided"
         return value.model_copy(update={"inside95": share, "coverage": coverage, "verdict": word})
@@ -273,7 +273,3 @@ def _inside(count: Array, total: Array, dof: int) -> float:
     low, high = mean_bounds(dof, count[some])
     mean = total[some] / count[some]
     return float(((mean >= low) & (mean <= high)).mean())
-
-
-def _share(part: float, whole: float) -> float:
-    return float(part / whole) if whole > 0 else math.nan

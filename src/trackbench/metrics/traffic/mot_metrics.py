@@ -91,18 +91,6 @@ def switches(track_of: Indices) -> Switches:
     return Switches(instant[changed], item[changed], track[changed - 1], track[changed])
 
 
-def resumptions(track_of: Indices, counts: Mask) -> Mask:
-    """``(T, N)`` where an object has a track again after it had none, at instants ``(T, N)`` that count for it.
-
-    Their number is that of fragmentations (Li, Huang and Nevatia 2009, "Learning to associate: HybridBoosted
-    multi-target tracker for crowded scene").
-    """
-    tracked = track_of != NO_TRACK
-    before, ever_before = last_instant_before(counts), last_instant_before(tracked) >= 0
-    lost_before = (before >= 0) & ~np.take_along_axis(tracked, np.maximum(before, 0), axis=0)
-    return np.asarray(counts & tracked & lost_before & ever_before)
-
-
 #: The similarities from which a pair may count as matched; the scores are means over them.
 THRESHOLDS = np.arange(0.05, 0.99, 0.05)
 EPSILON = np.finfo(float).eps

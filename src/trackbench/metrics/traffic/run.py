@@ -28,7 +28,6 @@ from trackbench.metrics.traffic.mot_metrics import (
     clear_matches,
     hota,
     identity,
-    resumptions,
     switches,
     track_of_each,
 )
@@ -184,7 +183,6 @@ def _run_sums(
         "mota": (true - false - switched, due),
         "matched_share": (true, due),
         "id_switches": (switched, object_minutes),
-        "fragmentations": (float(resumptions(track_of, counted.due).sum()), object_minutes),
         "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
         "confirm_latency": confirmation(track_of, counted.due, duration),
         "never_confirmed": never_confirmed(track_of, counted.due),

@@ -141,9 +141,6 @@ TRACK_METRICS = by_name(
     share("idf1", "F1 score of the time that each object is on its one track", "larger", fewest=400),
     share("mota", "one minus misses, false tracks and switches per due instant", "larger", at_least=-math.inf),
     run_ratio("id_switches", "1/min", "changes of an object's track, per minute of an object", "smaller", fewest=10),
-    run_ratio(
-        "fragmentations", "1/min", "times a lost object is tracked again, per minute of an object", "smaller", fewest=10
-    ),
     run_ratio("false_tracks", "1/min", "tracks that never are on an object, per minute", "smaller", fewest=10),
     run_ratio(
         "confirm_latency",

@@ -308,8 +308,6 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
 
 
 class _Gains:
-    """What it saves to assign tracks to objects, by pair and instant."""
-
     def __init__(self, counted: Counted) -> None:
         pairs = counted.pairs
         self._pairs, self._gain, self._steps = pairs, counted.cutoff**2 - pairs.distance**2, len(counted.due)
