@@ -13,12 +13,13 @@ from trackbench.metrics.intervals import reach_of_ratio
 from trackbench.metrics.verdicts import (
     heavy_beside,
     judged_parts,
+    meaning,
     overall_verdict,
     tail_limits,
     tail_verdict,
     what_is_off,
 )
-from trackbench.results import ConditionScores, ConditionVerdict, MetricValue, PartVerdict
+from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 
 
 def judged(filtered, runs, over_time=0.5, common=0.0, seed=1):
@@ -201,6 +202,11 @@ def test_leaving_out_what_is_beyond_a_point_does_not_make_its_share_right():
     assert [part.verdict for part in judged_parts(every)] == ["consistent", "consistent"]
     assert [part.verdict for part in judged_parts(silent)] == ["consistent", "undecided"]
     assert judged_parts(silent)[1].ci95 == pytest.approx((0.0007 * 0.992, 0.0012 * 0.992 + 0.008))
+    undecided = MetricValue(value=4.0, unit="1", dof=4, verdict="undecided")
+    breakdown = Breakdown(all=silent, manoeuvre={}, range={}, age={}, jump={})
+    assert meaning(undecided, breakdown).endswith("large errors are as frequent as stated: 99.2 % given")
+    few = breakdown.model_copy(update={"all": every})
+    assert meaning(undecided, few).startswith("too few runs or scenes")
 
 
 def test_the_effective_number_of_clusters_is_that_of_clusters():

@@ -110,7 +110,6 @@ class _Summing:
         return self._innovations[sensor]
 
     def _note_divergence(self, square: Array, counts: Mask) -> None:
-        """Note the runs in which a squared error of the position ``(instants, batch)`` that counts is too large."""
         far = (square > self._target.divergence**2) & counts
         if far.any():
             self._diverged |= self._by_run(np.asarray(far.any(axis=0))) > 0

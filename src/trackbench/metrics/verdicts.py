@@ -280,6 +280,14 @@ def meaning(nees: MetricValue, breakdown: Breakdown | None) -> str:
             if not _is_complete(scores):
                 share = f"{name}{100 * scores.given / scores.count:.3g} % given, {100 * LEAST_COVERAGE:g} % needed"
                 return f"too many estimates are missing to say whether the errors are as large as stated: {share}"
+        every = breakdown.all
+        tails, without_missing = (
+            {part.verdict for part in judged_parts(scores) if part.name not in DIRECTIONS}
+            for scores in (every, every.model_copy(update={"count": every.given}))
+        )
+        if "undecided" in tails - without_missing:
+            share = f"{100 * every.given / every.count:.3g} % given"
+            return f"too many estimates are missing to say whether large errors are as frequent as stated: {share}"
     where = f", as shown for {places}; the mean NEES is undecided" if (places := only_where(nees)) else ""
     return MEANING[word] + where + (_MORE_LARGE if nees.also else "")
 
