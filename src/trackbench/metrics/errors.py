@@ -41,7 +41,6 @@ def _errors(values: Values) -> Values:
 
 
 def _rows(mean: Array, covariance: Array, truth: Array, reference: Array, finite: Mask) -> tuple[Array, Mask]:
-    """Rows as ERROR_FIELDS, and whether the covariance is positive definite."""
     error = mean - truth
     factor = linalg.cholesky(covariance)
     whitened = factor.whiten(error)

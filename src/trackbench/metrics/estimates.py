@@ -41,8 +41,6 @@ ESTIMATES = EstimateSums()
 
 
 class _Summing:
-    """The sums of a block that is under way."""
-
     def __init__(self, scope: Scope) -> None:
         self._scope, self._target = scope, scope.labelled
         assert scope.classes is not None

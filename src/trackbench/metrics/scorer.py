@@ -194,14 +194,7 @@ class Scorer:
         """
         here = scores.here
         due = self._due[here]
-        squares = SquaredErrors(
-            here,
-            scores.squares,
-            due,
-            np.broadcast_to(given, due.shape),
-            self._runs,
-            *spent,
-        )
+        squares = SquaredErrors(here, scores.squares, due, np.broadcast_to(given, due.shape), self._runs, *spent)
         repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
@@ -233,7 +226,6 @@ class Scorer:
         self._seconds, self._steps = 0.0, 0
 
     def _taken(self) -> Chunk:
-        """What waits, as a chunk."""
         here, estimates = self._waiting, self._estimates()
         self._filled, self._first = 0, here.stop
         truth = self._target.state[:, here]

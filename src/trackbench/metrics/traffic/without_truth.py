@@ -104,7 +104,6 @@ def _densities(scan: Scan, predicted: Tracks) -> tuple[Array, Array]:
 
 
 def _pairs(predicted: Tracks, tracks: Tracks) -> tuple[Indices, Indices]:
-    """Return the columns of the predicted tracks that used a detection, and those detections."""
     used = np.full(len(tracks.ids), NONE) if tracks.used is None else tracks.used
     number, column = np.nonzero((tracks.ids[:, None] == predicted.ids) & (used >= 0)[:, None])
     return column, used[number]
