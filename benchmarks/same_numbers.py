@@ -47,8 +47,6 @@ RENAMED: dict[str, str] = {}
 RENAMED_VALUES: dict[str, dict[str, str]] = {}
 #: New path that the old commit does not have: why.
 ADDED: dict[str, str] = {
-    "*position_p95*": "a metric that the old commit does not have",
-    "*velocity_p95*": "the same",
     "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
@@ -66,6 +64,18 @@ REMOVED: dict[str, str] = {
     "*steps.parquet:position_p10_m": "a column that no page showed",
     "*steps.parquet:position_p90_m": "a column that no page showed",
     "*siap_*": "metrics that stood beside GOSPA, HOTA and MOTA and said the same",
+    "*:position_p95*": "a metric that no page showed: the points of chi-square tell of large errors",
+    "*:velocity_p95*": "the same",
+    "*position_p95*": "the same",
+    "*velocity_p95*": "the same",
+    "*course_*": "a metric that no page showed: the errors of the velocity tell it",
+    "*trackers[*].metrics.position_reference": "that of the errors over its ratio to the reference",
+    "*trackers[*].metrics.velocity_reference": "the same",
+    "*.motp*": "the position RMSE of matched tracks says it",
+    "*ospa*": "metrics that stood beside GOSPA and T-GOSPA and said the same",
+    "*fragmentations*": "the share of lost time and the events say it",
+    "*track_purity*": "IDF1 and AssA say it",
+    "*track_length*": "the tracks per minute that begin say it",
     "*ospa2*": "a metric that stood beside T-GOSPA and said the same",
     "*start_delay*": "a run with score.settle_s of 0 tells how tracks begin",
     "*start_position_rmse*": "a run with score.settle_s of 0 tells how tracks begin",

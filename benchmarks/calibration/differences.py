@@ -21,7 +21,7 @@ MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_
 #: RMSE of the best tracker: 1 % of it is more than the absolute margins.
 RMSE = 10.0
 #: The metrics that are means over the runs of every labelled scenario.
-METRICS = ("position_rmse", "velocity_rmse", "course_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy")
+METRICS = ("position_rmse", "velocity_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy")
 #: A sweep: of its trackers each is compared with the best.
 SWEPT, SWEEPS = 60, 1000
 AT_MARGIN = 1.0 + MARGIN.percent / 100

@@ -99,22 +99,6 @@ def test_what_is_no_file(shell: Shell, tmp_path: Path, command: str, path: str) 
     assert one_line(done, 2).startswith(f"{path}: ")
 
 
-def test_a_scenario_without_end(shell: Shell, tmp_path: Path) -> None:
-    with (tmp_path / "long.yaml").open("wb") as file:
-        file.truncate(2**33)
-    assert one_line(shell("tb check long.yaml"), 2) == "long.yaml: larger than 4 MiB, which none is"
-
-
-def test_names_that_are_not_utf8(shell: Shell, tmp_path: Path, tiny_text: str) -> None:
-    (tmp_path / "folder").mkdir()
-    named = os.fsencode(tmp_path / "folder") + b"/b\xff.yaml"
-    with open(named, "w") as file:
-        file.write(tiny_text)
-    for command in ("check folder/b*", "check folder", "run folder", "run folder/b* --out o"):
-        assert "is not UTF-8; rename" in one_line(shell(f"tb {command}"), 2)
-    assert "is not UTF-8; rename" in one_line(shell("tb list $'filters\\xff'"), 2)
-
-
 def test_a_device_is_written_not_replaced(shell: Shell, tiny: Path) -> None:
     done = shell("tb run tiny.yaml --runs 1 --no-recording --quiet --junit /dev/stdout")
     assert done.returncode == 0

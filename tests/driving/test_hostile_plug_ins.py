@@ -69,7 +69,7 @@ def test_no_plug_in_answers_for_the_bench(tmp_path: Path, trackbench: str, kind:
     if done.returncode == 0:
         result = Result.load(tmp_path / "results" / "plugged")
         assert all(tracker.failed is None for tracker in result.summary.trackers)
-        for metric in ("position_rmse", "position_p95"):
+        for metric in ("position_rmse", "velocity_rmse"):
             assert result["ekf"].metrics[metric].value is not None
     elif done.returncode == 70:
         assert kind == "metric"

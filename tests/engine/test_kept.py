@@ -144,29 +144,6 @@ def test_where_nothing_can_be_written_nothing_is_kept(
     assert where != "full" or not list(folder.iterdir())
 
 
-@pytest.mark.skipif(os.name != "posix", reason="no owners and rights of POSIX")
-@pytest.mark.parametrize("mode", [0o620, 0o602, 0o666, "of another user"])
-def test_a_file_that_another_user_can_have_written_is_refused(
-    count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int | str
-) -> None:
-    for factor in (3.0, 4.0):
-        run(tmp_path, factor)
-    if isinstance(mode, int):
-        for file in tmp_path.iterdir():
-            file.chmod(mode)
-    else:
-        another = os.geteuid() + 1
-        monkeypatch.setattr(machine.os, "geteuid", lambda: another)
-    for factor in (3.0, 4.0):
-        run(tmp_path, factor)
-    assert len(count) == 4
-    if isinstance(mode, int):
-        # Those made in their place are the user's alone.
-        assert {file.stat().st_mode & 0o777 for file in tmp_path.iterdir()} == {0o600}
-        run(tmp_path)
-        assert len(count) == 4
-
-
 def test_processes_that_compile_at_once_do_no_harm(kernels: Kernels, tmp_path: Path) -> None:
     script = textwrap.dedent(
         """

@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from tests.support.intervals import scaled
 
 from trackbench.metrics.consistency import mean_bounds, normalised_square, point95
 from trackbench.metrics.contrasts import paired, unpaired
 from trackbench.metrics.differences import holm
-from trackbench.metrics.intervals import ratio, root, scaled_interval
+from trackbench.metrics.intervals import ratio, root
 
 
 def test_normalised_square_by_hand():
@@ -87,7 +88,7 @@ def test_the_interval_of_a_root_mean_square_is_the_root_of_that_of_the_mean_squa
     found = root(mean_square)
     assert found.value == pytest.approx(np.sqrt(mean_square.value))
     assert found.ci95 == pytest.approx(np.sqrt(mean_square.ci95))
-    doubled = scaled_interval(found, 2.0)
+    doubled = scaled(found, 2.0)
     assert doubled.value == pytest.approx(2 * found.value)
     assert doubled.ci95 == pytest.approx(tuple(2 * end for end in found.ci95))
 
@@ -161,7 +162,7 @@ def test_the_interval_of_a_share_is_that_of_its_log_odds():
     assert [np.log(end / (1 - end)) for end in found.ci95] == pytest.approx(expected)
     missed = ratio(tries - hits, tries, at_least=0.0, at_most=1.0)
     assert missed.ci95 == pytest.approx((1 - found.ci95[1], 1 - found.ci95[0]))
-    assert scaled_interval(found, 100.0).ci95 == pytest.approx(tuple(100 * end for end in found.ci95))
+    assert scaled(found, 100.0).ci95 == pytest.approx(tuple(100 * end for end in found.ci95))
 
 
 def test_an_interval_keeps_to_a_limit_from_either_side():

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.support.intervals import scaled
 
-from trackbench.metrics import clustered, ratio, root, scaled_interval
+from trackbench.metrics import clustered, ratio, root
 from trackbench.metrics.contrasts import paired, turning_factor, undrawn_share, unpaired
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES
 from trackbench.metrics.traffic import TRACK_METRICS
@@ -35,8 +36,8 @@ def test_clustering_is_the_ratio_of_sums_by_scene(seed: int, scenes: int) -> Non
     assert found.influence == pytest.approx(expected.influence, abs=1e-12)
     assert found.ci95 == pytest.approx(expected.ci95)
     assert abs(found.influence.mean()) < 1e-9
-    error = clustered(scaled_interval(root(ratio(total, count)), 3.0), scene)
-    assert error.ci95 == pytest.approx(scaled_interval(root(expected), 3.0).ci95)
+    error = clustered(scaled(root(ratio(total, count)), 3.0), scene)
+    assert error.ci95 == pytest.approx(scaled(root(expected), 3.0).ci95)
 
 
 @given(st.integers(0, 10_000))
@@ -72,10 +73,10 @@ def test_fewer_scenes_than_the_rule_holds_for_give_no_interval_and_no_verdict() 
     assert few.ci95 is None
     assert few.as_value("m").reason == TOO_FEW_SCENES
     assert enough.ci95 is not None
-    for contrast in (paired(few, scaled_interval(few, 3.0)), unpaired(few, enough), unpaired(enough, few)):
+    for contrast in (paired(few, scaled(few, 3.0)), unpaired(few, enough), unpaired(enough, few)):
         assert contrast.ci95 is None
         assert contrast.p_value == 1.0
-    assert paired(enough, scaled_interval(enough, 3.0)).ci95 is not None
+    assert paired(enough, scaled(enough, 3.0)).ci95 is not None
 
 
 @pytest.mark.parametrize("compare", [paired, unpaired])
@@ -93,7 +94,7 @@ def test_a_difference_of_errors_over_scenes_reaches_further_by_what_they_do_not_
     few = [item._replace(few_decide=True) for item in over_scenes]
     assert compare(*few).ci95 == compare(*over_scenes).ci95
     assert compare(*few).p_value < 0.05
-    near = [few[0], scaled_interval(few[1], 0.7)]
+    near = [few[0], scaled(few[1], 0.7)]
     assert compare(*near).p_value > 0.05
     assert compare(*(item._replace(few_decide=False) for item in near)).p_value < 0.05
     # What is no error has no such term.

@@ -13,7 +13,7 @@ from scipy.special import stdtr, stdtrit
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.document.markdown import to_markdown
-from trackbench.metrics.differences import LEVEL, MOST_PAIRED, corrected_p_values, times_as_large
+from trackbench.metrics.differences import LEVEL, MOST_PAIRED, corrected_p_values
 from trackbench.report.console import print_summary
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
@@ -86,9 +86,8 @@ def test_the_column_says_who_is_not_shown_worse(many: Result, tmp_path: Path) ->
 
 @pytest.mark.parametrize(("trackers", "runs"), [(31, 12), (60, 100), (200, 20)])
 def test_a_difference_so_much_larger_is_just_shown(trackers: int, runs: int) -> None:
-    """Of two trackers the limit is the quantile itself."""
-    assert times_as_large(2, runs - 1) == 1
-    t = times_as_large(trackers, runs - 1) * stdtrit(runs - 1, 0.975)
+    """The quantile at the level over the number of pairs."""
+    t = stdtrit(runs - 1, 1 - LEVEL / (trackers * (trackers - 1)))
     p_value = 2 * float(stdtr(runs - 1, np.array(-t)))
     others = [1.0] * (trackers - 2)
     choices = [(trackers - 1) / 2] * (trackers - 1)

@@ -108,7 +108,7 @@ def test_a_constant_offset_is_shown_and_taken_out_only_when_it_is_asked(tmp_path
     assert low < -offset < high < low + 5e-3
     assert shown.offset_shown
     moved = offset_shown(tmp_path, late, time_offset_s=-offset)
-    assert moved.motp.value < 0.2
+    assert moved.position_rmse.value < 0.2
     assert moved.matched_share.value == pytest.approx(260 / 300)
     assert not moved.offset_shown
 

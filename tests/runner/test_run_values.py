@@ -29,7 +29,7 @@ def of_lidar() -> tuple[Any, tb.Result]:
     return by_run(tb.load("lidar_only", {"truth.duration_s": 8}, runs=RUNS, trackers=["kf_cv"]), "kf_cv", BUILT_IN)
 
 
-@pytest.mark.parametrize("name", ["position_rmse", "course_rmse", "nees"])
+@pytest.mark.parametrize("name", ["position_rmse", "velocity_rmse", "nees"])
 def test_errors_of_each_run_are_those_of_the_run_alone(of_lidar: tuple[Any, tb.Result], name: str) -> None:
     sums, result = of_lidar
     metric = next(metric for metric in BUILT_IN if metric.name == name)

@@ -213,8 +213,8 @@ def test_coverage_is_the_share_of_the_steps_with_an_estimate(run_tiny: Run, tiny
         ("metric: health.diverged_runs, below: 1", 0, True),
         ("metric: health.non_finite_estimates, below: 0", 0, False),
         ("metric: position_rmse, better_than: raw", 0.2, True),
-        ("metric: course_rmse, better_than: twin", 20, False),
-        ("metric: course_rmse, below: 90", 20, True),
+        ("metric: velocity_rmse, better_than: twin", 5, False),
+        ("metric: velocity_rmse, below: 90", 5, True),
     ],
 )  # fmt: skip
 def test_expectations(expected: Result, expectation: str, value: Any, passed: bool) -> None:
@@ -323,7 +323,7 @@ def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
 
 
 def test_objects_that_stand_still(run_tiny: Run) -> None:
-    """Parked cars: their course means nothing, and a standing observer sees no range rate."""
+    """Parked cars: a standing observer sees no range rate."""
     result = run_tiny(
         "truth={source: highway-env, env: parking-v0, config: {vehicles_count: 2}, duration_s: 2, rate_hz: 10, "
         "ego: idle, observer: {x: -40}, targets: {nearest: 2}}"
@@ -332,11 +332,6 @@ def test_objects_that_stand_still(run_tiny: Run) -> None:
     assert column(result.tables["truth"], "speed_mps", role="target").max() == 0
     for entry in result.json()["trackers"]:
         assert entry["failed"] is None
-        assert entry["metrics"]["course_rmse"] == {
-            "value": None,
-            "unit": "deg",
-            "reason": "there is no estimate of an object that moves to score",
-        }
     assert tracker(result, "ekf")["metrics"]["position_rmse"]["value"] < 1
 
 
@@ -353,8 +348,7 @@ def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
             # No expectation names it, so it is in no family.
             assert (item.better, item.verdict, item.p_value) == (None, None, None)
     found = {(i.a, i.b): i.verdict for i in result.differences if i.metric == "position_rmse"}
-    compared = ["position_rmse", "velocity_rmse", "course_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy"]
-    compared += ["position_p95", "velocity_p95"]
+    compared = ["position_rmse", "velocity_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy"]
     assert list(dict.fromkeys(item.metric for item in result.differences)) == compared
     assert found["raw", "ekf"] == "ekf better"
     assert result.json()["ranking"][-1] == "raw"

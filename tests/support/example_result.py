@@ -102,7 +102,6 @@ def tracker(name: str, place: int) -> dict[str, Any]:
         "metrics": {
             "position_rmse": metric(rmse, "m"),
             "velocity_rmse": metric(None if name == "raw" else 2.1 * rmse, "m/s", "raw gives no velocity"),
-            "course_rmse": metric(4.0 * rmse, "deg"),
             "rmse": {axis: metric(0.7 * rmse, unit) for axis, unit in units.items()},
             "nees": mixed(4.1) if name == "ekf_ctrv" else chi_square(nees, 4, "the tracker gives no covariance"),
             "nis": {
@@ -113,8 +112,6 @@ def tracker(name: str, place: int) -> dict[str, Any]:
                 for sensor, dof in SENSORS.items()
             },
             "whiteness": dict.fromkeys(SENSORS, white),
-            "position_reference": metric(BOUND, "m"),
-            "velocity_reference": metric(0.8, "m/s"),
             "position_over_reference": metric(rmse / BOUND, "1"),
             "velocity_over_reference": metric(1.2, "1"),
             "coverage": {"value": 0.99, "unit": "1"},
@@ -132,7 +129,7 @@ def tracker(name: str, place: int) -> dict[str, Any]:
 
 def failed_tracker() -> dict[str, Any]:
     nothing = {"value": None, "unit": "1", "reason": "the tracker failed"}
-    keys = ("position_rmse", "velocity_rmse", "course_rmse", "nees")
+    keys = ("position_rmse", "velocity_rmse", "nees")
     return {
         "name": "mine",
         "describe": "mypkg:Mine, all sensors",

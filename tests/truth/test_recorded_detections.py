@@ -213,7 +213,6 @@ def test_the_result_says_what_can_be_told_and_what_cannot(tmp_path: Path) -> Non
     # of the scan that confirmed it.
     assert metrics["track_count"].value == pytest.approx(2 * 198 / 200)
     assert metrics["used_share"].value == pytest.approx(198 / 200)
-    assert metrics["track_length"].value == pytest.approx(197 * 0.05)
     assert metrics["new_tracks"].value == pytest.approx(2 / (199 * 0.05 / 60))
     # Measurements without noise.
     assert 0 <= (metrics["nis"].value or 0) < 0.05

@@ -12,10 +12,6 @@ class TrackbenchError(Exception):
     """Base of every error whose text is meant for the user."""
 
 
-class PluginError(TrackbenchError):
-    """A failure of built-in code after plug-ins were loaded. The command line shows it and exits with status 3."""
-
-
 class OutputError(TrackbenchError):
     """A result cannot be written. The command line shows it and exits with status 4."""
 
@@ -45,9 +41,7 @@ class InputError(TrackbenchError):
 
     def __str__(self) -> str:
         place = ":".join(shortened_text(str(part)) for part in (self.file, self.line) if part is not None)
-        return ": ".join(
-            part for part in (place, shortened_text(self.key or ""), shortened_text(self.message, 2000)) if part
-        )
+        return ": ".join(filter(None, (place, shortened_text(self.key or ""), shortened_text(self.message, 2000))))
 
 
 class InputErrors(InputError):
@@ -70,15 +64,9 @@ class InputErrors(InputError):
         return "\n".join(str(error) for error in self.errors)
 
 
-#: Characters of a name that may be meant; spelling is not compared beyond.
-LONGEST = 100
-
-
 def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
     """Return the choices that have all words of a name, else the one that is spelt most alike, as far as ``cutoff``."""
-    if len(name) > LONGEST:
-        return []
-    names = sorted({choice for choice in choices if len(choice) <= LONGEST})
+    names = sorted(set(choices))
     spelling = re.sub("[- ]", "_", name.lower())
     if spelling in names:
         return [spelling]
@@ -97,7 +85,7 @@ def nearest_choices(name: str, choices: Iterable[str]) -> str:
     if close := did_you_mean(similar_names(name, names)):
         return close
     if len(names) > LISTED:
-        nearest = get_close_matches(name[:LONGEST], names, n=5, cutoff=0.0)
+        nearest = get_close_matches(name, names, n=5, cutoff=0.0)
         return f"choose from {len(names)}, such as {', '.join(nearest)}"
     return "choose from: " + ", ".join(names) if names else "there is none to choose from"
 
@@ -118,14 +106,6 @@ def similar_path_hint(missing: Path) -> str:
 def shortened_text(text: str, most: int = 200) -> str:
     """The start and the end of a text of more than ``most`` characters."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
-
-
-def text_of(error: BaseException) -> str:
-    """What an error says of itself; nothing where it cannot."""
-    try:
-        return str(error)
-    except Exception:
-        return ""
 
 
 def printable(text: str, most: int = 1000) -> str:

@@ -117,7 +117,6 @@ def _deaths_explained() -> Iterator[None]:
 
 
 def _make_call(content: bytes, args: tuple[Any, ...], folders: tuple[Path | None, ...], command: str) -> Any:
-    """Make a call in the process to which it was sent."""
     with _ONE_CALL, searched(*folders):
         try:
             _forget_modules(folders, command)

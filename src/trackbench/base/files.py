@@ -4,30 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import stat
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from trackbench.base.errors import InputError
-
-#: Bytes of a scenario.
-SCENARIO = 4 * 2**20
-#: Of a result.
-JSON = 64 * 2**20
-#: Of a log as text.
-LARGE = 2**30
-_SURROGATE = re.compile("[\ud800-\udfff]")
-
-
-def is_utf8(name: str) -> bool:
-    """Whether a name of the file system is text; Python has a surrogate for each byte that is not."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def require_regular(file: Path) -> None:
@@ -35,10 +18,8 @@ def require_regular(file: Path) -> None:
 
     Raises:
         FileNotFoundError: it is not there.
-        InputError: it is a folder, a pipe or a device, or its name is not UTF-8.
+        InputError: it is a folder, a pipe or a device.
     """
-    if not is_utf8(str(file)):
-        raise InputError(f"{str(file)!a}: its name is not UTF-8; rename it")
     try:
         mode = file.stat().st_mode
     except FileNotFoundError:
@@ -51,21 +32,15 @@ def require_regular(file: Path) -> None:
         raise InputError("this is a device or a pipe; name a file", file=file)
 
 
-def read_bytes(file: Path, most: int = LARGE) -> bytes:
+def read_bytes(file: Path) -> bytes:
     """The content of a file.
-
-    Args:
-        file: its name.
-        most: bytes.
 
     Raises:
         FileNotFoundError: it is not there.
-        InputError: as :func:`require_regular`; it is larger than ``most`` or cannot be read.
+        InputError: as :func:`require_regular`; it cannot be read.
     """
     require_regular(file)
     try:
-        if file.stat().st_size > most:
-            raise InputError(f"larger than {most / 2**20:g} MiB, which none is", file=file)
         return file.read_bytes()
     except FileNotFoundError:
         raise
@@ -88,14 +63,14 @@ def path_from(path: str, folder: Path, elsewhere: Path) -> str:
     return path if file is None else os.path.relpath(file.resolve(), elsewhere.resolve())
 
 
-def read_text(file: Path, most: int = LARGE, remedy: str = "") -> str:
+def read_text(file: Path, remedy: str = "") -> str:
     """The text of a file in UTF-8; ``remedy`` ends the message about any other.
 
     Raises:
         FileNotFoundError: it is not there.
         InputError: as :func:`read_bytes`; it is not UTF-8.
     """
-    raw = read_bytes(file, most)
+    raw = read_bytes(file)
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -108,26 +83,27 @@ def read_json(file: Path) -> Any:
 
     Raises:
         FileNotFoundError: it is not there.
-        InputError: as :func:`read_bytes`; it is larger than ``JSON``.
-        ValueError: it is not JSON, or has half a character, which no file can hold.
+        InputError: as :func:`read_bytes`.
+        ValueError: it is not JSON.
         RecursionError: it is nested too deeply.
     """
-    raw = read_bytes(file, JSON)
-    value = json.loads(raw)
-    if b"\\u" in raw and (half := _SURROGATE.search(json.dumps(value, ensure_ascii=False))):
-        raise ValueError(f"half a character: \\u{ord(half[0]):x} alone")
-    return value
+    return json.loads(read_bytes(file))
+
+
+@cache
+def _temporary_folder() -> Path:
+    return Path(tempfile.mkdtemp(prefix="trackbench-"))
 
 
 def cache_folder() -> Path:
-    """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache; of a user without a home in /tmp."""
+    """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache; without a home a new folder of each process."""
     own = os.environ.get("TRACKBENCH_CACHE")
     if own:
         return Path(own)
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "trackbench"
     except RuntimeError:
-        return Path(tempfile.gettempdir()) / f"trackbench-{os.getuid()}"
+        return _temporary_folder()
 
 
 def write_whole(file: Path, content: bytes) -> None:

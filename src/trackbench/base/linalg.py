@@ -16,7 +16,6 @@ import numpy as np
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.units import TWO_PI
 
-#: Its type, which NumPy leaves open.
 _einsum: Callable[..., Array] = np.einsum
 #: What an array can be filled with.
 _NUMBERS = frozenset({float, int, bool, np.float64, np.int64, np.ndarray})
@@ -108,7 +107,6 @@ def rounded_up(p: Array) -> Array:
 
 @cache
 def _lower(size: int) -> tuple[Indices, Indices]:
-    """For each entry of a symmetric matrix its place in the lower triangle."""
     i, j = np.indices((size, size))
     return np.maximum(i, j), np.minimum(i, j)
 

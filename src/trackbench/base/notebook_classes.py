@@ -6,7 +6,7 @@ import pickle
 import sys
 from typing import Any
 
-from trackbench.base.errors import InputError, printable, text_of
+from trackbench.base.errors import InputError, printable
 
 #: Module that references to these classes name.
 NOTEBOOK = "__main__"
@@ -32,7 +32,7 @@ def reference_to(plugin: Any) -> str:
     try:
         cloudpickle.dumps(plugin)
     except Exception as error:
-        problem = f"{type(error).__name__}: {printable(text_of(error))}"
+        problem = f"{type(error).__name__}: {printable(str(error))}"
         raise InputError(f"{plugin.__name__} cannot be sent to another process: {problem}") from error
     reference, number = f"{NOTEBOOK}:{plugin.__name__}", 1
     while _classes.setdefault(reference, plugin) is not plugin:

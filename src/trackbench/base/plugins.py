@@ -17,7 +17,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
-from trackbench.base.errors import InputError, nearest_choices, printable, text_of
+from trackbench.base.errors import InputError, nearest_choices, printable
 from trackbench.base.notebook_classes import NOTEBOOK, notebook_class
 
 
@@ -38,14 +38,10 @@ def attribute(reference: str) -> Any:
     plugin: Any = importlib.import_module(module)
     for name in path.split("."):
         if not hasattr(plugin, name):
-            raise InputError(f"module {module!r} has no {name!r}: {nearest_choices(name, class_names(plugin))}")
+            classes = [other for other, value in vars(plugin).items() if isinstance(value, type) and other[0] != "_"]
+            raise InputError(f"module {module!r} has no {name!r}: {nearest_choices(name, classes)}")
         plugin = getattr(plugin, name)
     return plugin
-
-
-def class_names(module: Any) -> list[str]:
-    """The names of the classes of a module."""
-    return [name for name, value in vars(module).items() if isinstance(value, type) and not name.startswith("_")]
 
 
 @contextmanager
@@ -59,26 +55,9 @@ def searched(*folders: Path | None) -> Iterator[None]:
         sys.path[:] = before
 
 
-@contextmanager
-def import_errors_explained(reference: str, folder: Path | None) -> Iterator[None]:
-    """What goes wrong while ``reference`` is imported, as an ``InputError``."""
-    try:
-        yield
-    except InputError:
-        raise
-    except ModuleNotFoundError as error:
-        where = f"{folder or 'the folder of the scenario'}, the working directory and the installed packages"
-        problem = f"cannot import {reference!r}: no module named {error.name!r} (looked in {where})"
-        raise InputError(problem) from error
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise InputError(f"cannot import {reference!r}: {one_line(error)}") from error
-
-
 def one_line(error: BaseException) -> str:
     """An error's type and text in one line."""
-    text = printable(text_of(error))
+    text = printable(str(error))
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
@@ -129,17 +108,24 @@ class Registry(Generic[T]):
             InputError: there is no such name, it cannot be imported, or it is something else; says why.
         """
         own = not self.home_of(reference).startswith("trackbench.")
-        with searched(folder), import_errors_explained(reference, folder):
-            plugin = notebook_class(reference)
-            if plugin is None:
-                plugin = attribute(reference) if ":" in reference else self._entry(reference).load()
+        try:
+            with searched(folder):
+                plugin = notebook_class(reference)
+                if plugin is None:
+                    plugin = attribute(reference) if ":" in reference else self._entry(reference).load()
+        except InputError:
+            raise
+        except ModuleNotFoundError as error:
+            where = f"{folder or 'the folder of the scenario'}, the working directory and the installed packages"
+            problem = f"cannot import {reference!r}: no module named {error.name!r} (looked in {where})"
+            raise InputError(problem) from error
+        except (Exception, SystemExit) as error:
+            raise InputError(f"cannot import {reference!r}: {one_line(error)}") from error
         if own:
             _loaded[repr(reference)] = None
         try:
             lacking = self.lacks(plugin)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
+        except Exception as error:
             lacking = one_line(error)
         if lacking is not None:
             raise InputError(f"{reference!r} is no {self.what}: {lacking}")
@@ -147,10 +133,7 @@ class Registry(Generic[T]):
         return self.found[reference]
 
     def __getitem__(self, reference: str) -> T:
-        try:
-            return self.found[reference]
-        except KeyError:
-            return self.get(reference)
+        return self.found.get(reference) or self.get(reference)
 
     def loaded(self) -> dict[str, T]:
         """Every published one that can be imported, by name."""
@@ -211,7 +194,6 @@ _loaded: dict[str, None] = {}
 
 @cache
 def _entries(group: str, places: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
-    """The entry points of a group by name."""
     published: dict[str, list[EntryPoint]] = {}
     for entry in _of_all_groups(places).select(group=group):
         published.setdefault(entry.name, []).append(entry)
@@ -232,14 +214,11 @@ def lacks_class(base: type) -> Callable[[Any], str | None]:
         if not isinstance(result, type) or not issubclass(result, base):
             return f"it must be a subclass of {wanted}"
         missing = sorted(getattr(result, "__abstractmethods__", ()))
-        unset = [name for name in inspect.get_annotations(base) if _stated(base, name) and not hasattr(result, name)]
+        # Class variables without a value.
+        stated = [name for name, kind in inspect.get_annotations(base).items() if str(kind).startswith("ClassVar")]
+        unset = [name for name in stated if not hasattr(base, name) and not hasattr(result, name)]
         if missing or unset:
             return f"it lacks {' and '.join([*unset, *missing])}"
         return None
 
     return lacks
-
-
-def _stated(base: type, name: str) -> bool:
-    """Whether each subclass has to state a class variable: it is annotated as one, and has no value."""
-    return str(inspect.get_annotations(base)[name]).startswith("ClassVar") and not hasattr(base, name)

@@ -369,11 +369,10 @@ class Truth:
         return replace(self._of(self.target), hiders=self._of(rest)) if rest.any() else self
 
     def _of(self, chosen: Mask) -> Truth:
-        motion = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate", "alive")
         return replace(
             self,
             ids=tuple(name for name, kept in zip(self.ids, chosen, strict=True) if kept),
-            **{name: getattr(self, name)[:, chosen] for name in motion},
+            **{name: getattr(self, name)[:, chosen] for name in (*KINEMATICS, "alive")},
             beside=None if self.beside is None else self.beside[:, chosen],
             **{name: getattr(self, name)[chosen] for name in ("length", "width", "target")},
         )

@@ -18,16 +18,13 @@ import click
 from trackbench.base.errors import (
     InputError,
     OutputError,
-    PluginError,
     TrackbenchError,
     did_you_mean,
     printable,
     shortened_text,
     similar_names,
-    text_of,
 )
-from trackbench.base.exit_status import BAD_INPUT, CANNOT_WRITE, FAILED_PLUGIN, FAULT, INTERRUPTED, UNREAD
-from trackbench.base.files import is_utf8
+from trackbench.base.exit_status import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.plugins import with_plugins
 from trackbench.base.subjects import Offer, kind_of_file, offered, resolve
 from trackbench.base.user_code import place_of
@@ -193,10 +190,6 @@ def _run() -> int:
     try:
         _require_stdout()
         _require_place()
-        for argument in sys.argv[1:]:
-            # Such a name cannot stand in a report.
-            if not is_utf8(argument):
-                raise InputError(f"{argument!a} is not UTF-8; rename the file")
         status = cli.main(prog_name="trackbench", standalone_mode=False)
     except click.exceptions.Exit as stop:
         status = stop.exit_code
@@ -212,8 +205,6 @@ def _run() -> int:
         return _failed(str(error), BAD_INPUT)
     except OutputError as error:
         return _failed(f"trackbench: {error}{_and_plugins()}", CANNOT_WRITE)
-    except PluginError as error:
-        return _failed(f"trackbench: {error}", FAILED_PLUGIN)
     except TrackbenchError as error:
         return _failed(f"trackbench: {error}", BAD_INPUT)
     except click.Abort as error:
@@ -250,7 +241,7 @@ def _unexpected(error: BaseException) -> int:
         log.info("a command that failed", exc_info=error)
         frame = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(frame.filename).name}:{frame.lineno}, in {frame.name}"
-        cause = f"{type(error).__name__}: {printable(text_of(error))} ({place}), {plugins}"
+        cause = f"{type(error).__name__}: {printable(str(error))} ({place}), {plugins}"
         return _failed(f"trackbench: no result: {cause}; if it fails without, it is a fault of trackbench", BAD_INPUT)
     # Not 1, which says that an expectation failed.
     return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
@@ -285,4 +276,4 @@ def _interrupted(error: BaseException) -> int:
         return _plugin_failed(error)
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
-    return _failed(f"{start}interrupted: {text_of(error) or UNFINISHED}", INTERRUPTED)
+    return _failed(f"{start}interrupted: {str(error) or UNFINISHED}", INTERRUPTED)

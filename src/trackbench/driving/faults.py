@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
-from trackbench.base.errors import InputError, InputErrors, TrackbenchError, printable, text_of
+from trackbench.base.errors import InputError, InputErrors, TrackbenchError, printable
 from trackbench.base.user_code import place_of
 from trackbench.trackers.answers import TrackerFault
 
@@ -51,7 +51,7 @@ def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
 
 
 def _cause(error: BaseException) -> str:
-    name, text = type(error).__name__, text_of(error)
+    name, text = type(error).__name__, str(error)
     if not isinstance(error, TrackbenchError):
         # An error of a package may explain itself at length.
         text = text.strip().partition("\n")[0]

@@ -164,11 +164,6 @@ class Kernels:
         return Kernel(layout, function, parts, (numbers, masks))
 
     def _layout_and_code(self, equations: Equations, inputs: Sequence[Input]) -> tuple[KernelLayout, bytes]:
-        """Trace and compile equations.
-
-        Raises:
-            Untraceable: it cannot be done; says why.
-        """
         traced = trace(equations, inputs)
         text = vector_code.kernel_text(FUNCTION, traced.layout, traced.outputs, traced.guard)
         return traced.layout, self._processor.object_code(text)
@@ -187,7 +182,6 @@ class Kernels:
     def _compute_by_numpy(
         self, places: Indices, equations: Equations, plan: CallPlan, values: Values, outputs: dict[str, Array]
     ) -> None:
-        """Compute some members by NumPy, and put them among the outputs."""
         self.members_by_numpy += len(places)
         for name, value in by_numpy_alone(equations, plan.batch, values, outputs, places).items():
             components = value.shape[:-1]
@@ -197,7 +191,6 @@ class Kernels:
             outputs[name].reshape(*components, plan.members)[..., places] = value
 
     def _leave_to_numpy(self, equations: Equations) -> None:
-        """Use no kernel of some equations any more."""
         self.differing.add(equations.key)
         self.untraced[equations.key] = equations.name, _difference(equations)
         self._kernels = {key: None if key[1] == equations.key else kernel for key, kernel in self._kernels.items()}
@@ -214,8 +207,7 @@ def _why_not_traced(equations: Equations, differs: bool) -> str | None:
 
 def _difference(equations: Equations) -> str:
     names = " and ".join(kind.__name__ for kind in equations.user_types)
-    says = "says" if len(equations.user_types) == 1 else "say"
-    return f"{names} {says} pure = True, but machine code and NumPy give different numbers"
+    return f"{names} says pure = True, but machine code and NumPy give different numbers"
 
 
 def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import mmap
-import os
 import pickle
-import stat
 from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
@@ -21,8 +19,6 @@ from trackbench.engine.vector_code import HEAD, WIDTH
 #: In every name of a kept file, so that a change of the code's own form finds none of before.
 FORM = "11"
 FUNCTION = "kernel"
-#: To open a file without waiting for another process, and no link to another; Windows has neither.
-_AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
 #: Of the checksum (SHA-256) of a kept file.
 CHECKSUM_BYTES = 32
 #: How hard LLVM tries: 1 gives the code of 2 in less time, 0 none that is worth running.
@@ -139,8 +135,7 @@ class KernelCache:
     """Kernels on disk, by what they were made from.
 
     Each file begins with a checksum of its key and of itself: what is damaged, or is of another key, counts as not
-    there. So does a file that belongs to another user, or that others may write: machine code runs with the rights of
-    whoever loads it. Where nothing can be written, nothing is kept.
+    there. Where nothing can be written, nothing is kept.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -149,13 +144,10 @@ class KernelCache:
     def find(self, key: str) -> Any:
         """Return what was kept under a key; None where there is nothing."""
         try:
-            # The owner is that of what is read, even if another file takes its name meanwhile. A pipe would wait.
-            with open(self._place(key), "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE)) as file:
-                data = file.read() if _is_own(file.fileno()) else b""
+            data = self._place(key).read_bytes()
         except OSError:
             return None
         packed = data[CHECKSUM_BYTES:]
-        # Who could put a harmful object here could put harmful machine code here as well.
         return pickle.loads(packed) if data[:CHECKSUM_BYTES] == _checksum(key, packed) else None
 
     def put(self, key: str, value: Any) -> None:
@@ -166,14 +158,6 @@ class KernelCache:
 
     def _place(self, key: str) -> Path:
         return self._folder / f"{key}.o"
-
-
-def _is_own(file: int) -> bool:
-    """Whether an open file is one on a disk that belongs to the user of this process, and nobody else may write it."""
-    status = os.fstat(file)
-    # Windows has no such owners and rights.
-    own = os.name != "posix" or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
-    return own and stat.S_ISREG(status.st_mode)
 
 
 def _checksum(key: str, packed: bytes) -> bytes:

@@ -65,7 +65,6 @@ def form(value: Any) -> Hashable:
 
 
 def _constant(value: Any) -> Hashable:
-    """Return a value, or its text where it cannot be part of a key."""
     try:
         hash(value)
     except TypeError:

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Scan
-from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
+from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.base import SensorErrors, WrappedMotion
 from trackbench.models.sensors import SENSOR_MODELS
 
@@ -33,11 +33,6 @@ class ErrorState:
     sigma: float = 0.0
     """Its standard deviation beside that variance, in SI units and radians."""
 
-    @property
-    def name(self) -> str:
-        """Of the component of the state."""
-        return f"{self.sensor} {self.component} {'error' if self.rate else 'bias'}"
-
 
 class MotionWithErrors(WrappedMotion):
     """A motion model whose state also has errors of sensors: ``z = h(x) + E e + w`` with white ``w``.
@@ -50,7 +45,7 @@ class MotionWithErrors(WrappedMotion):
     errors: tuple[ErrorState, ...]
 
     def model_post_init(self, context: Any) -> None:
-        names = tuple(error.name for error in self.errors)
+        names = tuple(f"{e.sensor} {e.component} {'error' if e.rate else 'bias'}" for e in self.errors)
         object.__setattr__(self, "components", (*self.motion.components, *names))
         object.__setattr__(self, "first_sigmas", {**self.motion.first_sigmas, **dict.fromkeys(names, 1.0)})
         for name in ("angular", "linear"):
@@ -82,13 +77,6 @@ class MotionWithErrors(WrappedMotion):
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         return self.padded(self.motion.from_cartesian(belief, sigmas))
-
-    def from_kinematics(self, motion: Kinematics) -> Array:
-        own = self.motion.from_kinematics(motion)
-        return np.concatenate([own, np.zeros((len(self.errors), *own.shape[1:]))])
-
-    def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
-        return self.motion.to_kinematics(self._own(x), noise[: len(self.motion.noise_sigma)], resting)
 
     @property
     def sensors_with_errors(self) -> frozenset[str]:

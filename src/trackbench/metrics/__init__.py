@@ -3,7 +3,7 @@
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.built_in.basic import EstimateMetric
 from trackbench.metrics.evaluate import Evaluation, MetricSums, evaluate, health, merge_sums, no_metrics
-from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled_interval
+from trackbench.metrics.intervals import Interval, clustered, ratio, root
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
 from trackbench.metrics.scorer import Scorer
 from trackbench.metrics.sums import BlockScores
@@ -30,5 +30,4 @@ __all__ = [
     "no_metrics",
     "ratio",
     "root",
-    "scaled_interval",
 ]

@@ -53,7 +53,7 @@ def class_sums(codes: Indices, errors: Array, beyond: Array) -> ClassSums:
 
     Args:
         codes: ``(classes,)`` of :func:`trackbench.metrics.conditions.condition_classes`.
-        errors: ``(17, classes, parts)`` sums of the errors of each class, rows ``ERROR_FIELDS``.
+        errors: ``(15, classes, parts)`` sums of the errors of each class, rows ``ERROR_FIELDS``.
         beyond: ``(3, classes, parts)`` numbers of NEES beyond each point of chi-square.
     """
     manoeuvre, band, age, jump = np.unravel_index(codes, SHAPE)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import combinations, compress
 
 import numpy as np
-from scipy.special import stdtrit
 
 from trackbench.metrics.contrasts import Contrast, all_paired
 from trackbench.metrics.intervals import Interval
@@ -81,18 +80,6 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return corrected.tolist()
 
 
-def times_as_large(trackers: int, freedom: int) -> float:
-    """How many times as far from zero a difference from the best of so many trackers must be as one of two trackers, to
-    be the first that is shown: the ratio of Student's quantiles at the corrected level and at ``LEVEL``.
-
-    Args:
-        trackers: that are compared with the best, and the best.
-        freedom: one less than the runs, or scenes.
-    """
-    level = LEVEL / (trackers * (trackers - 1) / 2)
-    return float(stdtrit(freedom, 1 - level / 2) / stdtrit(freedom, 1 - LEVEL / 2))
-
-
 EVERY_PAIR = Family()
 #: Path, metric, the two trackers, and their difference.
 _Compared = tuple[str, Metric, str, str, Contrast]
@@ -137,7 +124,6 @@ def tracker_differences(
 def _by(
     path: str, metric: Metric, trackers: Mapping[str, Mapping[str, Interval]], margin: MarginSummary, family: Family
 ) -> Iterator[_Compared]:
-    """The pairs of the trackers that have the metric."""
     names = [name for name, intervals in trackers.items() if path in intervals]
     pairs, place = family.pairs(names, path), {name: number for number, name in enumerate(names)}
     contrasts = all_paired(
@@ -158,7 +144,6 @@ def _difference(
     values: Mapping[str, Mapping[str, MetricValue]],
     p_value: float | None,
 ) -> Difference:
-    """With a verdict if there is a corrected p-value."""
     alone = difference_without_charged(values[a].get(path), values[b].get(path))
     word = None if p_value is None else verdict_on_first(contrast, p_value, metric.better, alone)
     better = {"better": a, "worse": b}.get(word or "")

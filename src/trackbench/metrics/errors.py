@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
-from trackbench.base.units import wrap_angle
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.layout import ADDED, SUMMED
 from trackbench.metrics.consistency import beyond_points
 from trackbench.metrics.sums import ERROR, OVERFLOW
 
-#: Below this true speed the course means nothing, m/s.
-MOVING = 1.0
-#: Up to this speed the course of an estimate is that of its rounding, m/s.
-STANDING = 1e-9
-#: Root mean square error of a course that is drawn at random, rad.
-NO_COURSE = math.pi / math.sqrt(3.0)
 #: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for, and of their
 #: sum that the variance in a direction is: rounding.
 SMALLEST_DETERMINANT = 1e-14
-
-
-def course_error(mean: Array, truth: Array) -> Array:
-    """``(...)`` rad, wrapped, of states ``(4, ...)``; ``NO_COURSE`` of an estimate that stands."""
-    error = wrap_angle(np.arctan2(mean[3], mean[2]) - np.arctan2(truth[3], truth[2]))
-    return np.where(mean[2] * mean[2] + mean[3] * mean[3] > STANDING**2, error, NO_COURSE)
 
 
 def _given(values: Values) -> Values:
@@ -56,7 +41,6 @@ def _errors(values: Values) -> Values:
 
 
 def _rows(mean: Array, covariance: Array, truth: Array, reference: Array, finite: Mask) -> tuple[Array, Mask]:
-    """Rows as ERROR_FIELDS, and whether the covariance is positive definite."""
     error = mean - truth
     factor = linalg.cholesky(covariance)
     whitened = factor.whiten(error)
@@ -71,22 +55,7 @@ def _rows(mean: Array, covariance: Array, truth: Array, reference: Array, finite
             np.where(finite, each, 0.0) for each in (nees, nees_of_position, nees_of_velocity, *directions)
         )
     squares = error * error
-    moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
-    course = course_error(mean, truth)
-    rows = linalg.vector(
-        [
-            1.0,
-            *squares,
-            nees,
-            moving,
-            course * course * moving,
-            nees_of_position,
-            nees_of_velocity,
-            *directions,
-            *reference,
-            given,
-        ]
-    )
+    rows = linalg.vector([1.0, *squares, nees, nees_of_position, nees_of_velocity, *directions, *reference, given])
     return rows, factor.positive
 
 

@@ -41,8 +41,6 @@ ESTIMATES = EstimateSums()
 
 
 class _Summing:
-    """The sums of a block that is under way."""
-
     def __init__(self, scope: Scope) -> None:
         self._scope, self._target = scope, scope.labelled
         assert scope.classes is not None
@@ -110,7 +108,6 @@ class _Summing:
         return self._innovations[sensor]
 
     def _note_divergence(self, square: Array, counts: Mask) -> None:
-        """Note the runs in which a squared error of the position ``(instants, batch)`` that counts is too large."""
         far = (square > self._target.divergence**2) & counts
         if far.any():
             self._diverged |= self._by_run(np.asarray(far.any(axis=0))) > 0

@@ -173,12 +173,6 @@ def is_built_in(plugin: Accumulator | Metric) -> bool:
 def _checked(
     metric: Metric, sums: Any, sensors: Sequence[str], parts: int
 ) -> dict[str, tuple[MetricValue, Interval | None]]:
-    """By path; ``parts``: how many independent ones an interval rests on.
-
-    Raises:
-        TrackbenchError: it cannot stand in a result; says why.
-        ValidationError: a value is not one of a result.
-    """
     outcome = metric.finish(sums)
     by_name = outcome if isinstance(outcome, Mapping) else {"": outcome}
     values = {
@@ -194,7 +188,6 @@ def _checked(
 
 
 def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, Interval | None]:
-    """An outcome as it stands in a result, null with a reason where it is no number; and what each run adds to it."""
     if isinstance(outcome, MetricValue):
         return outcome, None
     interval = outcome if isinstance(outcome, Interval) else None

@@ -235,13 +235,6 @@ def root(mean_square: Interval) -> Interval:
     return mean_square._replace(value=value, influence=influence, at_least=0.0, at_most=at_most, power=power)
 
 
-def scaled_interval(interval: Interval, factor: float) -> Interval:
-    """A positive ``factor`` times the value."""
-    value, influence = interval.value * factor, interval.influence * factor
-    at_least, at_most = interval.at_least * factor, interval.at_most * factor
-    return interval._replace(value=value, influence=influence, at_least=at_least, at_most=at_most)
-
-
 def positive_ends(value: float, reach: float, stretch: Stretch) -> tuple[float, float]:
     """The interval of what cannot be negative, on the scale of the logarithm, from half of the symmetric one."""
     reach = reach / value if value > 0 else 0.0

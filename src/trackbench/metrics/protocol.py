@@ -54,7 +54,7 @@ class Target(NamedTuple):
 
 @dataclass(frozen=True)
 class Scope:
-    """A block of runs, as a metric knows it before the first estimate or track. Its arrays cannot be changed."""
+    """A block of runs, as a metric knows it before the first estimate or track. Its arrays are not to be changed."""
 
     tracker: str
     """Name of the tracker that is scored."""
@@ -102,7 +102,7 @@ class Chunk:
     """The estimates of one tracker at some successive instants.
 
     The batch has a member for each object and run; the runs of an object are next to each other. The arrays are those
-    of the scorer: they cannot be changed, and hold other values after ``update``.
+    of the scorer: they are not to be changed, and hold other values after ``update``.
     """
 
     instants: slice
@@ -115,7 +115,7 @@ class Chunk:
     covariance: Array
     """``(4, 4, instants, batch)``, of estimates that were given."""
     values: Array
-    """``(17, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where not scored."""
+    """``(15, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where not scored."""
     scored: Mask
     """``(instants, batch)`` where an estimate is due, and the error counts. Elsewhere, what other arrays hold means
     nothing."""
@@ -134,8 +134,6 @@ class Chunk:
     def error(self) -> Array:
         """``(4, instants, batch)`` estimate minus truth."""
         error = self.mean.reshape(*self.mean.shape[:2], -1, self.runs) - self.truth
-        # Shared by all metrics, so that none can change it.
-        error.flags.writeable = False
         return error.reshape(self.mean.shape)
 
     @property

@@ -91,6 +91,5 @@ def latest_rows(frame: pd.DataFrame, time: float, *keys: str) -> pd.DataFrame:
 
 
 def _moments(rows: pd.DataFrame) -> list[EstimateMoment]:
-    """Return a moment for each row, with None where a number is not known."""
     values = rows[list(EstimateMoment.__dataclass_fields__)].astype(object)
     return [EstimateMoment(**row) for row in values.where(values.notna(), None).to_dict("records")]

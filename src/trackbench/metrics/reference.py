@@ -168,7 +168,6 @@ def conditional_bound(
 
 
 def _step(compute: Compute, equations: Equations, values: Values) -> tuple[Array, Array]:
-    """Return the covariance and the bound after a step of the recursion."""
     computed = compute(equations, values)
     return computed["covariance"], computed["bound"]
 
@@ -184,7 +183,6 @@ def _motion(motion: ConstantVelocity, times: Array) -> Array:
 
 
 def _predicted(values: Values) -> Values:
-    """``P <- F P F^T + Q``"""
     covariance, (dt, q_position, q_both, q_velocity) = values["covariance"], values["motion"]
     f = linalg.matrix([[1.0, 0.0, dt, 0.0], [0.0, 1.0, 0.0, dt], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     q = linalg.matrix(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Set
 from typing import Any
 
-from trackbench.base.plugins import Registry
+from trackbench.base.plugins import Registry, lacks_class
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.protocol import PROPERTIES, SENSOR, Field, Metric
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
@@ -44,7 +44,8 @@ def metric_paths(own: Iterable[Metric | type[Metric]] = (), properties: Set[str]
         properties: those of the scenarios that are spoken of.
     """
     fields: dict[str, Field] = {}
-    for field in (*(field for metric in (*_EVERY, *own) for field in _metric_fields(metric)), *_HEALTH):
+    every = (metric if isinstance(metric, Metric) else metric.model_construct() for metric in (*_EVERY, *own))
+    for field in (*(field for metric in every for field in metric.entries()), *_HEALTH):
         if field.needs <= properties:
             same = fields.get(field.name, field)
             fields[field.name] = same._replace(needs=same.needs & field.needs)
@@ -61,11 +62,6 @@ def by_path(sensors: Iterable[str], own: Iterable[Metric] = (), properties: Set[
     }
 
 
-def _metric_fields(metric: Metric | type[Metric]) -> list[Field]:
-    """What an expectation may name of a metric, or of one whose options are not known."""
-    return metric.entries() if isinstance(metric, Metric) else metric.model_construct().entries()
-
-
 def unfit_name(name: str) -> str | None:
     """Return why no metric of one's own can have this name; None if one can."""
     if not NAME.fullmatch(name):
@@ -76,24 +72,14 @@ def unfit_name(name: str) -> str | None:
 
 
 def _lacks(metric: Any) -> str | None:
-    if not isinstance(metric, type) or not issubclass(metric, Metric):
-        return "it must be a subclass of trackbench.metrics.Metric"
-    missing = [name for name in ("name", "unit", "meaning") if not hasattr(metric, name)]
-    unwritten = set(getattr(metric, "__abstractmethods__", ()))
-    if metric.shared is None:
-        unwritten |= {name for name in ("init", "update", "merge") if getattr(metric, name) is getattr(Metric, name)}
-    missing += sorted(unwritten)
-    if missing:
-        return f"it lacks {' and '.join(missing)}"
-    texts = {name: getattr(metric, name) for name in ("name", "unit", "meaning", "value_name")}
-    for name, value in texts.items():
-        if not isinstance(value, str):
+    if incomplete := lacks_class(Metric)(metric):
+        return incomplete
+    unwritten = [name for name in ("init", "update", "merge") if getattr(metric, name) is getattr(Metric, name)]
+    if metric.shared is None and unwritten:
+        return f"it lacks {' and '.join(unwritten)}"
+    for name in ("name", "unit", "meaning"):
+        if not isinstance(value := getattr(metric, name), str):
             return f"its {name} must be text, not {value!r}"
-    for name in ("compared", "per_sensor"):
-        if not isinstance(getattr(metric, name), bool):
-            return f"its {name} must be True or False, not {getattr(metric, name)!r}"
-    if not isinstance(metric.fields, tuple) or not all(isinstance(field, Field) for field in metric.fields):
-        return f"its fields must be a tuple of trackbench.metrics.Field, not {metric.fields!r}"
     if not isinstance(metric.needs, Set) or not metric.needs <= PROPERTIES:
         return f"its needs must be a set of {', '.join(sorted(PROPERTIES))}, not {metric.needs!r}"
     if unfit := unfit_name(metric.name):

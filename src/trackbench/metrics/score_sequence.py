@@ -76,7 +76,7 @@ class ScoreSequence:
 
     @property
     def per_step(self) -> Array:
-        """``(17, instants)`` sums, rows ``ERROR_FIELDS``."""
+        """``(15, instants)`` sums, rows ``ERROR_FIELDS``."""
         return total_of_vectors(self._per_step)
 
     @property

@@ -36,15 +36,6 @@ BATCH = 16_000
 BEFORE_SEQUENCES = 8
 
 
-def no_measurements(_: slice) -> Array:
-    """Of trackers that give every estimate.
-
-    Raises:
-        ValueError: one is missing.
-    """
-    raise ValueError("an estimate is missing, and no measurement stands for it")
-
-
 class Scorer:
     """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end."""
 
@@ -58,7 +49,7 @@ class Scorer:
         single: bool = False,
         metrics: Sequence[Metric] = BUILT_IN,
         compute: Compute = by_numpy,
-        measured: Callable[[slice], Array] = no_measurements,
+        measured: Callable[[slice], Array] | None = None,
         bodies: EgoScene | None = None,
     ) -> None:
         """A scorer of one block.
@@ -71,7 +62,7 @@ class Scorer:
             single: whether it is a run whose stretches of time stand for independent runs.
             metrics: what is to be computed.
             compute: how equations are computed.
-            measured: gives ``(2, instants, batch)`` the latest measured position at some instants, m; called where the
+            measured: gives ``(2, instants, batch)`` the latest measured position at some instants, m; needed where the
                 tracker gave no estimate that is due.
             bodies: the ego and the sizes of the objects.
         """
@@ -85,8 +76,8 @@ class Scorer:
             tracker,
             self._runs,
             bodies,
-            target=_read_only(target),
-            classes=_read_only(classes),
+            target=target,
+            classes=classes,
             measurements=measurements,
             single=single,
             compute=compute,
@@ -203,14 +194,7 @@ class Scorer:
         """
         here = scores.here
         due = self._due[here]
-        squares = SquaredErrors(
-            here,
-            scores.squares,
-            due,
-            np.broadcast_to(given, due.shape),
-            self._runs,
-            *spent,
-        )
+        squares = SquaredErrors(here, scores.squares, due, np.broadcast_to(given, due.shape), self._runs, *spent)
         repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
@@ -242,7 +226,6 @@ class Scorer:
         self._seconds, self._steps = 0.0, 0
 
     def _taken(self) -> Chunk:
-        """What waits, as a chunk."""
         here, estimates = self._waiting, self._estimates()
         self._filled, self._first = 0, here.stop
         truth = self._target.state[:, here]
@@ -265,22 +248,21 @@ class Scorer:
             raise_fault(TOO_LARGE, ~bounded, here.start)
         return Chunk(
             instants=here,
-            time=_read_only(self._target.time[here]),
-            truth=_read_only(truth),
-            mean=_read_only(estimates["mean"].reshape(4, *finite.shape)),
-            covariance=_read_only(estimates["covariance"].reshape(4, 4, *finite.shape)),
-            values=_read_only(errors["rows"].reshape(-1, *finite.shape)),
-            scored=_read_only(self._due[here]),
-            given=_read_only(finite),
+            time=self._target.time[here],
+            truth=truth,
+            mean=estimates["mean"].reshape(4, *finite.shape),
+            covariance=estimates["covariance"].reshape(4, 4, *finite.shape),
+            values=errors["rows"].reshape(-1, *finite.shape),
+            scored=self._due[here],
+            given=finite,
             innovations=self._innovations,
-            repaired=_read_only(self._repaired),
+            repaired=self._repaired,
             seconds=self._seconds,
             steps=self._steps,
         )
 
     @property
     def _waiting(self) -> slice:
-        """The instants of what waits."""
         return slice(self._first, self._first + self._filled)
 
     def _estimates(self) -> dict[str, Array]:
@@ -294,21 +276,8 @@ class Scorer:
             return self._compute(equations, values)
 
     def _alive(self, instants: slice) -> Mask:
-        """``(instants, batch)``"""
         return np.repeat(self._target.alive[instants], self._runs, axis=1)
 
 
 def _masks(computed: Mapping[str, Any], *names: str) -> list[Mask]:
-    """Masks ``(instants, batch)`` of what was computed ``(instants, objects, runs)``."""
     return [computed[name].reshape(len(computed[name]), -1) for name in names]
-
-
-def _read_only(value: Any) -> Any:
-    """Return a view of an array, or of those of a target, that a metric cannot change by mistake."""
-    if isinstance(value, Target):
-        return Target(*map(_read_only, value))
-    if not isinstance(value, np.ndarray):
-        return value
-    view = value.view()
-    view.flags.writeable = False
-    return view

@@ -58,14 +58,14 @@ def _held(
 class Silence:
     """Puts what a tracker is charged with in the place of its missing estimates, some instants at a time, in order."""
 
-    def __init__(self, state: Array, expected: Mask, measured: Callable[[slice], Array]) -> None:
+    def __init__(self, state: Array, expected: Mask, measured: Callable[[slice], Array] | None) -> None:
         """Before the first instant.
 
         Args:
             state: ``(4, instants, objects, runs or 1)`` the truth.
             expected: ``(instants, objects, runs)`` where the object is in view; one that comes back later counts as a
                 new one.
-            measured: gives ``(2, instants, objects * runs)`` m of :func:`measured_positions` at some instants; called
+            measured: gives ``(2, instants, objects * runs)`` m of :func:`measured_positions` at some instants; needed
                 where an estimate is missing.
         """
         self._state, self._expected, self._measured = state, expected, measured
@@ -90,6 +90,7 @@ class Silence:
         own = own_estimates(self._latest, mean, given, expected)
         self._latest = own[:, -1]
         missing = expected & ~given
+        assert self._measured is not None
         truth = np.broadcast_to(self._state[:, here], (4, *self._expected[here].shape)).reshape(4, *given.shape)
         mean[:, missing] = charged_states(truth[:, missing], self._measured(here)[:, missing], own[:, missing])
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +12,9 @@ from trackbench.base.types import Array, Indices
 
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
-#: Rows of the sums of errors: number of errors, squared errors, and the same for the course where it is defined;
-#: the NEES of the position and of the velocity by themselves, and of each along and across the true velocity (1 degree
-#: of freedom); the reference of the squared errors; and how many of the errors are of an estimate that the tracker
-#: gave, which alone have a NEES.
+#: Rows of the sums of errors: number of errors and squared errors; the NEES, those of the position and of the velocity
+#: alone, and of each along and across the true velocity (1 degree of freedom); the reference of the squared
+#: errors; and how many of the errors are of an estimate that the tracker gave, which alone have a NEES.
 ERROR_FIELDS = (
     "count",
     "px",
@@ -22,8 +22,6 @@ ERROR_FIELDS = (
     "vx",
     "vy",
     "nees",
-    "course_count",
-    "course",
     "nees_position",
     "nees_velocity",
     "nees_along",
@@ -89,11 +87,11 @@ class BlockScores:
     """
 
     per_step: Array
-    """``(17, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(15, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(17, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    """``(15, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
     per_part: Array
-    """``(17, parts)`` rows ``ERROR_FIELDS``."""
+    """``(15, parts)`` rows ``ERROR_FIELDS``."""
     charged: Array
     """Share of ``per_part`` that the tracker is charged with where it gave no estimate."""
     due: Array
@@ -126,30 +124,24 @@ class BlockScores:
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
     """Add the scores of consecutive blocks of runs in their order; later scenes may be shorter."""
     first = blocks[0]
-    return BlockScores(
+    by_run: dict[str, Any] = _joined(blocks, ("per_run", "per_part", "charged", "due", "diverged", "repaired"))
+    return replace(
+        first,
         per_step=_total([block.per_step for block in blocks]),
-        per_run=_joined([block.per_run for block in blocks]),
-        per_part=_joined([block.per_part for block in blocks]),
-        charged=_joined([block.charged for block in blocks]),
-        due=_joined([block.due for block in blocks]),
-        diverged=_joined([block.diverged for block in blocks]),
-        repaired=_joined([block.repaired for block in blocks]),
-        nis={
-            name: NisScores(
-                dof=max(block.nis[name].dof for block in blocks),
-                per_step=_total([block.nis[name].per_step for block in blocks]),
-                per_run=_joined([block.nis[name].per_run for block in blocks]),
-                per_part=_joined([block.nis[name].per_part for block in blocks]),
-            )
-            for name in first.nis
-        },
+        **by_run,
+        nis={name: _merged_nis([block.nis[name] for block in blocks]) for name in first.nis},
         classes=[item for block in blocks for item in block.classes],
         stretches=None if first.stretches is None else [item for block in blocks for item in block.stretches or ()],
     )
 
 
-def _joined(parts: Sequence[Array]) -> Array:
-    return np.concatenate(parts, axis=-1)
+def _merged_nis(parts: Sequence[NisScores]) -> NisScores:
+    per_step = _total([part.per_step for part in parts])
+    return NisScores(max(part.dof for part in parts), per_step, **_joined(parts, ("per_run", "per_part")))
+
+
+def _joined(parts: Sequence[Any], names: Sequence[str]) -> dict[str, Array]:
+    return {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in names}
 
 
 def added(sums: Array, part: Indices) -> Array:

@@ -346,7 +346,6 @@ def what_is_off(nees: MetricValue, most: int = 4, word: str | None = None) -> st
 
 
 def _parts_off(nees: MetricValue, word: str | None) -> list[str]:
-    """Those over all estimates first."""
     every = [("", nees.parts or ()), *((f"{item.name} ", item.parts) for item in nees.conditions or ())]
     words = {"heavy-tailed"} if word == "heavy-tailed" else {"optimistic", "pessimistic"}
     off = [(condition, part) for condition, parts in every for part in parts if part.verdict in words]

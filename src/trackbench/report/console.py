@@ -42,7 +42,6 @@ COLUMNS = {
     ),
     "no truth": (
         ("tracks", "track_count", 3, 1.0),
-        ("length s", "track_length", 3, 1.0),
         ("new/min", "new_tracks", 3, 1.0),
         ("used %", "used_share", 3, 100.0),
         ("NIS", "nis", 2, 1.0),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from string import ascii_lowercase
 
-from trackbench.metrics.differences import size, times_as_large
+from trackbench.metrics.differences import size
 from trackbench.report.numbers import margin_words
 from trackbench.results import Result
 
@@ -140,9 +140,6 @@ def standing(result: Result) -> Standing:
         heading, short = "not shown worse than the best", "best?"
         meaning = f"not shown over {margin} worse than {score.best}, the best of {len(names)}"
         cells = {name: "" if words.get(name) == "worse" else "yes" for name in names}
-        if (parts := len(result.summary.truth.scenes) or result.summary.runs) > 2:
-            times = f"{times_as_large(len(names), parts - 1):.2g} times as large as with 2"
-            meaning += f"; with {len(names)} trackers a difference must be about {times} to be shown"
     # An interval of runs of which few decide the mean says nothing.
     cells |= {t.name: "diverged" for t in result.contenders if t.health.diverged_runs and pairs.undecided(t.name)}
     return Standing(heading, short, meaning, [cells.get(tracker.name, "") for tracker in result.scored])

@@ -88,7 +88,7 @@ def _sections(
 _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
     "Tracks": (
         "More or longer tracks are not better: they may be of nothing.",
-        ("track_count", "new_tracks", "track_length", "used_share"),
+        ("track_count", "new_tracks", "used_share"),
     ),
     "Predictions": (
         "How well each tracker predicts all detections of the next scan, false alarms too; not how near tracks are to "

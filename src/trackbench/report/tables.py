@@ -114,7 +114,7 @@ RANKING_OF_TRACKS = (
 )  # fmt: skip
 MATCHED = "Errors of matched tracks"
 TRACK_GROUPS: dict[str, tuple[str, ...]] = {
-    "Identity": ("id_switches", "fragmentations", "assa", "idf1"),
+    "Identity": ("id_switches", "assa", "idf1"),
     "Detection": ("deta", "mota", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
     MATCHED: ("gospa_localisation", "position_rmse", "velocity_rmse", "nees", "nees_inside", "matched_share"),
     "Association": (
@@ -124,7 +124,7 @@ TRACK_GROUPS: dict[str, tuple[str, ...]] = {
 #: Words of the metrics' names that are written otherwise.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
-    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES", "ospa": "OSPA", "nis": "NIS",
+    "mota": "MOTA", "rmse": "RMSE", "nees": "NEES", "nis": "NIS",
 }  # fmt: skip
 
 

@@ -46,7 +46,6 @@ def _error(first: int, second: int) -> Callable[[Record], Array]:
 ERRORS: dict[str, Source] = {
     "position_rmse_m": _root_mean("px", "py"),
     "velocity_rmse_mps": _root_mean("vx", "vy"),
-    "course_rmse_deg": lambda record: np.rad2deg(np.sqrt(mean(record["course"], record["course_count"]))),
     **{f"{name}_rmse_m": _root_mean(name) for name in ("px", "py")},
     **{f"{name}_rmse_mps": _root_mean(name) for name in ("vx", "vy")},
 }
@@ -114,7 +113,7 @@ LABELLED = {
     "runs": DeclaredTable(
         ("tracker",),
         {
-            **_entries("run", "scene", "count", "course_count", "due", "given"),
+            **_entries("run", "scene", "count", "due", "given"),
             **ERRORS,
             **NEES,
             "nis_mean": lambda record: mean(record["nis"], record["nis_count"]),
@@ -122,9 +121,7 @@ LABELLED = {
             **_entries("diverged", "repaired"),
         },
     ),
-    "stretches": DeclaredTable(
-        ("tracker",), _entries("run", "stretch", "count", "course_count", "given") | ERRORS | NEES | REFERENCES
-    ),
+    "stretches": DeclaredTable(("tracker",), _entries("run", "stretch", "count", "given") | ERRORS | NEES | REFERENCES),
     "measurements": DeclaredTable(
         ("sensor", "kind", "object"), _entries("time_s", "arrival_time_s", "valid") | MEASUREMENT
     ),

@@ -13,10 +13,9 @@ from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan
 from trackbench.metrics import BlockScores, MetricSums
 from trackbench.metrics.built_in.step_time import StepTime
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.protocol import Target
+from trackbench.metrics.protocol import Fault, Target
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.metrics.traffic.timeline import TIMELINE, Timeline
-from trackbench.trackers.answers import TrackerFault
 
 
 @dataclass
@@ -113,10 +112,10 @@ class ModeSums:
         """Take in ``(M, objects * runs)`` mode probabilities.
 
         Raises:
-            TrackerFault: before there were more or fewer modes.
+            Fault: before there were more or fewer modes.
         """
         if len(probability) != len(self.total):
-            raise TrackerFault(f"it gave {len(probability)} mode probabilities, and {len(self.total)} before")
+            raise Fault(f"it gave {len(probability)} mode probabilities, and {len(self.total)} before", instant, None)
         scored = target.due[instant].reshape(-1) & np.isfinite(probability[0])
         self.total[:, instant] = probability[:, scored].sum(axis=1)
         self.count[instant] = scored.sum()

@@ -80,17 +80,14 @@ class EstimateScoring:
         """The number of instants that are scored together."""
         return self._scorer.chunk
 
-    def score(self, step: DriveStep[Estimate | None], _: object = None) -> None:
-        """Score what the tracker says to a scan.
+    def take(self, step: DriveStep[Estimate | None], _: object = None) -> None:
+        """Score what the tracker says to a scan, and keep what the recorded run and the modes have of it.
 
         Raises:
-            Fault: an estimate cannot be scored.
+            Fault: an estimate cannot be scored, or has more or fewer modes than those before.
         """
-        self._scorer.take(step)
-
-    def keep(self, step: DriveStep[Estimate | None]) -> None:
-        """Keep what the recorded run and the modes have of it."""
         self._has_answered = True
+        self._scorer.take(step)
         latest = step.answer or self._scorer.none
         members = self._members
         if step.number is not None and self._recorded is not None:

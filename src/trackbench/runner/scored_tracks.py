@@ -42,12 +42,9 @@ class TrackScoring:
             name, self._time, measurements, _scene_runs(work, pieces), work.metrics, options, ends, counted
         )
 
-    def score(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
+    def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
         """Take in what the tracker says to a scan; ``predicted``: of a built-in one, the tracks of a run before it."""
         self._scorer.take(step, predicted)
-
-    def keep(self, _: DriveStep[Tracks]) -> None:
-        """Nothing: the scorer keeps all tracks."""
 
     def close(self) -> list[Outcome]:
         """What it left behind of each piece.
@@ -68,9 +65,6 @@ class TrackScoring:
                 except TrackerFault as error:
                     raise Fault(fault_of(error).cause, instant, None) from error
         return [Outcome(*scored) for scored in self._scorer.close()]
-
-    def failed(self, instant: int) -> None:
-        """Nothing: no observer is told of tracks."""
 
     def hint(self, fault: TrackFault) -> str:
         """What an error before the first track may come of; empty where nothing speaks for it."""

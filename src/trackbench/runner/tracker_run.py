@@ -146,13 +146,12 @@ class TrackerRun:
         step = DriveStep(instant, *delivery, answer, seconds, last)
         tells = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
         try:
-            self._scoring.score(step, partial(self.tracker.predicted, self.state) if tells else None)
+            self._scoring.take(step, partial(self.tracker.predicted, self.state) if tells else None)
         except Fault as fault:
             self._fail_at(fault)
         except Exception as error:
             self._of_metric = error
             raise
-        self._scoring.keep(step)
 
     def close(self) -> list[Outcome] | Failure:
         """What it left behind of each piece, once the context is left."""
@@ -162,7 +161,8 @@ class TrackerRun:
             except Fault as fault:
                 self._fail_at(fault)
         assert self.failure is not None
-        self._scoring.failed(self.failure.step or 0)
+        if isinstance(self._scoring, EstimateScoring):
+            self._scoring.failed(self.failure.step or 0)
         return self.failure
 
     @cached_property

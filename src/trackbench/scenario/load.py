@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from trackbench.base import files
 from trackbench.base.config import KeyPath
-from trackbench.base.config.messages import MOST_ERRORS, explain
+from trackbench.base.config.messages import explain
 from trackbench.base.errors import InputError, InputErrors, counted, nearest_choices
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps, from_working_folder
@@ -68,6 +68,8 @@ class Scenario:
         return error.located(file=origin.file, line=origin.line)
 
 
+#: Errors of one file that are shown.
+MOST_ERRORS = 50
 #: Files that are taken for a scenario, by name or ending: what they are, and which command takes them.
 NO_SCENARIO = {
     "result.json": "the result of a run: `trackbench report` shows it, `trackbench compare` compares it",
@@ -94,7 +96,7 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
     if other := NO_SCENARIO.get(path.name) or NO_SCENARIO.get(path.suffix):
         raise InputError(f"this is {other}", file=path)
     try:
-        text = files.read_text(path, files.SCENARIO, "; save the file as UTF-8")
+        text = files.read_text(path, "; save the file as UTF-8")
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None
     return scenario_of(text, path, overrides)

@@ -83,7 +83,6 @@ def merge_unresolved(sensor: IdealSensor, measurement: Array, detected: Mask, ru
 
 
 def _linked(sensor: IdealSensor, seen: Array, detected: Mask) -> Mask:
-    """``(instants, objects, objects)``: two detected objects in one cell."""
     cell = sensor.config.resolution
     assert cell is not None
     linked = detected[:, :, None] & detected[:, None, :] & ~np.eye(detected.shape[1], dtype=bool)
@@ -125,7 +124,7 @@ def draw_false_alarms(
 ) -> list[list[FalseAlarms]]:
     """Of each run those of clutter and those of effects, each drawn from a stream of its own."""
     result = [_of_clutter(sensor, seed, scenario, run) for run in runs]
-    if sensed is not None and any(effect.has("alarms") for effect in sensor.config.effects):
+    if sensed is not None:
         for place, effect in enumerate(sensor.config.effects):
             alarms = answers.alarms(effect, sensed, effect_streams(sensor, place, seed, scenario, runs))
             if alarms is None:
@@ -144,7 +143,6 @@ def _noisy(sensor: IdealSensor, instant: Indices, ideal: Array, random: np.rando
 
 
 def _of_clutter(sensor: IdealSensor, seed: int, scenario: str, run: int) -> list[FalseAlarms]:
-    """The uniform ones, those of each place, and recorded ones."""
     name, clutter = sensor.name, sensor.config.clutter
     result = []
     if clutter.per_scan:
@@ -191,8 +189,7 @@ def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Genera
     return _where(alarms, sensor.config.reaches(distance, azimuth))
 
 
-#: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
-#: caused it.
+#: Object number of a column without a detection.
 PADDING = -2
 
 
@@ -215,14 +212,12 @@ def scenes_side_by_side(parts: Sequence[Measurements]) -> Measurements:
             result = np.full((*values[0].shape[:-2], most, sum(runs)), fill, dtype=values[0].dtype)
             for each, first, count in zip(values, firsts, runs, strict=True):
                 result[..., : each.shape[-2], first : first + count] = each
-            make_read_only(result)
             return result
 
         pose, velocity = (
             np.repeat(np.stack(values, axis=-1), runs, axis=-1)
             for values in zip(*((each.sensor_pose, each.sensor_velocity) for each in own), strict=True)
         )
-        make_read_only(pose, velocity)
         measurement, valid = padded([each.measurement for each in own], np.nan), padded([each.valid for each in own], 0)
         scans.append(scan._replace(measurement=measurement, valid=valid, sensor_pose=pose, sensor_velocity=velocity))
         origins.append(padded([part.origins[number] for part in parts], PADDING))
@@ -241,8 +236,6 @@ class _Detections(NamedTuple):
     """``(n,)``."""
     merged: Indices
     """``(n,)``."""
-    column: Indices
-    """``(n,)`` within the scan."""
 
 
 def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
@@ -279,20 +272,17 @@ def _detections(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> I
 def _of_run(
     sensor: IdealSensor, seed: int, scenario: str, run: int, objects: Resolved, alarms: Sequence[FalseAlarms]
 ) -> _Detections:
-    """Those of objects and false alarms, in an order that says nothing."""
     measurement, detected, second = objects
     keys = stream(seed, scenario, run, f"order of {sensor.name}").random(detected.shape)
     instant, number = np.nonzero(detected)
     false = sum(len(part.instant) for part in alarms)
     instant = np.concatenate([instant, *(part.instant for part in alarms)])
     order = np.lexsort((np.concatenate([keys[detected], *(part.key for part in alarms)]), instant))
-    instant = instant[order]
     return _Detections(
-        instant,
+        instant[order],
         np.concatenate([measurement[:, detected], *(part.measurement for part in alarms)], axis=1)[:, order],
         np.concatenate([number, np.full(false, FALSE_ALARM)])[order],
         np.concatenate([second[detected], np.full(false, -1)])[order],
-        np.arange(len(instant)) - np.searchsorted(instant, instant),
     )
 
 
@@ -311,7 +301,6 @@ def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> 
             recorded.measurement[:, order],
             np.where(own_track >= 0, own_track, UNKNOWN_ORIGIN),
             np.full(len(order), -1),
-            np.arange(len(instant)) - np.searchsorted(instant, instant),
         )
 
 
@@ -326,7 +315,6 @@ def stated_detection(config: Sensor) -> tuple[float, float]:
 def _scans(
     sensor: IdealSensor, place: int, drawn: Sequence[_Detections], arrival: Array
 ) -> list[tuple[Scan, Indices, Indices]]:
-    """Each scan with its origins and the second objects of merged detections."""
     config, size = sensor.config, len(sensor.noise_covariance)
     counts = np.stack([np.bincount(of_run.instant, minlength=len(sensor.time)) for of_run in drawn], axis=-1)
     most = counts.max(axis=-1, initial=0)
@@ -334,8 +322,9 @@ def _scans(
     measurement = np.full((shape[0], size, *shape[1:]), np.nan)
     origins, merged = np.full(shape, PADDING), np.full(shape, -1)
     for i, of_run in enumerate(drawn):
-        at = of_run.instant, of_run.column, i
-        measurement[at[0], :, at[1], i] = of_run.measurement.T
+        column = np.arange(len(of_run.instant)) - np.searchsorted(of_run.instant, of_run.instant)
+        at = of_run.instant, column, i
+        measurement[of_run.instant, :, column, i] = of_run.measurement.T
         origins[at], merged[at] = of_run.origin, of_run.merged
     valid = origins != PADDING
     make_read_only(measurement, valid, origins, merged, sensor.noise_covariance, sensor.pose, sensor.velocity)

@@ -43,8 +43,7 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
     due = alive & seen & truth.target[:, None]
     if truth.beside is not None:
         due &= ~truth.beside[steps][:, :, None]
-    if truth.unscored is not None:
-        due &= ~unscored(truth, steps, truth.px[steps, :, 0], truth.py[steps, :, 0])[:, :, None]
+    due &= ~unscored(truth, steps, truth.px[steps, :, 0], truth.py[steps, :, 0])[:, :, None]
     return Due(steps, np.where(due, DUE, np.where(alive, OPTIONAL, ABSENT)).astype(np.int8))
 
 

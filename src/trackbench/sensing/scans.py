@@ -82,14 +82,12 @@ def ideal_sensors(
         sensors: by name.
         recorded: what some of them have read.
     """
-    from_file = recorded or {}
-    ideal = []
-    for name, config in sensors.items():
-        if name in from_file:
-            ideal.append(_as_recorded(truth, name, config, from_file[name]))
-        else:
-            ideal.append(ideal_sensor(truth, name, config, firing_steps(config, truth.time)))
-    return ideal
+    return [
+        _as_recorded(truth, name, config, recorded[name])
+        if recorded and name in recorded
+        else ideal_sensor(truth, name, config, firing_steps(config, truth.time))
+        for name, config in sensors.items()
+    ]
 
 
 @dataclass(frozen=True)

@@ -198,7 +198,6 @@ def _cartesian_moments(motions: Sequence[MotionModel], belief: AnyBelief) -> Gau
 
 
 def _modes(belief: AnyBelief) -> tuple[tuple[Belief, ...], Array]:
-    """The modes with the probability of each."""
     if isinstance(belief, MultiModelBelief):
         return belief.modes, belief.probability
     return (belief,), np.ones((1, *belief.mean.shape[1:]))

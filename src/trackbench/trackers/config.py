@@ -224,7 +224,6 @@ class FilterConfig(OptionsBeside):
                     yield Problem(at or ("assume", sensor, key), message)
         if "lag_s" in stated and self.late != "replay":
             yield Problem(("lag_s",), f"not used with late: {self.late}; remove it")
-        yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)
 
     def _unfit(self, motion: MotionModel, name: str) -> Iterator[Problem]:
@@ -271,7 +270,6 @@ class FilterConfig(OptionsBeside):
 
 
 def _name(motion: MotionModel) -> str:
-    """The name of a motion model in a scenario."""
     return MOTION_MODELS.name_of(type(motion.motion if isinstance(motion, ConstantProcessNoise) else motion))
 
 
@@ -322,14 +320,7 @@ class PluginConfig(Config):
         return self.use if isinstance(self.use, str) else ""
 
     def problems(self) -> Iterator[Problem]:
-        yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)
-
-
-def _repeated(sensors: list[str] | None) -> Iterator[Problem]:
-    for index, name in enumerate(sensors or []):
-        if name in (sensors or [])[:index]:
-            yield Problem(("sensors", index), f"{name!r} is named twice; remove one")
 
 
 def _unexpanded(sweep: object) -> Iterator[Problem]:

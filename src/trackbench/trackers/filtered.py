@@ -48,6 +48,11 @@ class BuiltInTracker:
         """What computed the steps so far."""
         return used(self.computed_filter)
 
+    @property
+    def starts_from_truth(self) -> bool:
+        """Whether the bench is to draw the first states and hand them in by ``with_prior``."""
+        return self.initial.source == "truth"
+
     def reads(self, sensor: str) -> bool:
         """Whether the sensor's measurements update or start tracks."""
         return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
@@ -90,11 +95,6 @@ class FilterTracker(BuiltInTracker):
         if sensors is None:
             return self
         return replace(self, sensors=[name for name in sensors if self.sensors is None or name in self.sensors])
-
-    @property
-    def starts_from_truth(self) -> bool:
-        """Whether the bench is to draw the first states and hand them in by ``with_prior``."""
-        return self.initial.source == "truth"
 
     def with_prior(self, time: Array, motion: Kinematics, normal: Array) -> FilterTracker:
         """This tracker, its tracks starting at the given times from the given motion with a drawn error.

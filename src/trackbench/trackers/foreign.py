@@ -11,7 +11,7 @@ from typing import Annotated
 from pydantic import Field
 
 from trackbench.base.config import Config
-from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.errors import InputError, similar_path_hint
 
 
 class Command(Config):
@@ -64,21 +64,7 @@ def _executable(name: str, folder: Path) -> Path:
         raise InputError(f"there is no program {name!r} on PATH: a path has a /, such as ./{name}")
     path = folder / name
     if not path.is_file():
-        raise InputError(_not_there(path))
-    if not _can_run(path):
+        raise InputError(f"there is no program {path.name!r} in {path.parent}{similar_path_hint(path)}")
+    if not os.access(path, os.X_OK):
         raise InputError(f"{path} is not executable: chmod +x makes it so, or name its interpreter before it")
     return path
-
-
-def _not_there(path: Path) -> str:
-    place = path.parent
-    choices = [file.name for file in place.iterdir() if _can_run(file)] if place.is_dir() else []
-    hint = nearest_choices(path.name, choices) if choices else "no program is there"
-    sources = [path.with_suffix(ending) for ending in (".c", ".cpp")]
-    if not hint.startswith("did you mean") and any(source.is_file() for source in sources):
-        hint = f"make {path.name} builds it"
-    return f"there is no program {path.name!r} in {place}: {hint}"
-
-
-def _can_run(file: Path) -> bool:
-    return file.is_file() and os.access(file, os.X_OK)

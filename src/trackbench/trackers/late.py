@@ -10,7 +10,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks
-from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import LateMethod
 from trackbench.trackers.track_steps import log_likelihood
@@ -92,30 +91,15 @@ class LateScans:
         gained = _total_log_likelihood(redone) - _total_log_likelihood(history[number:])
         return LateState(before, (*history[:number], *redone)), _with_late_answer(answers[-1], answers[0], gained)
 
-    @property
-    def starts_from_truth(self) -> bool:
-        """Whether the bench is to draw the first states of the tracker."""
-        return bool(getattr(self.tracker, "starts_from_truth", False))
-
     def reading_only(self, sensors: Collection[str] | None) -> LateScans:
         """Return this tracker, which reads no other sensors than these; None: as it is."""
         return replace(self, tracker=self.tracker.reading_only(sensors))
 
-    @property
-    def multi_object(self) -> bool:
-        """Whether the tracker follows several objects."""
-        return getattr(self.tracker, "multi_object", False)
-
-    @property
-    def wants_origins(self) -> bool:
-        """Whether ``step`` is to be told which object caused each detection."""
-        return getattr(self.tracker, "wants_origins", False)
-
-    @property
-    def engine_used(self) -> EngineUsed:
-        """What computed the steps so far."""
-        used: EngineUsed = self.tracker.engine_used
-        return used
+    def __getattr__(self, name: str) -> Any:
+        """Attribute of the tracker, such as ``multi_object``."""
+        if name == "tracker" or name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self.tracker, name)
 
     def predicted(self, state: LateState, run: int) -> Tracks:
         """Return the tracks of one run as they were expected at the latest scan, of a tracker of several objects."""
@@ -154,7 +138,6 @@ def _with_late_answer(latest: Any, late: Any, gained: Array | float) -> Any:
 
 
 def _total_log_likelihood(history: Sequence[ProcessedScan]) -> Array | float:
-    """``(batch,)`` log density of all measurements of some scans."""
     total: Array | float = 0.0
     for processed in history:
         logarithm = log_likelihood(processed.answer) if isinstance(processed.answer, Estimate) else None

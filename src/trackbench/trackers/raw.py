@@ -7,8 +7,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers.initial import two_measurements
 
 #: The published name of the tracker.
 BASELINE = "raw"
@@ -19,10 +20,8 @@ class PositionFix(NamedTuple):
 
     time: Array
     """``(...)`` s, NaN where there is none."""
-    mean: Array
+    position: Gaussian
     """``(2, ...)`` m."""
-    covariance: Array
-    """``(2, 2, ...)`` m^2."""
 
 
 class RawState(NamedTuple):
@@ -45,30 +44,25 @@ class RawTracker:
         """Keep the measurement, and difference it with the one before; an older one than the latest does not count."""
         if state is None:
             nowhere = np.full(np.shape(scan.valid), np.nan)
-            none = PositionFix(nowhere, np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2))
+            none = PositionFix(nowhere, Gaussian(np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2)))
             state = RawState(none, none)
         mean, covariance = SENSOR_MODELS[scan.kind].position(scan)
         stated = scan.valid & ~np.isnan(mean[0])
-        new = PositionFix(np.where(stated, scan.time, np.nan), mean, linalg.expand(covariance, mean[None]))
+        position = Gaussian(mean, linalg.expand(covariance, mean[None]))
+        new = PositionFix(np.where(stated, scan.time, np.nan), position)
         later = stated & ~(state.last.time >= scan.time)
         better = stated & (state.last.time == scan.time) & (_size(new) < _size(state.last))
         last = _choose(later | better, new, state.last)
         before = _choose(later, state.last, state.before)
         dt = last.time - before.time
-        mean = np.concatenate([last.mean, (last.mean - before.mean) / dt])
-        covariance = np.empty((4, *mean.shape))
-        covariance[:2, :2] = last.covariance
-        covariance[:2, 2:] = covariance[2:, :2] = last.covariance / dt
-        covariance[2:, 2:] = (last.covariance + before.covariance) / dt**2
-        complete = ~np.isnan(dt)
-        covariance = linalg.rounded_up(covariance)
-        estimate = Estimate(np.where(complete, mean, np.nan), np.where(complete, covariance, np.nan))
+        belief, complete = two_measurements(before.position, last.position, dt), ~np.isnan(dt)
+        estimate = Estimate(*(np.where(complete, part, np.nan) for part in belief))
         return RawState(last, before), estimate
 
 
 def _size(fix: PositionFix) -> Array:
-    return np.asarray(fix.covariance[0, 0] + fix.covariance[1, 1])
+    return np.asarray(fix.position.covariance[0, 0] + fix.position.covariance[1, 1])
 
 
 def _choose(where: Mask, a: PositionFix, b: PositionFix) -> PositionFix:
-    return PositionFix(*(np.where(where, x, y) for x, y in zip(a, b, strict=True)))
+    return PositionFix(np.where(where, a.time, b.time), a.position.where(where, b.position))

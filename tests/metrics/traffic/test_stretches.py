@@ -19,7 +19,7 @@ from trackbench.metrics.traffic.run import in_stretches
 
 NAN = np.nan
 #: Metrics that are a sum over instants, each by itself.
-OF_INSTANTS = ("gospa", "gospa_missed", "gospa_false", "ospa")
+OF_INSTANTS = ("gospa", "gospa_missed", "gospa_false")
 
 
 def cut(truth: TruthHistory, tracks: TrackHistory, *ends: int, taken: Associations | None = None) -> list[TrackedRun]:

@@ -9,7 +9,7 @@ from tests.support import scored_sequences
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 from trackbench.metrics.traffic import score_run
-from trackbench.metrics.traffic.mot_metrics import clear_matches, hota, identity, resumptions, switches, track_of_each
+from trackbench.metrics.traffic.mot_metrics import clear_matches, hota, identity, switches, track_of_each
 
 QUIET = {"PRINT_CONFIG": False}
 LEAST = 0.5
@@ -22,7 +22,6 @@ def our_scores(data: Similarities) -> dict[str, float]:
     true, missed, false = identity(near, *data.counts())
     chosen = clear_matches(near, similarity, data.objects, data.tracks)
     track_of = track_of_each(near.where(chosen), data.objects.shape)
-    scored = data.objects.any(axis=1) & data.tracks.any(axis=1)
     matched, switched = int(chosen.sum()), len(switches(track_of).instant)
     due = data.objects.sum()
     return {
@@ -37,7 +36,6 @@ def our_scores(data: Similarities) -> dict[str, float]:
         "IDSW": switched,
         "MOTA": (matched - (data.tracks.sum() - matched) - switched) / due,
         "MOTP_sum": similarity[chosen].sum(),
-        "Frag": resumptions(track_of, np.broadcast_to(scored[:, None], data.objects.shape)).sum(),
     }
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
+from tests.support.intervals import scaled
 
-from trackbench.metrics.intervals import Interval, ratio, root, scaled_interval
+from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.subjects.envelope.bounds import (
     Sample,
     bound,
@@ -68,9 +69,7 @@ def test_the_bound_of_a_root_mean_square_is_the_root_of_that_of_the_mean_square(
     squares = np.random.default_rng(1).gamma(2.0, 1.0, 60)
     mean = ratio(squares, np.ones(60), at_least=0.0)
     assert bound(root(mean), level, side) == pytest.approx(np.sqrt(bound(mean, level, side)))
-    assert bound(scaled_interval(root(mean), 57.3), level, side) == pytest.approx(
-        57.3 * np.sqrt(bound(mean, level, side))
-    )
+    assert bound(scaled(root(mean), 57.3), level, side) == pytest.approx(57.3 * np.sqrt(bound(mean, level, side)))
 
 
 def test_what_is_at_most_one_has_the_bounds_of_its_distance_from_one_turned_round() -> None:

@@ -116,7 +116,7 @@ def test_a_tracker_in_another_language_is_built_and_runs_as_printed(
 def test_trackers_of_a_folder_share_the_headers_and_nothing_else(tmp_path: Path, cli: Cli) -> None:
     for name in ("one", "two"):
         assert cli("new", "tracker", name, "--language", "cpp").status == 0
-    assert f"there is no program 'one' in {tmp_path}: make one builds it" in cli("check", "one.yaml").err
+    assert f"there is no program 'one' in {tmp_path}" in cli("check", "one.yaml").err
     if shutil.which("make"):
         planned = subprocess.run(["make", "-n"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
         assert [line.split()[-1] for line in planned.splitlines()] == ["one", "two"]

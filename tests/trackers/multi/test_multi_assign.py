@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array
 from trackbench.trackers.multi.association import best_assignment
-from trackbench.trackers.multi.gate import GatedPairs
-
-
-def pairs_of(track: Indices, detection: Indices) -> GatedPairs:
-    nothing = np.zeros(len(track))
-    return GatedPairs(track, detection, nothing, nothing)
 
 
 def listed(weight: Array) -> tuple[float, set[tuple[int, int]]]:
@@ -37,7 +31,7 @@ def test_the_sum_is_the_largest_of_all_assignments(seed: int) -> None:
     shape = random.integers(1, 5, 2)
     weight = np.where(random.random(shape) < random.uniform(0.3, 1.0), random.normal(1.0, 2.0, shape), -np.inf)
     track, detection = np.nonzero(np.isfinite(weight))
-    chosen = best_assignment(pairs_of(track, detection), weight[track, detection], np.zeros(shape[0], dtype=int))
+    chosen = best_assignment(track, detection, weight[track, detection], np.zeros(len(track), dtype=int))
     assert set(zip(track[chosen], detection[chosen], strict=True)) == listed(weight)[1]
     assert np.all(np.diff(chosen) > 0)
 
@@ -49,8 +43,7 @@ def test_many_runs_are_assigned_as_a_solver_assigns_each(share: float) -> None:
     gated = random.random((runs, tracks, detections)) < share
     run, own_track, own_detection = np.nonzero(gated)
     weight = random.normal(1.0, 2.0, len(run))
-    pairs = pairs_of(run * tracks + own_track, run * detections + own_detection)
-    chosen = best_assignment(pairs, weight, np.repeat(np.arange(runs), tracks))
+    chosen = best_assignment(run * tracks + own_track, run * detections + own_detection, weight, run)
     for number in range(runs):
         own = np.flatnonzero(run == number)
         value = np.zeros((tracks, detections))

@@ -15,8 +15,6 @@ from trackbench.base.config.key_units import convert, show, split_key
 from trackbench.base.config.problems import PROBLEM, KeyPath, Problem
 from trackbench.base.errors import did_you_mean, nearest_choices, similar_names
 
-#: Errors of one file that are shown.
-MOST_ERRORS = 50
 Fields = Mapping[str, FieldInfo | None]
 _TAG = re.compile(r"<.+>")
 #: The part of a location by which pydantic says that the key of a mapping is at fault, not its value.
@@ -53,14 +51,14 @@ def explain(invalid: ValidationError, fields: Fields) -> list[Problem]:
     """
     errors = invalid.errors(include_url=False)
     unknown = [error for error in errors if error["type"] == "extra_forbidden" and len(error["loc"]) == 1]
-    meant = {_meant(str(error["loc"][0]), fields) for error in unknown[:MOST_ERRORS]}
+    meant = {_meant(str(error["loc"][0]), fields) for error in unknown}
     problems = []
-    for index, error in enumerate(errors):
+    for error in errors:
         path = tuple(part for part in error["loc"] if not _TAG.fullmatch(str(part)) and part != _KEY)
         near = _fields_within(fields, path[:-1])
         # A key under a wrong name is one mistake: that the right one is missing follows from it.
         if error["type"] != "missing" or path not in {(key,) for key in meant}:
-            problems.append(Problem(path, _message(error, path, near) if index < MOST_ERRORS else "not valid"))
+            problems.append(Problem(path, _message(error, path, near)))
     return problems
 
 
@@ -146,7 +144,7 @@ def _near_words(value: Any, message: str) -> str:
     """Return which key of a message is spelt like one that a mapping of no known form has."""
     words = set(re.findall(r"\w+", message))
     unknown = [str(key) for key in value if key not in words] if isinstance(value, dict) else []
-    near = [name for key in unknown[:MOST_ERRORS] for name in get_close_matches(key, words, 1, 0.8)]
+    near = [name for key in unknown for name in get_close_matches(key, words, 1, 0.8)]
     return f"; {did_you_mean(near[:1])}" if near else ""
 
 

@@ -81,7 +81,6 @@ class Plugin(PluginName):
         return {"anyOf": [*words, *forms, _mapping({self.key: REFERENCE}, [self.key])]}
 
     def _form(self, name: str, model: type[Config], handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Return the JSON Schema of a mapping that names a published plug-in."""
         reference = _definition(model, handler)
         form = handler.resolve_ref_schema(reference)
         described = form["properties"].get(self.key, {}).get("description", f"{name}.")

@@ -12,7 +12,7 @@ from trackbench.base.types import Array
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.intervals import Interval, ratio, root, scaled_interval
+from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS, BlockScores, NisScores
 from trackbench.metrics.verdicts import (
@@ -46,33 +46,29 @@ class RootMeanSquare(EstimateMetric):
     compared = True
     rows: ClassVar[tuple[str, ...]]
     """Of the sums of squared errors."""
-    count: ClassVar[str] = "count"
-    """Row of the number of errors."""
     column: ClassVar[str]
     """Where the table of runs holds the error of each run."""
 
     @property
     def columns(self) -> tuple[str, ...]:
-        return self.column, self.count
+        return self.column, "count"
 
     def finish(self, sums: BlockScores) -> Outcome:
-        count = sums.per_part[ERROR[self.count]]
+        count = sums.per_part[ERROR["count"]]
         if count.sum() == 0:
-            what = "an object that moves" if self.count == "course_count" else "any object"
-            return self.no_value(f"there is no estimate of {what} to score")
+            return self.no_value("there is no estimate of any object to score")
         total = sum(sums.per_part[ERROR[row]] for row in self.rows)
-        error = root(ratio(np.asarray(total), count, scenes=sums.scenes))
-        return scaled_interval(error, math.degrees(1.0)) if self.unit == "deg" else error
+        return root(ratio(np.asarray(total), count, scenes=sums.scenes))
 
     def without_charged(self, sums: BlockScores) -> tuple[float, float] | None:
         total, charged = (
             sum(float(part[ERROR[row]].sum()) for row in self.rows) for part in (sums.per_part, sums.charged)
         )
-        given = float((sums.per_part[ERROR[self.count]] - sums.charged[ERROR[self.count]]).sum())
-        if not sums.charged[ERROR["count"]].any() or not given or not total:
+        count = sums.charged[ERROR["count"]]
+        given = float((sums.per_part[ERROR["count"]] - count).sum())
+        if not count.any() or not given or not total:
             return None
-        alone = math.sqrt(max(total - charged, 0.0) / given)
-        return charged / total, math.degrees(alone) if self.unit == "deg" else alone
+        return charged / total, math.sqrt(max(total - charged, 0.0) / given)
 
     def of_runs(self, *columns: Array) -> Interval | None:
         errors, count = columns
@@ -91,11 +87,6 @@ class VelocityRmse(RootMeanSquare):
     name, unit = "velocity_rmse", "m/s"
     meaning = "root mean square error of the velocity, of estimates or matched tracks"
     rows, column = ("vx", "vy"), "velocity_rmse_mps"
-
-
-class CourseRmse(RootMeanSquare):
-    name, unit, meaning = "course_rmse", "deg", "root mean square error of the course"
-    rows, count, column = ("course",), "course_count", "course_rmse_deg"
 
 
 class PxRmse(RootMeanSquare):
@@ -184,7 +175,7 @@ class Nis(EstimateMetric):
         share = float(nis.per_part[NIS["inside"]].sum() / count.sum())
         value = _chi_square(total, count, nis.dof, inside, scenes, runs)
         expected = count.sum() + nis.per_part[NIS["missing"]].sum()
-        coverage = _share(count.sum(), expected)
+        coverage = float(count.sum() / expected)
         # The innovations that are missing may be the large ones.
         word = value.verdict if coverage >= LEAST_COVERAGE else "undecided"
         return value.model_copy(update={"inside95": share, "coverage": coverage, "verdict": word})
@@ -212,29 +203,6 @@ class Whiteness(EstimateMetric):
         return correlation.as_value(self.unit).model_copy(
             update={"bounds95": (-bound, bound), "verdict": whiteness_verdict(correlation.ci95)}
         )
-
-
-class RootReference(EstimateMetric):
-    """The root of the reference of a mean square error, over the estimates that are scored."""
-
-    row: ClassVar[str]
-    """Of the sums."""
-
-    def finish(self, sums: BlockScores) -> Outcome:
-        count, total = sums.per_part[ERROR["count"]].sum(), sums.per_part[ERROR[self.row]].sum()
-        if not total > 0:
-            return self.no_value("there is no estimate that a measurement bears on")
-        return float(np.sqrt(total / count))
-
-
-class PositionReference(RootReference):
-    name, unit, row = "position_reference", "m", "position_reference"
-    meaning = "position RMSE of the reference, over the estimates that are scored"
-
-
-class VelocityReference(RootReference):
-    name, unit, row = "velocity_reference", "m/s", "velocity_reference"
-    meaning = "velocity RMSE of the reference, over the estimates that are scored"
 
 
 class OverReference(EstimateMetric):
@@ -305,7 +273,3 @@ def _inside(count: Array, total: Array, dof: int) -> float:
     low, high = mean_bounds(dof, count[some])
     mean = total[some] / count[some]
     return float(((mean >= low) & (mean <= high)).mean())
-
-
-def _share(part: float, whole: float) -> float:
-    return float(part / whole) if whole > 0 else math.nan

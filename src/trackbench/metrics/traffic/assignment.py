@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import ABSENT, DUE, Array, Indices, Mask
+from trackbench.trackers.multi.association import best_assignment
 
 #: In place of the origin of a detection: the track took none.
 NO_DETECTION = -2
@@ -91,39 +92,17 @@ class Associations(NamedTuple):
         return Associations(self.instant[own] - span.start, self.ids[own], self.origin[own], self.detected[own], merged)
 
 
-#: Passes that settle what is plain before the rest is solved group by group.
-PASSES = 3
-
-
 def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, rows: int, columns: int) -> Mask:
     """``(P,)`` which of the pairs are matched, so that the gain of each group is largest.
 
-    A pair that gains more than the best other pairs of its row and of its column together is part of every optimum:
-    such pairs are settled for all groups at once, and few groups remain for the assignment algorithm.
-
     Args:
-        group: ``(P,)`` in increasing order.
+        group: ``(P,)``
         row: ``(P,)`` below ``rows``.
         column: ``(P,)`` below ``columns``; a row and a column meet at most once in a group.
         gain: ``(P,)``; pairs that gain nothing are not matched.
     """
     chosen = np.zeros(len(group), dtype=bool)
-    left = np.flatnonzero(gain > 0)
-    in_row, in_column = group * rows + row, group * columns + column
-    # Most have no rival at all.
-    alone = (np.bincount(in_row[left])[in_row[left]] == 1) & (np.bincount(in_column[left])[in_column[left]] == 1)
-    chosen[left[alone]] = True
-    left = left[~alone]
-    for _ in range(PASSES):
-        if not len(left):
-            return chosen
-        cells, gains = (in_row[left], in_column[left]), gain[left]
-        settled = gains > _best_other(cells[0], gains) + _best_other(cells[1], gains)
-        chosen[left[settled]] = True
-        left = left[~(among(cells[0], cells[0][settled]) | among(cells[1], cells[1][settled]))]
-    for part in equal_stretches(group[left]):
-        own = left[part]
-        chosen[own[matched_in_group(row[own], column[own], gain[own])]] = True
+    chosen[best_assignment(group * rows + row, group * columns + column, gain, group)] = True
     return chosen
 
 
@@ -133,34 +112,6 @@ def equal_stretches(group: Indices) -> list[slice]:
         return []
     ends = [*(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
     return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
-
-
-def matched_in_group(row: Indices, column: Indices, gain: Array) -> Mask:
-    """``(P,)`` which pairs of one group, with gains above zero, are matched."""
-    # A run with known identities does without the .3 s of this import.
-    from scipy.optimize import linear_sum_assignment
-
-    # Of a few numbers this is many times as quick as np.unique.
-    rows = {number: place for place, number in enumerate(sorted({*row.tolist()}))}
-    columns = {number: place for place, number in enumerate(sorted({*column.tolist()}))}
-    i, j = [rows[number] for number in row.tolist()], [columns[number] for number in column.tolist()]
-    matrix = np.zeros((len(rows), len(columns)))
-    matrix[i, j] = gain
-    partner = np.full(len(rows), -1)
-    first, second = linear_sum_assignment(matrix, maximize=True)
-    partner[first] = second
-    return np.asarray(partner[i] == j)
-
-
-def _best_other(cell: Indices, gain: Array) -> Array:
-    """``(P,)`` the largest gain among the other pairs of the same cell; 0 where there is none."""
-    best = np.zeros(cell.max() + 1)
-    np.maximum.at(best, cell, gain)
-    is_best = gain == best[cell]
-    second = np.zeros_like(best)
-    np.maximum.at(second, cell[~is_best], gain[~is_best])
-    alone = np.bincount(cell[is_best], minlength=len(best)) == 1
-    return np.where(is_best & alone[cell], second[cell], best[cell])
 
 
 def among(values: Indices, some: Indices) -> Mask:

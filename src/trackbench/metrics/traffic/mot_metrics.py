@@ -13,8 +13,8 @@ from trackbench.metrics.traffic.assignment import (
     best_matching,
     equal_stretches,
     last_instant_before,
-    matched_in_group,
 )
+from trackbench.trackers.multi.association import assigned
 
 NO_TRACK = NOBODY = -1
 
@@ -62,7 +62,7 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
         left = own[~(among(item, item[kept]) | among(pairs.column[own], pairs.column[own[kept]]))]
         now = own[kept]
         if len(left):
-            won = left[matched_in_group(pairs.object[left], pairs.column[left], gain[left])]
+            won = left[assigned(pairs.object[left], pairs.column[left], gain[left])]
             now = np.concatenate([now, won])
         matched[now] = True
         track_of[instant, pairs.object[now]] = pairs.track[now]
@@ -89,18 +89,6 @@ def switches(track_of: Indices) -> Switches:
     track = track_of[instant, item]
     changed = np.flatnonzero((item[1:] == item[:-1]) & (track[1:] != track[:-1])) + 1
     return Switches(instant[changed], item[changed], track[changed - 1], track[changed])
-
-
-def resumptions(track_of: Indices, counts: Mask) -> Mask:
-    """``(T, N)`` where an object has a track again after it had none, at instants ``(T, N)`` that count for it.
-
-    Their number is that of fragmentations (Li, Huang and Nevatia 2009, "Learning to associate: HybridBoosted
-    multi-target tracker for crowded scene").
-    """
-    tracked = track_of != NO_TRACK
-    before, ever_before = last_instant_before(counts), last_instant_before(tracked) >= 0
-    lost_before = (before >= 0) & ~np.take_along_axis(tracked, np.maximum(before, 0), axis=0)
-    return np.asarray(counts & tracked & lost_before & ever_before)
 
 
 #: The similarities from which a pair may count as matched; the scores are means over them.

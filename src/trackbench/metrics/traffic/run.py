@@ -28,11 +28,10 @@ from trackbench.metrics.traffic.mot_metrics import (
     clear_matches,
     hota,
     identity,
-    resumptions,
     switches,
     track_of_each,
 )
-from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa
+from trackbench.metrics.traffic.set_distances import GospaParts, gospa
 from trackbench.metrics.traffic.table import DETECTION_METRICS, OF_FALSE_TRACKS, TRACK_METRICS
 from trackbench.metrics.traffic.tgospa import tgospa
 from trackbench.metrics.traffic.track_quality import (
@@ -44,7 +43,6 @@ from trackbench.metrics.traffic.track_quality import (
     lost,
     matched_errors,
     never_confirmed,
-    purity,
 )
 
 #: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
@@ -178,21 +176,17 @@ def _run_sums(
         "gospa_missed": (float(parts.missed.sum()), steps),
         "gospa_false": (float(parts.false.sum()), steps),
         "gospa_switch": (0.0 if of_switches < ROUNDING * squared_gospa else of_switches, steps),
-        "ospa": (float(ospa(parts, of_gospa.due.sum(axis=1), of_gospa.present.sum(axis=1)).sum()), steps),
         "hota": (float(higher_order.hota.mean()), any_there),
         "deta": (float(higher_order.detection.mean()), any_there),
         "assa": (float(higher_order.association.mean()), any_there),
         "idf1": (2.0 * identified, 2.0 * identified + unidentified + wrong),
         "mota": (true - false - switched, due),
-        "motp": (float(matched.distance.sum()), true),
         "matched_share": (true, due),
         "id_switches": (switched, object_minutes),
-        "fragmentations": (float(resumptions(track_of, counted.due).sum()), object_minutes),
         "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
         "confirm_latency": confirmation(track_of, counted.due, duration),
         "never_confirmed": never_confirmed(track_of, counted.due),
         "lost_time_share": lost(track_of, counted.due),
-        "track_purity": purity(counted),
         **matched_errors(truth, tracks, matched),
         **({} if associations is None else association_counts(counted, associations)),
     }

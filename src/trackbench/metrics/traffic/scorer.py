@@ -232,7 +232,6 @@ class TrackScorer:
         return Associations(np.array([instant for instant, _, _ in self._taken]), ids, origin, detected, merged)
 
     def _judged_scans(self, scene: SceneRuns, run: int) -> list[UnlabelledScan]:
-        """What the tracker said of each scan that it took, in a run of a recording without a truth."""
         sensors = {sensor.name: sensor.config for sensor in scene.sensors}
         judged = []
         for _, tracks, number in self._taken:

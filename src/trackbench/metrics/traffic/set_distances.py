@@ -1,4 +1,4 @@
-"""GOSPA and OSPA of sets of positions."""
+"""GOSPA of sets of positions."""
 
 from __future__ import annotations
 
@@ -57,23 +57,3 @@ def _parts(instant: Indices, distance: Array, objects: Indices, tracks: Indices,
     half = cutoff**p / 2
     localisation = np.bincount(instant, distance**p, minlength=steps)
     return GospaParts(np.asarray(localisation, dtype=float), half * (objects - pairs), half * (tracks - pairs))
-
-
-def ospa(parts: GospaParts, objects: Indices, tracks: Indices) -> Array:
-    """Optimal sub-pattern assignment metric to the power p.
-
-    It has the matching of GOSPA, and n is the larger number of objects and tracks. The distances of matched pairs to
-    the power p, plus c^p for each of the n that is not matched, are summed and divided by n; 0 where there is nothing.
-
-    Source: Schuhmacher, Vo and Vo (2008), "A consistent metric for performance evaluation of multi-object filters".
-
-    Args:
-        parts: of GOSPA, to the power p.
-        objects: ``(T,)`` their numbers.
-        tracks: ``(T,)`` the same.
-
-    Returns:
-        ``(T,)``, m^2 with the parts of :func:`gospa`.
-    """
-    unmatched = 2.0 * np.where(tracks > objects, parts.false, parts.missed)
-    return np.asarray((parts.localisation + unmatched) / np.maximum(np.maximum(objects, tracks), 1))

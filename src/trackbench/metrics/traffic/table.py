@@ -135,17 +135,12 @@ TRACK_METRICS = by_name(
     root_of("gospa_missed", "m", "part of GOSPA from objects without a track"),
     root_of("gospa_false", "m", "part of GOSPA from tracks without an object", fewest=10),
     root_of("gospa_switch", "m", "part of T-GOSPA from identities: what it has beside GOSPA"),
-    root_of("ospa", "m", "error per object in position and number"),
     share("hota", "detection and association in one number", "larger", combine="mean", fewest=100),
     share("deta", "detection part of HOTA", "larger", combine="mean"),
     share("assa", "association part of HOTA", "larger", combine="mean", fewest=100),
     share("idf1", "F1 score of the time that each object is on its one track", "larger", fewest=400),
     share("mota", "one minus misses, false tracks and switches per due instant", "larger", at_least=-math.inf),
-    run_ratio("motp", "m", "mean distance of matched tracks", "smaller"),
     run_ratio("id_switches", "1/min", "changes of an object's track, per minute of an object", "smaller", fewest=10),
-    run_ratio(
-        "fragmentations", "1/min", "times a lost object is tracked again, per minute of an object", "smaller", fewest=10
-    ),
     run_ratio("false_tracks", "1/min", "tracks that never are on an object, per minute", "smaller", fewest=10),
     run_ratio(
         "confirm_latency",
@@ -157,7 +152,6 @@ TRACK_METRICS = by_name(
     ),
     share("never_confirmed", "share of the due objects that are never tracked", "smaller"),
     share("lost_time_share", "share of the time after its first track that an object has none", "smaller", fewest=100),
-    share("track_purity", "share of a track's time that it spends on its main object", "larger", fewest=400),
     over_tracks(PositionRmse, combine="root", fewest=400),
     over_tracks(VelocityRmse, combine="root", fewest=math.inf),
     over_tracks(Nees, fewest=math.inf),
@@ -176,11 +170,10 @@ TRACK_METRICS = by_name(
 #: Those of them that need the object of each detection.
 ASSOCIATION_METRICS = [metric for path, metric in TRACK_METRICS.items() if path.startswith("association_")]
 #: Those of them that count tracks on no object.
-OF_FALSE_TRACKS = ("gospa_false", "hota", "deta", "assa", "idf1", "mota", "false_tracks", "track_purity")
+OF_FALSE_TRACKS = ("gospa_false", "hota", "deta", "assa", "idf1", "mota", "false_tracks")
 #: Those of runs without one.
 DETECTION_METRICS = by_name(
     of_detections("track_count", "1", "mean number of tracks after a scan"),
-    of_detections("track_length", "s", "time from a track's first scan to its last, the median", combine="mean"),
     of_detections("new_tracks", "1/min", "tracks that begin, per minute"),
     of_detections("used_share", "1", "share of the detections that a track used", at_most=1.0, **NOT_SAID),
     of_detections(

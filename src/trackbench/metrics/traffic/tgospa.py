@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask
-from trackbench.metrics.traffic.assignment import Counted, last_instant, matched_in_group
+from trackbench.metrics.traffic.assignment import Counted, last_instant
+from trackbench.trackers.multi.association import assigned
 
 
 class ObjectTrackPairs(NamedTuple):
@@ -252,7 +253,7 @@ def _path_step_by_step(pairs: ObjectTrackPairs, half: float) -> Array:
     for k in range(len(weight)):
         some = np.flatnonzero(worth > 0)
         if len(some):
-            weight[k, some] = matched_in_group(pairs.object[some], pairs.track[some], worth[some])
+            weight[k, some] = assigned(pairs.object[some], pairs.track[some], worth[some])
         if k + 1 < len(weight):
             worth = pairs.gain[k + 1] + np.where(weight[k] > 0, half, -half)
     return weight
@@ -307,8 +308,6 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
 
 
 class _Gains:
-    """What it saves to assign tracks to objects, by pair and instant."""
-
     def __init__(self, counted: Counted) -> None:
         pairs = counted.pairs
         self._pairs, self._gain, self._steps = pairs, counted.cutoff**2 - pairs.distance**2, len(counted.due)

@@ -1,4 +1,4 @@
-"""How soon, how long, how purely and how accurately objects are tracked."""
+"""How soon, how long and how accurately objects are tracked."""
 
 from __future__ import annotations
 
@@ -54,14 +54,6 @@ def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
     tracked = track_of != NO_TRACK
     since = due & np.logical_or.accumulate(tracked, axis=0)
     return float((since & ~tracked).sum()), float(since.sum())
-
-
-def purity(counted: Counted) -> tuple[float, float]:
-    """Instants that each track spends on the object it is on most, of all that it spends on any."""
-    matched, objects, tracks = counted.matched, counted.due.shape[1], len(counted.ids)
-    together = np.bincount(matched.object * tracks + matched.track, minlength=objects * tracks)
-    most = together.reshape(objects, tracks).max(axis=0, initial=0)
-    return float(most.sum()), float(together.sum())
 
 
 def false_tracks(counted: Counted) -> Indices:

@@ -1,8 +1,7 @@
-"""What tracks tell where there is no truth: how many and how long they are, and how they predict and use detections."""
+"""What tracks tell where there is no truth: how many they are, and how they predict and use detections."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -47,11 +46,10 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
     Tracks that the log begins or ends with count as long as they are seen.
     """
     minutes = (scans[-1].time - scans[0].time) / 60
-    lengths = _lengths(scans)
+    tracks = {track for scan in scans for track in scan.ids.tolist()}
     sums = {
         "track_count": (float(sum(len(scan.ids) for scan in scans)), float(len(scans))),
-        "track_length": (float(np.median(lengths)) if len(lengths) else 0.0, float(len(lengths) > 0)),
-        "new_tracks": (float(len(lengths)), minutes),
+        "new_tracks": (float(len(tracks)), minutes),
     }
     if all(scan.used is not None for scan in scans):
         used = sum(len(np.unique(scan.used[scan.used != NONE])) for scan in scans if scan.used is not None)
@@ -68,15 +66,6 @@ def scores_without_truth(values: RunSums) -> RunScores:
     """The scores of a run of which nothing else is known."""
     none = np.zeros(0)
     return RunScores(values, GospaParts(none, none, none), (), np.zeros((0, 0), dtype=np.int8))
-
-
-def _lengths(scans: Iterable[UnlabelledScan]) -> Array:
-    """Return the time from the first to the last scan of each track, s."""
-    spans: dict[int, tuple[float, float]] = {}
-    for scan in scans:
-        for track in scan.ids.tolist():
-            spans[track] = (spans.get(track, (scan.time, scan.time))[0], scan.time)
-    return np.array([last - first for first, last in spans.values()])
 
 
 def judged_scan(scan: Scan, config: Sensor, predicted: Tracks | None, tracks: Tracks) -> UnlabelledScan:
@@ -115,7 +104,6 @@ def _densities(scan: Scan, predicted: Tracks) -> tuple[Array, Array]:
 
 
 def _pairs(predicted: Tracks, tracks: Tracks) -> tuple[Indices, Indices]:
-    """Return the columns of the predicted tracks that used a detection, and those detections."""
     used = np.full(len(tracks.ids), NONE) if tracks.used is None else tracks.used
     number, column = np.nonzero((tracks.ids[:, None] == predicted.ids) & (used >= 0)[:, None])
     return column, used[number]

@@ -144,44 +144,47 @@ def _largest(track: Indices, detection: Indices, share: Array, none: Array) -> I
     return used
 
 
-def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
-    """Those pairs, each track and each detection in at most one, whose weights have the largest sum.
+def best_assignment(row: Indices, column: Indices, weight: Array, group: Indices) -> Indices:
+    """Return the pairs, each row and each column in at most one, whose weights have the largest sum.
 
     Args:
-        pairs: of all runs, sorted by track.
+        row, column: ``(P,)`` of each pair; numbers that differ between groups.
         weight: ``(P,)``; a pair of negative weight is never taken.
-        run: ``(L,)`` of each track.
+        group: ``(P,)`` of each pair.
     """
     rest = indices(weight > 0.0)
     taken: list[Indices] = []
     while len(rest):
         # What outweighs all its rivals together is in every best assignment.
-        track, detection, own = pairs.track[rest], pairs.detection[rest], weight[rest]
-        of_track, of_detection = np.bincount(track, own), np.bincount(detection, own)
-        sure = 3.0 * own > of_track[track] + of_detection[detection]
+        rows, columns, own = row[rest], column[rest], weight[rest]
+        of_row, of_column = np.bincount(rows, own), np.bincount(columns, own)
+        sure = 3.0 * own > of_row[rows] + of_column[columns]
         if not sure.any():
-            taken += _by_run(pairs, weight, run, rest)
+            rest = by_run(rest, group)
+            parts = np.split(rest, indices(np.diff(group[rest])) + 1)
+            taken += [part[assigned(row[part], column[part], weight[part])] for part in parts]
             break
-        of_track[track[sure]] = of_detection[detection[sure]] = 0.0
+        of_row[rows[sure]] = of_column[columns[sure]] = 0.0
         taken.append(rest[sure])
-        rest = rest[(of_track[track] > 0.0) & (of_detection[detection] > 0.0)]
+        rest = rest[(of_row[rows] > 0.0) & (of_column[columns] > 0.0)]
     return np.sort(np.concatenate(taken)) if len(taken) > 1 else (taken or [rest])[0]
 
 
-def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> list[Indices]:
-    """The best assignment of some pairs, one run after the other."""
+def assigned(row: Indices, column: Indices, weight: Array) -> Mask:
+    """``(P,)`` the same of the pairs of one group, whose weights are above zero, as a mask."""
     # A run with known identities does without the .3 s of this import.
     from scipy.optimize import linear_sum_assignment
 
-    taken, which = [], by_run(which, run[pairs.track])
-    for part in np.split(which, indices(np.diff(run[pairs.track[which]])) + 1):
-        rows, row = np.unique(pairs.track[part], return_inverse=True)
-        columns, column = np.unique(pairs.detection[part], return_inverse=True)
-        value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
-        value[row, column], index[row, column] = weight[part], part
-        chosen = index[linear_sum_assignment(value, maximize=True)]
-        taken.append(chosen[chosen >= 0])
-    return taken
+    # Of a few numbers this is many times as quick as np.unique.
+    rows = {number: place for place, number in enumerate(sorted({*row.tolist()}))}
+    columns = {number: place for place, number in enumerate(sorted({*column.tolist()}))}
+    i, j = [rows[number] for number in row.tolist()], [columns[number] for number in column.tolist()]
+    matrix = np.zeros((len(rows), len(columns)))
+    matrix[i, j] = weight
+    partner = np.full(len(rows), -1)
+    first, second = linear_sum_assignment(matrix, maximize=True)
+    partner[first] = second
+    return np.asarray(partner[i] == j)
 
 
 def in_order_of_list(pairs: GatedPairs) -> Indices:
@@ -270,7 +273,8 @@ def associated(
 def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:
     probability = at.detection_probability.take(pairs.track)
     ratio = np.log(probability / at.intensity.false_alarms) + pairs.log_likelihood
-    chosen = best_assignment(pairs, ratio - np.log(missed(probability, at.gate)), at.run)
+    weight = ratio - np.log(missed(probability, at.gate))
+    chosen = best_assignment(pairs.track, pairs.detection, weight, at.run.take(pairs.track))
     return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
 
 

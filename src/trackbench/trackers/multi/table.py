@@ -174,7 +174,6 @@ class TrackFilter:
         return self._updated(part, selected_detections(scan, detection))
 
     def _updated(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
-        """The belief of each member after its detection."""
         result: AnyBelief = self.filter.update(at.belief, scan, at.measurement).belief
         return result
 

@@ -151,7 +151,6 @@ class MultiObjectTracker(BuiltInTracker):
         return after, self._tracks(table, runs)
 
     def _prediction(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
-        """The state at a later time, and its tracks, which took no detection."""
         ahead, belief = self._at(state, time), state.table.belief
         if len(state.table.run):
             belief = bare(self._track_filter.filter.predict(belief, time - state.time))
@@ -184,7 +183,6 @@ class MultiObjectTracker(BuiltInTracker):
 
 
 def _alone(tracks: Tracks) -> Tracks:
-    """Those of the only run."""
     return Tracks._make(None if part is None else part[..., 0] for part in tracks)
 
 
