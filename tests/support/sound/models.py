@@ -24,7 +24,7 @@ class ConstantAcceleration:
         t, x, P = state
         dt = scan.time - t
         F = np.eye(6) + dt * np.eye(6, k=2) + dt**2 / 2 * np.eye(6, k=4)
-        G = 4.0 * np.vstack([dt**3 / 6 * np.eye(2), dt**2 / 2 * np.eye(2), dt * np.eye(2)])
+        G = 7.0 * np.vstack([dt**3 / 6 * np.eye(2), dt**2 / 2 * np.eye(2), dt * np.eye(2)])
         x, P = F @ x, F @ P @ F.T + G @ G.T
         if scan.valid:
             x, P = corrected(x, P, scan)
@@ -78,7 +78,7 @@ class WhiteAcceleration:
 class TwoNoises:
     """An IMM of two filters of constant velocity, with a small and a large acceleration; weights kept as logarithms."""
 
-    SIGMAS = (1.0, 4.0)
+    SIGMAS = (1.6, 4.5)
     RATES = np.array([[-0.3, 0.3], [0.6, -0.6]])
 
     def merged(self, w, xs, Ps):
