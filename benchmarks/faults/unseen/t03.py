@@ -1,0 +1,10 @@
+import numpy as np
+
+import bases
+from bases import Imm
+
+
+class Tracker(Imm):
+    def weigh(self, c, fits):
+        likelihood = c * np.exp(fits)
+        return likelihood / likelihood.sum()

@@ -1,0 +1,10 @@
+import numpy as np
+
+import bases
+from bases import Ukf
+
+
+class Tracker(Ukf):
+    def step(self, state, scan):
+        state, (x, P) = Ukf.step(self, state, scan)
+        return state, (x, self.Q(0.1) + 1e-6 * np.eye(4))

@@ -1,0 +1,9 @@
+import numpy as np
+
+import bases
+from bases import Ekf
+
+
+class Tracker(Ekf):
+    def R(self, scan):
+        return np.diag(np.sqrt(np.diag(scan.noise_covariance)))

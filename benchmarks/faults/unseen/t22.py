@@ -1,0 +1,9 @@
+import numpy as np
+
+import bases
+from bases import Ekf
+
+
+class Tracker(Ekf):
+    def residual(self, scan, expected):
+        return scan.measurement - expected

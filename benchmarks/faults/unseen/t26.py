@@ -1,0 +1,10 @@
+import numpy as np
+
+import bases
+from bases import Ekf
+
+
+class Tracker(Ekf):
+    def start(self, scan):
+        x, P = bases.first(scan)
+        return x, np.diag(np.sqrt(np.diag(P)))

@@ -1,0 +1,9 @@
+import numpy as np
+
+import bases
+from bases import Ekf
+
+
+class Tracker(Ekf):
+    def update(self, x, P, scan):
+        return Ekf.update(self, x, P, scan)[0], P
