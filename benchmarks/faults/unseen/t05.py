@@ -1,6 +1,5 @@
-import numpy as np
-
 import bases
+import numpy as np
 from bases import Ukf
 
 

@@ -1,6 +1,4 @@
 import numpy as np
-
-import bases
 from bases import Ekf
 
 
