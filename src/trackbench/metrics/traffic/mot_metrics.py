@@ -33,10 +33,9 @@ class Switches(NamedTuple):
 def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) -> Mask:
     """Matching of each instant: first the pairs that were matched before and still may be, then the nearest.
 
-    With misses FN, false tracks FP and switches IDSW, MOTA = 1 - (FN + FP + IDSW) / due instants; MOTP is the mean
-    distance of matched pairs. Source: Bernardin and Stiefelhagen (2008), "Evaluating multiple object tracking
-    performance: the CLEAR MOT metrics", section 2.1.1. An instant without objects or without tracks is passed over, as
-    in TrackEval.
+    With misses FN, false tracks FP and switches IDSW, MOTA = 1 - (FN + FP + IDSW) / due instants. Source: Bernardin
+    and Stiefelhagen (2008), "Evaluating multiple object tracking performance: the CLEAR MOT metrics", section 2.1.1. An
+    instant without objects or without tracks is passed over, as in TrackEval.
 
     Args:
         pairs: all that are near enough to be the same.
