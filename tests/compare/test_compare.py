@@ -82,7 +82,7 @@ def test_the_trackers_of_a_run_differ_as_its_result_says(ran: Run, keep: Keep) -
     result, file = ran(TWIN, WORSE_EKF), Path(keep(TWIN, WORSE_EKF).label) / "result.json"
     found = compare_results([find_results(file)], metrics=COMPARED)
     stated = {(d.metric, frozenset((d.a, d.b))): d for d in result.differences}
-    assert len(found.differences) == len(stated) == 27
+    assert len(found.differences) == len(stated) == 18
     for item in found.differences:
         expected = stated[item.metric, frozenset((item.entrant.tracker, item.against.tracker))]
         sign = 1 if expected.a == item.entrant.tracker else -1

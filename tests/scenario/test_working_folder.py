@@ -71,4 +71,4 @@ def test_a_program_beside_the_user_runs_in_a_shipped_scenario(cli: Cli, here: Pa
     assert found.use.resolved(None) == [str(program)]  # type: ignore[union-attr]
     done = cli("run", "traffic/cut_in", "--runs", "1", "--set", "trackers.mine.use.command=[./mott]")
     assert done.status == 2
-    assert f"there is no program 'mott' in {here}: did you mean 'mot'?" in done.err
+    assert f"there is no program 'mott' in {here}; did you mean '{here / 'mot'}'?" in done.err

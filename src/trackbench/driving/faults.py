@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, Literal, get_args
 
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError, printable
@@ -51,7 +52,10 @@ def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
 
 
 def _cause(error: BaseException) -> str:
-    name, text = type(error).__name__, str(error)
+    name, text = type(error).__name__, ""
+    # An error may not be able to say itself.
+    with suppress(Exception):
+        text = str(error)
     if not isinstance(error, TrackbenchError):
         # An error of a package may explain itself at length.
         text = text.strip().partition("\n")[0]
