@@ -197,8 +197,6 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
         "`type: sonar`",
         "`source: weave`",
         "`motion: correlated`",
-        "| `nearest_position` | `alpha`, `beta` |",
-        "| `largest_error` | m |",
     ):
         assert text in page
 

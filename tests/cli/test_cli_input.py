@@ -23,7 +23,7 @@ BAD_USAGE = [
     (["report", "exm"], "exm: there is no such folder; did you mean 'exam'?"),
     (["inspect", "exa"], "exa: no such recording; did you mean 'exam'?"),
     (["tune", "tiny.yaml"], "--trackers: name those to tune; choose from: ekf, raw"),
-    (["doctor", "loop.yaml#mine"], "loop.yaml: there is no such file here; `trackbench list scenarios` shows"),
+    (["doctor", "loop.yaml#mine"], "loop.yaml: there is no such file; `trackbench list scenarios` shows"),
     (["list", "tracker"], "'tracker' is not one of 'scenarios', 'trackers'"),
     (["list", "motion"], "'functions'. Did you mean 'motion-models'?"),
     (["report", "results", "--format", "tex"], "Did you mean 'latex'?"),
@@ -36,7 +36,7 @@ BAD_USAGE = [
     (["compare", "exam"], "exam: an examination is not compared; `trackbench report` shows it"),
     (["report", "tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json; a scenario is run first"),
     (["inspect", "tiny.yaml"], "tiny.yaml: not a Rerun recording (.rrd); a scenario is run first: `trackbench run`"),
-    (["run", "emty/"], "emty: there is no such file here; `trackbench list scenarios` shows those that come with"),
+    (["run", "emty/"], "emty: there is no such file; `trackbench list scenarios` shows those that come with"),
     (["run", "scenaris/"], "scenaris: there is no such file; did you mean 'scenarios'?"),
 ]
 

@@ -62,11 +62,11 @@ def test_a_file_or_folder_of_ones_own_wins(
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        ("higway", "higway: there is no such file; did you mean 'highway', which comes with trackbench?"),
+        ("higway", "higway: there is no such file; did you mean 'highway'?"),
         ("tny", "tny: there is no such file; did you mean 'tiny.yaml'?"),
-        ("own_model", "did you mean 'scripted/own_model', which comes with trackbench?"),
-        ("scenarios/highway.yaml", "did you mean 'highway', which comes with trackbench?"),
-        ("two_wy.yaml", "did you mean 'two_w.yaml' or 'two_way', which comes with trackbench?"),
+        ("own_model", "did you mean 'scripted/own_model'?"),
+        ("scenarios/highway.yaml", "did you mean 'highway'?"),
+        ("two_wy.yaml", "did you mean 'two_way'?"),
         ("../scenarios/highway", "there is no such file"),
         ("nothing_like_it", "nothing_like_it: there is no such file"),
         ("a" * 5000, "there is no such file"),

@@ -21,13 +21,15 @@ NOT_YAML = [
     (
         "description: one line",
         "description: merge: and exit",
-        "2: not valid YAML: a second ': ' in one line, or wrong indentation; quote text that contains ': '",
+        "2: not valid YAML: a colon is missing in or before this line, or there is a second ': ' in it, or its "
+        "indentation is wrong; quote text that contains ': '",
     ),
     (
         "runs: 100",
         "runs: !!python/name:os.system 1",
         "24: monte_carlo.runs: the tag 'tag:yaml.org,2002:python/name:os.system' is not known; remove it",
     ),
+    ("seed: 7", "[seed]: 7", "24: monte_carlo: a key must be a single word"),
     ("seed: 7", "<<: *nothing", "24: not valid YAML: found undefined alias 'nothing'"),
     ("score: {settle_s: 2}", "score: &a {reference: *a}", "25: score.reference: an anchor that contains itself"),
     ("name: example", "name: example\n---\nname: b", "2: a second YAML document; a scenario file holds one"),
@@ -74,10 +76,10 @@ def test_file_that_is_no_scenario(tmp_path: Path, content: bytes, expected: str)
 def test_missing_file_names_its_nearest_neighbour(tmp_path: Path) -> None:
     (tmp_path / "highway.yaml").write_text(GOOD)
 
-    near = f"'{tmp_path}/highway.yaml' or 'highway', which comes with trackbench?"
+    near = f"'{tmp_path}/highway.yaml'?"
     assert messages(tmp_path / "higway.yaml") == [f"FILE: there is no such file; did you mean {near}"]
     (far,) = messages(tmp_path / "no" / "x.yaml")
-    assert far.startswith("FILE: there is no such file here; `trackbench list scenarios` shows")
+    assert far.startswith("FILE: there is no such file; `trackbench list scenarios` shows")
 
 
 @pytest.mark.parametrize(

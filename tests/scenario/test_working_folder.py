@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from trackbench.scenario.load import load_scenario
 from trackbench.scenario.overrides import from_working_folder
 
 Cli = Callable[..., Any]
@@ -33,21 +31,12 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         ("truth.path=mine.csv", "{here}/mine.csv"),
         ("truth.path=both.csv", "{here}/both.csv"),
-        ("truth.path=none.csv", "{here}/none.csv"),
         ("truth.path=theirs.csv", None),
+        ("truth.path=none.csv", None),
         ("truth.path=$DATA/mine.csv", None),
         ("truth.path=/mine.csv", None),
-        ("truth.path=[mine.csv, theirs.csv]", ["{here}/mine.csv", "theirs.csv"]),
-        ("truth.path=logs/*_1.csv", "{here}/logs/*_1.csv"),
         ("truth.readings.radar.path=mine.csv", "{here}/mine.csv"),
-        ("trackers.mine={use: tracks, path: mine.csv}", {"use": "tracks", "path": "{here}/mine.csv"}),
-        ("trackers.mine.use.command=[./mot, mine.csv, --q, '2']", ["{here}/mot", "{here}/mine.csv", "--q", "2"]),
-        ("trackers.mine.use.command.0=./mot", "{here}/mot"),
-        ("trackers.mine.use.command=[./none, a/b]", ["{here}/none", "a/b"]),
-        ("trackers.mine.use.command=[python3, mot.py]", ["python3", "{here}/mot.py"]),
-        ("trackers.mine.use.command=[mot]", None),
         ("trackers.mine.options.path=mine.csv", None),
-        ("trackers.mine={use: 'm:M', options: {path: mine.csv}}", None),
         ("monte_carlo.runs=3", None),
         ("trackers.mine.use=mine:Mine", None),
     ],
@@ -62,13 +51,3 @@ def test_files_of_the_working_folder_have_their_full_path(here: Path, value: str
         assert json.loads(text) == json.loads(json.dumps(moved).replace("{here}", str(here)))
     assert from_working_folder(result, here.parent / "there") == result
     assert from_working_folder(value, here) == value
-
-
-def test_a_program_beside_the_user_runs_in_a_shipped_scenario(cli: Cli, here: Path) -> None:
-    program = here / "mot"
-    program.chmod(program.stat().st_mode | stat.S_IXUSR)
-    found = load_scenario("traffic/cut_in", ["trackers.mine.use.command=[./mot]"]).config.trackers["mine"]
-    assert found.use.resolved(None) == [str(program)]  # type: ignore[union-attr]
-    done = cli("run", "traffic/cut_in", "--runs", "1", "--set", "trackers.mine.use.command=[./mott]")
-    assert done.status == 2
-    assert f"there is no program 'mott' in {here}; did you mean '{here / 'mot'}'?" in done.err

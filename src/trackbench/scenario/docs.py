@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,7 @@ import yaml
 from trackbench.base.config.key_units import show, split_key
 from trackbench.base.config.plugin import REFERENCE
 from trackbench.base.subjects import offered, resolve
-from trackbench.metrics import Field
-from trackbench.metrics.registry import METRICS, metric_paths
-from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.schema import Schema, json_schema
-from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.published import TRACKERS, options_of
 
 _EXAMPLES = yaml.safe_load(Path(__file__).with_name("examples.yaml").read_text(encoding="utf-8"))
 #: An example of each key of the top level; together they are a whole scenario.
@@ -61,18 +56,8 @@ def scenario_pages() -> dict[str, str]:
     for key in sections:
         field = schema["properties"][key]
         head = [f"# `{key}`", NOTE, field["description"], _yaml(EXAMPLES[key])]
-        pages[f"scenario-file/{key}.md"] = [*head, *_described(field, "", schema["$defs"], described, key), *_more(key)]
+        pages[f"scenario-file/{key}.md"] = [*head, *_described(field, "", schema["$defs"], described, key)]
     return {path: "\n\n".join(block.strip("\n") for block in blocks) + "\n" for path, blocks in pages.items()}
-
-
-def _more(key: str) -> Iterator[str]:
-    """Yield what a page has that the schema has not."""
-    if key == "sensors":
-        yield _presets()
-    if key == "trackers":
-        yield _trackers()
-    if key == "expect":
-        yield from _metrics()
 
 
 def _described(field: Schema, key: str, parts: Schema, described: set[str], page: str) -> Iterator[str]:
@@ -113,11 +98,6 @@ def _yaml(text: str) -> str:
     return f"```yaml\n{text}```"
 
 
-def _markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in lines)
-
-
 def _rows(part: Schema, shown: dict[str, str] = {}) -> str:  # noqa: B006
     """Return the table of a class; ``shown``: keys that are written otherwise. Options of a plug-in have their own."""
     rows = []
@@ -131,7 +111,9 @@ def _rows(part: Schema, shown: dict[str, str] = {}) -> str:  # noqa: B006
             default = "required, or from the preset"
         name = shown.get(key, f"`{key}`")
         rows.append((name, _type(field), unit.words if unit else "", default, field.get("description", "")))
-    return _markdown(("key", "type", "unit", "default", "meaning"), rows) if rows else ""
+    lines = [("key", "type", "unit", "default", "meaning"), ("---",) * 5, *rows]
+    text = ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in lines]
+    return "\n".join(text) if rows else ""
 
 
 def _type(field: Schema) -> str:
@@ -174,55 +156,6 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     return f"`{show(value)}`" if isinstance(value, int | float) else f"`{value}`"
-
-
-def _trackers() -> str:
-    rows = []
-    for name, factory in TRACKERS.loaded().items():
-        declared = options_of(factory)
-        options = "" if declared is None else ", ".join(f"`{key}`" for key in declared.model_fields)
-        is_filter = declared is not None and issubclass(declared, FilterConfig)
-        rows.append((f"`{name}`", f"as beside `filter: {name}`" if is_filter else options))
-    return f"## Published trackers\n\n{_markdown(('use', 'options'), rows)}"
-
-
-def _presets() -> str:
-    rows = [
-        (f"`{preset.name}`", preset.kind, preset.title, ", ".join(f"`{key}`" for key in preset.assumed))
-        for preset in list_presets()
-    ]
-    table = _markdown(("preset", "type", "sensor", "assumed, where no figure is published"), rows)
-    notes = (
-        "A key that the scenario writes itself wins over the preset's. Every figure stands with its source in "
-        "`trackbench/models/sensors/presets.yaml`. Where a maker does not say what accuracy means, the figure is taken "
-        "as a standard deviation. A lidar's figure is that of a single point; the position of a whole vehicle is less "
-        "certain: set `position_sigma_m` where that matters."
-    )
-    return f"## Presets\n\n{table}\n\n{notes}"
-
-
-def _metrics() -> Iterator[str]:
-    tables: dict[str, Iterable[Field]] = {
-        "Metrics": metric_paths([*METRICS.loaded().values()], {"labels", "truth"}),
-        **{
-            heading: [field for metric in resolve(target)() for field in metric.entries()]
-            for heading, target in offered("examples_of_metrics")
-        },
-        "Metrics with hidden identities": metric_paths((), {"tracks", "truth"}),
-        "Metrics with hidden identities, of a recording without a truth": metric_paths((), {"tracks", "no truth"}),
-    }
-    yield "Runs can be compared by the metrics that have a yes under `better_than`."
-    for heading, metrics in tables.items():
-        rows = [
-            (
-                f"`{metric.name}`",
-                " or ".join(f"`{word}`" for word in metric.words) or metric.unit,
-                "yes" if metric.compared else "",
-                metric.meaning,
-            )
-            for metric in metrics
-        ]
-        yield f"## {heading}\n\n{_markdown(('metric', 'unit', '`better_than`', 'meaning'), rows)}"
 
 
 if __name__ == "__main__":

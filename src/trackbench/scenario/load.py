@@ -70,13 +70,6 @@ class Scenario:
 
 #: Errors of one file that are shown.
 MOST_ERRORS = 50
-#: Files that are taken for a scenario, by name or ending: what they are, and which command takes them.
-NO_SCENARIO = {
-    "result.json": "the result of a run: `trackbench report` shows it, `trackbench compare` compares it",
-    ".rrd": "a recording: `trackbench view` shows it",
-    ".html": "a report, which a browser shows",
-    ".py": "Python: a scenario names a tracker in it as use: module:Class, `trackbench doctor` examines it",
-}
 
 
 def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
@@ -93,8 +86,6 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
         InputErrors: everything that is wrong in it, in the order of its lines.
     """
     path = find_scenario(named)
-    if other := NO_SCENARIO.get(path.name) or NO_SCENARIO.get(path.suffix):
-        raise InputError(f"this is {other}", file=path)
     try:
         text = files.read_text(path, "; save the file as UTF-8")
     except FileNotFoundError:

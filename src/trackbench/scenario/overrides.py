@@ -6,10 +6,10 @@ import copy
 import itertools
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from glob import glob
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,45 +41,16 @@ def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDoc
 
 
 def from_working_folder(override: str, folder: Path) -> str:
-    """Return a ``key.path=value`` in which the files that it names have their full path.
-
-    Relative paths start in the working folder. What only the scenario's folder has is left as it is, and so are the
-    options of a tracker's own.
+    """Return a ``key.path=value`` in which a ``path`` that the working folder has is a full path.
 
     Args:
         override: what is set over a scenario.
         folder: the scenario's, where the paths in its file start.
     """
     key, _, text = override.partition("=")
-    try:
-        value = parse_yaml(text, override).value
-    except InputError:
-        return override
-    if folder == Path.cwd() or "options" in key.split("."):
-        return override
-    named = [part for part in key.strip().split(".") if not part.isdecimal()][-1:]
-    moved = _with_full_paths(value, "".join(named), folder)
-    return override if moved == value else f"{key}={json.dumps(moved, ensure_ascii=False)}"
-
-
-#: Keys of a scenario whose value names files; a program without a / is looked for on PATH.
-FILE_KEYS = ("path", "command")
-
-
-def _with_full_paths(value: Any, key: str, folder: Path) -> Any:
-    if isinstance(value, dict):
-        return {
-            name: item if name == "options" else _with_full_paths(item, name, folder) for name, item in value.items()
-        }
-    if isinstance(value, list):
-        keys = ["argument" if key == "command" and number else key for number in range(len(value))]
-        return [_with_full_paths(item, own, folder) for item, own in zip(value, keys, strict=True)]
-    if key not in (*FILE_KEYS, "argument") or not isinstance(value, str) or value.startswith(("$", "~")):
-        return value
-    is_path = key == "path" or (key == "command" and "/" in value)
-    if (is_path and not glob(str(folder / value))) or (glob(value) and (is_path or key == "argument")):
-        return str(Path(value).absolute())
-    return value
+    is_path = key.rpartition(".")[2].strip() == "path" and "options" not in key.split(".")
+    is_moved = is_path and folder != Path.cwd() and os.path.isfile(text)
+    return f"{key}={json.dumps(str(Path(text).absolute()), ensure_ascii=False)}" if is_moved else override
 
 
 #: Sections whose entries have names, and the keys that say what a new entry is: one of these comes first.

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
-from trackbench.base.errors import InputError, similar_names
+from trackbench.base.errors import InputError, did_you_mean, similar_names
 
 FOLDER = Path(__file__).parents[1] / "scenarios"
 #: Endings ``.yaml`` and ``.yml``.
@@ -41,7 +40,13 @@ def find_scenario(named: Path | str) -> Path:
         return files[name]
     if any(path_name.startswith(f"{name}/") for path_name in files):
         return FOLDER / path
-    raise InputError(f"there is no such file{_nearest(path, files)}", file=path)
+    there = path.parent.iterdir() if os.path.isdir(path.parent) else ()
+    beside = {entry.stem: str(entry) for entry in there if entry.match(PATTERN) or any(entry.glob(PATTERN))}
+    # The ending, which most share, makes no name alike.
+    choices = {each.rpartition("/")[2]: each for each in files} | beside
+    near = did_you_mean([choices[stem] for stem in similar_names(path.stem, choices, 0.6)[:1]])
+    hint = near or "`trackbench list scenarios` shows those that come with trackbench"
+    raise InputError(f"there is no such file; {hint}", file=path)
 
 
 def files_of_scenarios(named: Iterable[Path | str]) -> Iterator[Path]:
@@ -57,9 +62,7 @@ def files_of_scenarios(named: Iterable[Path | str]) -> Iterator[Path]:
             continue
         inside = sorted(path.glob(PATTERN))
         if not inside:
-            run = (path / "result.json").is_file()
-            hint = "; it is that of a run, which `trackbench report` shows" if run else ""
-            raise InputError(f"there is no scenario file (*.yaml) in this folder{hint}", file=path)
+            raise InputError("there is no scenario file (*.yaml) in this folder", file=path)
         yield from inside
 
 
@@ -75,24 +78,3 @@ def shown_name(file: Path) -> str:
 
 def _name(file: Path) -> str:
     return file.relative_to(FOLDER).with_suffix("").as_posix()
-
-
-def _holds_scenarios(entry: Path) -> bool:
-    """Whether this is a scenario file or a folder of some."""
-    with suppress(OSError):
-        return entry.match(PATTERN) if entry.is_file() else any(entry.glob(PATTERN))
-    return False
-
-
-def _nearest(missing: Path, files: Iterable[str]) -> str:
-    """The nearest file beside the one that is missing, and the nearest scenario of the package."""
-    names = {name.rpartition("/")[2]: name for name in files}
-    there = missing.parent.iterdir() if os.path.isdir(missing.parent) else ()
-    # The ending, which most share, makes no name alike.
-    beside = {entry.stem: entry.name for entry in there if _holds_scenarios(entry)}
-    result = [repr(str(missing.parent / beside[stem])) for stem in similar_names(missing.stem, beside, 0.6)[:1]]
-    for last in similar_names(missing.stem, names, 0.6)[:1]:
-        result.append(f"{names[last]!r}, which comes with trackbench")
-    if not result:
-        return " here; `trackbench list scenarios` shows those that come with trackbench"
-    return f"; did you mean {' or '.join(result)}?"

@@ -7,7 +7,6 @@ always text.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -70,10 +69,10 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
         builder = _Builder(file)
         value = builder.build(node, ()) if node is not None else None
     except yaml.MarkedYAMLError as error:
-        incomplete = "could not find expected ':'" in (error.problem or "")
-        mark = (incomplete and error.context_mark) or error.problem_mark or error.context_mark
-        around = "\n".join(text.splitlines()[max(mark.line - 1, 0) : mark.line + 2]) if mark else ""
-        raise InputError(_syntax(error, around), file=file, line=mark.line + 1 if mark else None) from None
+        problem = error.problem or "syntax error"
+        mark = ("find expected ':'" in problem and error.context_mark) or error.problem_mark or error.context_mark
+        message = next((told for part, told in _SYNTAX.items() if part in problem), f"not valid YAML: {problem}")
+        raise InputError(message, file=file, line=mark.line + 1 if mark else None) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise InputError(CONTROL, file=file, line=line) from None
@@ -112,6 +111,8 @@ class _Builder:
         self.origins: dict[KeyPath, Origin] = {}
         self.repeated: list[InputError] = []
         self._open: list[yaml.Node] = []
+        self._flat: set[int] = set()
+        self._constructor = yaml.constructor.SafeConstructor()
 
     def build(self, node: yaml.Node, path: KeyPath) -> Any:
         if any(node is outer for outer in self._open):
@@ -132,30 +133,21 @@ class _Builder:
         self.origins[path] = Origin(self.file, place.start_mark.line + 1)
         return self.build(node, path)
 
-    def _mapping(self, node: yaml.Node, path: KeyPath) -> dict[str, Any]:
+    def _mapping(self, node: Any, path: KeyPath) -> dict[str, Any]:
         lines: dict[str, int] = {}
-        for key, _ in node.value:
-            if key.value in lines and key.tag != _MERGE:
-                message = f"this key is given twice, first in line {lines[key.value]}; remove one"
+        for key, _ in node.value if id(node) not in self._flat else ():
+            if str(key.value) in lines and key.tag != _MERGE:
+                message = f"this key is given twice, first in line {lines[str(key.value)]}; remove one"
                 self.repeated.append(self._error(message, key, (*path, key.value)))
+            lines.setdefault(str(key.value), key.start_mark.line + 1)
+        if id(node) not in self._flat:
+            # Entries that are merged in come before its own, which win.
+            self._flat.add(id(node))
+            self._constructor.flatten_mapping(node)
+        for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 raise self._error("a key must be a single word", key, path)
-            lines.setdefault(key.value, key.start_mark.line + 1)
-        return {key.value: self._item(value, (*path, key.value), key) for key, value in self._merged(node, path)}
-
-    def _merged(self, node: yaml.Node, path: KeyPath) -> Iterator[tuple[yaml.Node, yaml.Node]]:
-        """Yield the entries of a mapping after those that it merges in, so that its own come last and win."""
-        for key, value in node.value:
-            if key.tag == _MERGE:
-                for part in reversed(value.value if isinstance(value, yaml.SequenceNode) else [value]):
-                    if not isinstance(part, yaml.MappingNode) or part in self._open:
-                        raise self._error("<< needs a mapping that was given before", key, path)
-                    self._open.append(part)
-                    yield from self._merged(part, path)
-                    self._open.remove(part)
-        for key, value in node.value:
-            if key.tag != _MERGE:
-                yield key, value
+        return {key.value: self._item(value, (*path, key.value), key) for key, value in node.value}
 
     def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
         text = node.value
@@ -188,30 +180,12 @@ _TAGS = {
 }
 
 
-#: A key that its mapping or list follows, or the more indented lines of it, without a colon.
-_KEY_ALONE = re.compile(r"^( *)(?:- )?([\w.-]+) *(?:[{[]|\n\1 +[\w.-]+ *:)", re.MULTILINE)
-
-
-#: A key whose colon the value follows without a space.
-_NO_SPACE = re.compile(r"^ *(?:- )?([\w.-]+):[^\s/:]", re.MULTILINE)
-
-
-def _syntax(error: yaml.MarkedYAMLError, around: str) -> str:
-    """What is wrong; ``around``: the line and its neighbours."""
-    problem = error.problem or "syntax error"
-    colon = "mapping values are not allowed" in problem or "could not find expected ':'" in problem
-    if colon and (key := _KEY_ALONE.search(around)):
-        return f"not valid YAML: a colon is missing after {key[2]!r}"
-    if colon and (key := _NO_SPACE.search(around)):
-        return f"not valid YAML: a space is missing after the colon of {key[1]!r}"
-    if "'\\t'" in problem:
-        return "a tab where YAML needs spaces"
-    if "mapping values are not allowed" in problem:
-        return "not valid YAML: a second ': ' in one line, or wrong indentation; quote text that contains ': '"
-    if "could not find expected ':'" in problem:
-        return "not valid YAML: a key is followed by a colon and a space"
-    if "<block" in problem:
-        return "not valid YAML: wrong indentation: the keys of one mapping begin below each other"
-    if "another document" in problem:
-        return "a second YAML document; a scenario file holds one"
-    return f"not valid YAML: {problem}"
+#: Part of what the parser says, and what is said instead.
+_SYNTAX = {
+    "'\\t'": "a tab where YAML needs spaces",
+    "mapping values are not allowed": "not valid YAML: a colon is missing in or before this line, or there is a "
+    "second ': ' in it, or its indentation is wrong; quote text that contains ': '",
+    "could not find expected ':'": "not valid YAML: a key is followed by a colon and a space",
+    "<block": "not valid YAML: wrong indentation: the keys of one mapping begin below each other",
+    "another document": "a second YAML document; a scenario file holds one",
+}
