@@ -190,8 +190,8 @@ def test_truth_ends_where_the_environment_ends() -> None:
         (
             "highway-v0",
             {"config": {"other_vehicles_type": "highway_env.vehicle.behavior.Nobody"}},
-            "truth.config.other_vehicles_type",
-            "not the path of a class",
+            "truth.config",
+            "has no attribute 'Nobody'",
         ),
         ("racetrack-oval-v1", {"config": {"length": 0}}, "truth.config.length", "the seed does not determine"),
         ("parking-v0", {}, "truth.ego", "has no lanes to follow; write ego: idle"),

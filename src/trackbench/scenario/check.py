@@ -81,10 +81,9 @@ def _all(loaded: Scenario, steps: list[Step]) -> None:
     for step in steps:
         try:
             step()
-        except InputErrors as several:
-            errors += [loaded.locate(error) for error in several.errors]
         except InputError as error:
-            errors.append(loaded.locate(error))
+            located = loaded.locate(error)
+            errors += located.errors if isinstance(located, InputErrors) else [located]
     if errors:
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import json
 import math
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain, islice, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from trackbench.base.config import KeyPath
 from trackbench.base.errors import InputError, did_you_mean, nearest_choices
@@ -119,17 +119,8 @@ MAX_NAME = 64
 FORM = "write option: [values] (all combinations), or a list of mappings, each a point"
 
 
-class Point(NamedTuple):
-    """One combination of options."""
-
-    values: dict[str, Any]
-    places: dict[str, KeyPath]
-    """Where each value was written."""
-
-    @property
-    def suffix(self) -> str:
-        """What the values add to the tracker's name."""
-        return "_".join(_word(value) for value in self.values.values())
+#: The value of each option of a point, and where it was written.
+Point = dict[str, tuple[Any, KeyPath]]
 
 
 def expand_sweeps(document: YamlDocument) -> tuple[YamlDocument, dict[str, tuple[str, ...]]]:
@@ -156,9 +147,8 @@ def expand_sweeps(document: YamlDocument) -> tuple[YamlDocument, dict[str, tuple
         for full, point in points.items():
             expanded[full] = copy.deepcopy(base)
             written["trackers", full] = ("trackers", name)
-            for option, value in point.values.items():
-                path = _set(document, expanded[full], option, value, point.places[option])
-                written["trackers", full, *path] = point.places[option]
+            for option, (value, place) in point.items():
+                written["trackers", full, *_set(document, expanded[full], option, value, place)] = place
         sweeps[name] = tuple(points)
     return replace(document, value={**document.value, "trackers": expanded}, written=written), sweeps
 
@@ -167,8 +157,8 @@ def _named(document: YamlDocument, name: str, points: Sequence[Point], taken: se
     """The points by the names of their trackers, which are then taken."""
     named = {}
     for point in points:
-        full = f"{name}_{point.suffix}"
-        place = next(iter(point.places.values()))
+        full = "_".join([name, *(_word(value) for value, _ in point.values())])
+        _, place = next(iter(point.values()))
         if len(full) > MAX_NAME:
             raise _error(document, place, f"the name {full!r} of this point has more than {MAX_NAME} characters")
         if full in taken:
@@ -192,50 +182,41 @@ def _has_sweep(entry: Any) -> bool:
     return isinstance(entry, dict) and "sweep" in entry
 
 
-def _points(document: YamlDocument, sweep: Any, at: KeyPath) -> Sequence[Point]:
-    if isinstance(sweep, dict) and sweep:
-        return list(_combinations(document, sweep, at))
-    if isinstance(sweep, list) and sweep:
-        if len(sweep) > MAX_POINTS:
-            raise _error(document, at, f"{len(sweep)} points are too many; at most {MAX_POINTS}")
-        points = []
+def _points(document: YamlDocument, sweep: Any, at: KeyPath) -> list[Point]:
+    if not isinstance(sweep, dict | list) or not sweep:
+        raise _error(document, at, f"not a sweep: {FORM}")
+    if isinstance(sweep, list):
         for index, point in enumerate(sweep):
             if not isinstance(point, dict) or not point:
                 raise _error(document, (*at, index), f"a mapping of options to values is needed: {FORM}")
-            for option in point:
-                _require_option(document, option, (*at, index, option))
-            points.append(Point(dict(point), {option: (*at, index, option) for option in point}))
-        return points
-    raise _error(document, at, f"not a sweep: {FORM}")
-
-
-def _combinations(document: YamlDocument, sweep: Mapping[str, Any], at: KeyPath) -> Iterator[Point]:
-    for option, values in sweep.items():
-        _require_option(document, option, (*at, option))
-        if not isinstance(values, list) or not values:
-            raise _error(document, (*at, option), f"a list of values is needed: {FORM}")
-    count = math.prod(len(values) for values in sweep.values())
+        points = [
+            {option: (value, (*at, index, option)) for option, value in point.items()}
+            for index, point in enumerate(sweep)
+        ]
+        count = len(points)
+    else:
+        for option, values in sweep.items():
+            if not isinstance(values, list) or not values:
+                raise _error(document, (*at, option), f"a list of values is needed: {FORM}")
+        placed = [
+            [(value, (*at, option, index)) for index, value in enumerate(values)] for option, values in sweep.items()
+        ]
+        count = math.prod(map(len, placed))
+        points = [dict(zip(sweep, chosen, strict=True)) for chosen in islice(product(*placed), MAX_POINTS)]
     if count > MAX_POINTS:
         raise _error(document, at, f"{count} points are too many; at most {MAX_POINTS}")
-    for chosen in itertools.product(*(range(len(values)) for values in sweep.values())):
-        picked = dict(zip(sweep, chosen, strict=True))
-        yield Point(
-            {option: sweep[option][index] for option, index in picked.items()},
-            {option: (*at, option, index) for option, index in picked.items()},
-        )
-
-
-def _require_option(document: YamlDocument, option: str, at: KeyPath) -> None:
-    if not all(option.split(".")) or option.split(".")[0] == "sweep":
-        raise _error(document, at, f"{option!r} is not an option of a tracker")
+    for option, (_, place) in chain.from_iterable(point.items() for point in points):
+        if not all(option.split(".")) or option.split(".")[0] == "sweep":
+            raise _error(
+                document, place[: place.index(option, len(at)) + 1], f"{option!r} is not an option of a tracker"
+            )
+    return points
 
 
 def _word(value: Any) -> str:
     """A value as it is part of a name."""
-    if isinstance(value, dict):
-        return "-".join(_word(item) for item in value.values())
-    if isinstance(value, list):
-        return "-".join(_word(item) for item in value)
+    if isinstance(value, dict | list):
+        return "-".join(_word(item) for item in (value.values() if isinstance(value, dict) else value))
     if isinstance(value, bool) or value is None:
         return "none" if value is None else str(value).lower()
     if isinstance(value, float):

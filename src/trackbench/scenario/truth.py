@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from trackbench.base.errors import InputError
@@ -17,7 +16,7 @@ from trackbench.truth.jumps import LARGEST
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
     """As ``truths_of``, of the first scene alone."""
     try:
-        made = _Load.of(loaded, truth_source(loaded)).made(progress)
+        made = _load(_setting(loaded), truth_source(loaded), progress)
         require_rates(loaded)
         return made
     except InputError as error:
@@ -28,8 +27,6 @@ def truths_of(
     loaded: Scenario, progress: Progress = no_progress, executor: Executor | None = None
 ) -> list[LoadedTruth]:
     """Simulate, draw or read the truth of each scene, in their order.
-
-    The same to the last bit wherever it is done.
 
     Args:
         loaded: the scenario.
@@ -89,8 +86,9 @@ class PendingTruths:
         self._missing = len(missing)
         if all(source.quick for source in missing):
             executor = Executor()
-        calls = [(_Load.of(loaded, source),) for source in missing]
-        self._simulated = executor.map(_Load.made, calls, own_folder(loaded), (self._advance,))
+        setting = _setting(loaded)
+        calls = [(setting, source) for source in missing]
+        self._simulated = executor.map(_load, calls, own_folder(loaded), (self._advance,))
 
     def collect(self, progress: Progress = no_progress) -> list[LoadedTruth]:
         """The truths, once they are there; as ``truths_of``."""
@@ -118,26 +116,19 @@ class PendingTruths:
         self._progress(self._made * total + done, self._missing * total)
 
 
-@dataclass(frozen=True)
-class _Load:
-    """The source of a scene, and what it is given."""
+#: The draw, the scenario's folder, the kinds of its sensors, and whether objects hide others.
+_Setting = tuple[Draw, Path, dict[str, str], bool]
 
-    source: TruthSource
-    draw: Draw
-    folder: Path
-    kinds: dict[str, str]
-    hides: bool
 
-    @classmethod
-    def of(cls, loaded: Scenario, source: TruthSource) -> _Load:
-        config = loaded.config
-        draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
-        return cls(source, draw, loaded.folder, config.sensor_kinds, config.hides_targets)
+def _setting(loaded: Scenario) -> _Setting:
+    config = loaded.config
+    draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
+    return draw, loaded.folder, config.sensor_kinds, config.hides_targets
 
-    def made(self, progress: Progress = no_progress) -> LoadedTruth:
-        """The truth of the scene."""
-        loaded = self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
-        return _as_sensed(loaded, self.hides)
+
+def _load(setting: _Setting, source: TruthSource, progress: Progress = no_progress) -> LoadedTruth:
+    draw, folder, kinds, hides = setting
+    return _as_sensed(source.load(draw, folder=folder, sensors=kinds, progress=progress), hides)
 
 
 def _as_sensed(loaded: LoadedTruth, hides: bool) -> LoadedTruth:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 
@@ -209,18 +209,8 @@ SPACING_M = 2.0
 STRAIGHT_M = 1e-3
 
 
-class Lane(Protocol):
-    """The part of a highway-env lane that is needed here."""
-
-    length: float
-    line_types: list[int] | None
-
-    def position(self, longitudinal: float, lateral: float) -> Array: ...
-    def width_at(self, longitudinal: float) -> float: ...
-
-
-def lane_edges(lanes: Iterable[Lane], px: Array, py: Array) -> tuple[Array, ...]:
-    """The marked edges of ``lanes`` within 100 m of the area that the positions span, each ``(points, 2)`` m.
+def lane_edges(lanes: Iterable[Any], px: Array, py: Array) -> tuple[Array, ...]:
+    """The marked edges of highway-env's ``lanes`` within 100 m of the positions, each ``(points, 2)`` m.
 
     Positions and edges are in the fixed frame, whose y is the simulator's turned up.
     """

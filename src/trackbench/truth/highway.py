@@ -36,7 +36,6 @@ from trackbench.truth.jumps import summarised
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")
     import highway_env  # noqa: F401  (registers the environments)
-    from highway_env import utils
     from highway_env.envs.common import action as actions
     from highway_env.envs.common.abstract import AbstractEnv
     from highway_env.envs.lane_keeping_env import LaneKeepingEnv
@@ -190,13 +189,6 @@ def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any
         raise InputError(message + ", ".join(map(str, divisors)), key="truth.config.policy_frequency")
     if defaults.get("length") is not None and stated.get("length") == 0:
         raise InputError("0 draws a length that the seed does not determine; write it", key="truth.config.length")
-    vehicle = stated.get("other_vehicles_type", defaults["other_vehicles_type"])
-    try:
-        utils.class_from_path(vehicle)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise InputError(
-            f"{vehicle!r} is not the path of a class ({error})", key="truth.config.other_vehicles_type"
-        ) from error
     settings = {"observation": NO_OBSERVATION, **stated, "simulation_frequency": config.rate_hz}
     if "duration" in defaults and "duration" not in stated:
         settings["duration"] = max(defaults["duration"], config.duration_s + 2.0 / policy)

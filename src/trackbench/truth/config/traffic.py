@@ -239,11 +239,9 @@ def format_of(path: str) -> str:
     names = [name for name, form in TRAFFIC_FORMATS.loaded().items() if ending in form.endings]
     if len(names) == 1:
         return names[0]
-    endings = sorted({each for form in TRAFFIC_FORMATS.loaded().values() for each in form.endings})
-    known = f"files of {' and of '.join(names)} end in it" if names else f"known are {', '.join(endings)}"
     what = f"the ending {ending!r}" if ending else "a name without an ending"
-    message = f"{what} does not tell the format ({known}); name it in format"
-    raise problem_error(message)
+    fitting = names or sorted(TRAFFIC_FORMATS.loaded())
+    raise problem_error(f"{what} does not tell the format; name it in format, such as {' or '.join(fitting)}")
 
 
 def read_tracks(config: TracksConfig, name: str, folder: Path) -> list[TrackRows]:
