@@ -116,16 +116,16 @@ BAD = [
                 "wall.1: is where the corner before it is; remove one of them",
             ),
             (
-                "type: interference, per_minute: 1.0e+9, duration_s: 1, sigma_factor: 2",
+                "type: interference, per_minute: 1.0e+9, duration_s: 1, detection_factor: 0.5",
                 "per_minute: 1e+09 is not possible: it must be at most 6000",
             ),
             (
-                "type: interference, per_minute: 1, duration_s: 1.0e+9, sigma_factor: 2",
+                "type: interference, per_minute: 1, duration_s: 1.0e+9, detection_factor: 0.5",
                 "duration_s: 1e+09 is not possible: it must be at most 60",
             ),
             (
                 "type: interference, per_minute: 1, duration_s: 1",
-                "type: interference does nothing without one of these: detection_factor, sigma_factor, alarms_per_scan",
+                "type: interference does nothing without one of these: detection_factor, alarms_per_scan",
             ),
             (
                 "type: reflection, time_s: 2",

@@ -117,9 +117,9 @@ def _rows(part: Schema, shown: dict[str, str] = {}) -> str:  # noqa: B006
 
 
 def _type(field: Schema) -> str:
-    options = list(_alternatives(field))
-    if options != [field]:
-        return " or ".join(dict.fromkeys(_type(option) for option in options if option != {"type": "null"}))
+    if options := field.get("anyOf") or field.get("oneOf"):
+        types = [each for option in options if option != {"type": "null"} for each in _type(option).split(" or ")]
+        return " or ".join(dict.fromkeys(types))
     if "const" in field:
         return f"`{field['const']}`"
     if "enum" in field:
@@ -132,16 +132,6 @@ def _type(field: Schema) -> str:
         return f"list of {_type(field['items'])}".replace("mapping", "mappings")
     names = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
     return names[field["type"]] + _bounds(field)
-
-
-def _alternatives(field: Schema) -> Iterator[Schema]:
-    """Yield the forms that a value may have, however deep they are nested."""
-    options = field.get("anyOf") or field.get("oneOf")
-    if options is None:
-        yield field
-    else:
-        for option in options:
-            yield from _alternatives(option)
 
 
 def _bounds(field: Schema) -> str:

@@ -43,8 +43,6 @@ class MovingObserver(FixedObserver):
     )
 
 
-#: A key, whether it is wrong, and what is then said.
-Rule = tuple[KeyPath, bool, str]
 TABLES = ("csv", "parquet")
 
 
@@ -197,45 +195,37 @@ class RecordingOptions(ReferenceTruth):
 
     def problems(self) -> Iterator[Problem]:
         yield from self._problems_of_logs()
-        rules = self._without_truth() if self.without_truth else self._with_truth()
         if self.ego is not None and "observer" in self.model_fields_set:
             yield Problem(("observer",), "not used with ego; remove one of them")
-        for at, is_wrong, message in rules:
-            if is_wrong:
-                yield Problem(at, message)
+        yield from self._problems_without_truth() if self.without_truth else self._problems_with_truth()
 
-    def _with_truth(self) -> Iterator[Rule]:
-        columns, is_table = self.columns, self.format in TABLES
-        yield (
-            ("columns",),
-            is_table and columns is None,
-            f"missing: format {self.format} needs the names of its columns",
-        )
-        for name in () if is_table else ("columns", "units", "measurements", "reference", "ego"):
-            key, is_stated = type(self).model_fields[name].alias or name, name in self.model_fields_set
-            yield (key,), is_stated, f"format {self.format} has fixed columns and units; remove this"
-        if columns is None:
-            return
-        is_classed = bool(self.reference.classes) and columns.kind is None
-        yield ("columns", "class"), is_classed, "missing: the column of the class, for reference.classes"
+    def _problems_with_truth(self) -> Iterator[Problem]:
+        if self.format not in TABLES:
+            fixed = ("columns", "units", "measurements", "reference", "ego")
+            for name in (name for name in fixed if name in self.model_fields_set):
+                key = type(self).model_fields[name].alias or name
+                yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
+        elif self.columns is None:
+            yield Problem(("columns",), f"missing: format {self.format} needs the names of its columns")
+        elif self.reference.classes and self.columns.kind is None:
+            yield Problem(("columns", "class"), "missing: the column of the class, for reference.classes")
 
-    def _without_truth(self) -> Iterator[Rule]:
+    def _problems_without_truth(self) -> Iterator[Problem]:
         if self.format not in TABLES or self.columns is not None:
             what = "whose columns are named in columns" if self.format in TABLES else f"of format {self.format}"
-            yield ("path",), True, f"missing: the file {what}"
+            yield Problem(("path",), f"missing: the file {what}")
             return
-        yield ("reference",), "reference" in self.model_fields_set, "is of a truth, and there is none; remove"
-        nothing = "missing: the file with the truth; without a truth, readings name measurements"
-        yield ("path",), not self.measurements, nothing
+        if "reference" in self.model_fields_set:
+            yield Problem(("reference",), "is of a truth, and there is none; remove")
+        if not self.measurements:
+            yield Problem(("path",), "missing: the file with the truth; without a truth, readings name measurements")
         for name, entry in self.measurements.items():
             for key in ("path", "time"):
-                message = "missing: without a truth, each sensor has a file of its own"
-                yield ("readings", name, key), getattr(entry, key) is None, message
-            message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
-            yield ("readings", name, "object"), entry.object is not None, message
-        if self.ego is not None:
-            yield (
-                ("ego", "time"),
-                self.ego.time is None,
-                "missing: without a truth, the observer has its own column of times",
-            )
+                if getattr(entry, key) is None:
+                    message = "missing: without a truth, each sensor has a file of its own"
+                    yield Problem(("readings", name, key), message)
+            if entry.object is not None:
+                message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
+                yield Problem(("readings", name, "object"), message)
+        if self.ego is not None and self.ego.time is None:
+            yield Problem(("ego", "time"), "missing: without a truth, the observer has its own column of times")

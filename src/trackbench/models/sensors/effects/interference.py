@@ -21,25 +21,21 @@ LONGEST_BURST = 10.0
 class Interference(Effect):
     """Bursts at random times, as a Poisson process with exponential durations.
 
-    In a burst detections are fewer and noisier, and with hidden identities there are more false alarms.
+    In a burst detections are fewer, and with hidden identities there are more false alarms.
     """
 
-    one_of: ClassVar[tuple[str, ...]] = ("detection_factor", "sigma_factor", "alarms_per_scan")
+    one_of: ClassVar[tuple[str, ...]] = ("detection_factor", "alarms_per_scan")
 
     per_minute: float = Field(gt=0, le=6000, description="Mean number of bursts per minute.")
     duration_s: float = Field(gt=0, le=60, description="Mean duration of a burst, s.")
     detection_factor: float = Field(1, ge=0, le=1, description="Factor of the detection probability in a burst.")
-    sigma_factor: float = Field(1, ge=1, le=1000, description="Factor of the standard deviations in a burst.")
     alarms_per_scan: float = Field(
         0, ge=0, le=1000, description="Mean number of further false alarms per scan in a burst, uniform in view."
     )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         burst = np.stack([self._burst(sensed.time, of_run) for of_run in random.each], axis=-1)[:, None]
-        return sensed.replaced(
-            probability=np.where(burst, self.detection_factor, 1.0) * sensed.probability,
-            scale=np.where(burst, self.sigma_factor, 1.0) * sensed.scale,
-        )
+        return sensed.replaced(probability=np.where(burst, self.detection_factor, 1.0) * sensed.probability)
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
         instants, shares = [], []
