@@ -9,8 +9,10 @@ from trackbench.base.errors import InputError, InputErrors, counted
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.scenario.load import Scenario
+from trackbench.scenario.overrides import apply_overrides
+from trackbench.scenario.source import parse_yaml
 from trackbench.scenario.truth import own_source, require_rates
-from trackbench.scenario.worlds import I80, RECORDED_HZ
+from trackbench.scenario.worlds import I80, RECORDED_HZ, slowed_sensors
 from trackbench.trackers.config import PluginConfig
 from trackbench.truth.config.traffic import TracksConfig, read_tracks
 
@@ -65,7 +67,9 @@ def _replaced_truth(loaded: Scenario) -> list[str]:
 def slowed_notes(loaded: Scenario) -> list[str]:
     """Return a line for each sensor whose rate the world recorded changes."""
     why = f"{RECORDED_HZ} Hz: the traffic of this world is recorded at {RECORDED_HZ} Hz"
-    return [f"sensors.{name}.rate_hz: changed from {rate:g} to {why}" for name, rate in loaded.slowed.items()]
+    written = apply_overrides(parse_yaml(loaded.text, str(loaded.path)), loaded.overrides)
+    slowed = slowed_sensors(written.value)
+    return [f"sensors.{name}.rate_hz: changed from {rate:g} to {why}" for name, rate in slowed.items()]
 
 
 def _idle_effects(loaded: Scenario) -> Iterator[str]:

@@ -19,7 +19,7 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps, from_working_folder
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse_yaml
-from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes, slowed_sensors
+from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes
 
 #: Columns of a line of a scenario that is written.
 WIDTH = 120
@@ -41,8 +41,6 @@ class Scenario:
     """By the name of each tracker with a sweep, the names of its points."""
     selected: tuple[str, ...] = ()
     """The trackers that were selected of those in the file; empty where all are there."""
-    slowed: Mapping[str, float] = field(default_factory=dict)
-    """By sensor that the world recorded slows to the rate of its traffic, the rate that is stated, Hz."""
 
     @property
     def places(self) -> dict[str, int]:
@@ -105,8 +103,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
         # A file of another kind, which is not to be shown in messages.
         raise InputError(f"this is no scenario: it has none of the keys {', '.join(keys)}", file=path)
     overrides = [from_working_folder(each, path.resolve().parent) for each in overrides]
-    written = apply_overrides(document, overrides)
-    document, sweeps = expand_sweeps(_in_world(written))
+    document, sweeps = expand_sweeps(_in_world(apply_overrides(document, overrides)))
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
@@ -116,8 +113,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
         raise InputError("nested too deeply", file=path) from None
     expected = [item for item in config.expect if item.holds_in(config.world)]
     kept = config.model_copy(update={"expect": expected})
-    slowed = slowed_sensors(written.value)
-    return Scenario(kept, path, text, tuple(overrides), document, sweeps, slowed=slowed)
+    return Scenario(kept, path, text, tuple(overrides), document, sweeps)
 
 
 def _in_world(document: YamlDocument) -> YamlDocument:

@@ -72,14 +72,6 @@ Speed = Annotated[float, Field(ge=0, le=LARGEST["speed"])]
 Velocity = Annotated[float, Field(ge=-LARGEST["speed"], le=LARGEST["speed"])]
 
 
-def why_too_large(value: float, quantity: str | None) -> str | None:
-    """What is wrong with a value in SI units or radians; None if nothing is. NaN stands for none."""
-    if quantity is None or not abs(value) > LARGEST[quantity]:
-        return None
-    unit = UNITS[quantity]
-    return f"it would be {value:.3g} {unit}, and at most {LARGEST[quantity]:.0e} {unit} can be meant: check its unit"
-
-
 def why_too_long(seconds: float) -> str:
     """What is wrong with a time after the first of a recording."""
     return f"{seconds:.6g} s after the first, and a recording lasts {LONGEST:g} s at most: check the unit of time"

@@ -5,7 +5,7 @@ The simulator and the readers of files take a second to import, so nothing here 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +61,6 @@ class _Recorded(TruthSource):
         made = (scene.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors) for scene in self.scenes())
         return [note for scene in made for note in scene.notes]
 
-    def _of_scene(self, notes: Iterable[str]) -> tuple[str, ...]:
-        return tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in notes)
-
 
 class RecordingTruth(_Recorded, RecordingOptions):
     """Motion from files, and measurements where they have them; each log is a scene."""
@@ -72,7 +69,8 @@ class RecordingTruth(_Recorded, RecordingOptions):
         from trackbench.truth import recorded
 
         loaded = recorded.load_recording(self.scenes()[0], sensors or {}, folder)
-        return loaded._replace(notes=self._of_scene(loaded.notes))
+        scene = f"{self.scene_name}: " if self.scene_name else ""
+        return loaded._replace(notes=tuple(scene + note for note in loaded.notes))
 
 
 class BoxesTruth(_Recorded, BoxesOptions):

@@ -73,7 +73,8 @@ Targets = Annotated[
 
 Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Seeds = Annotated[
-    Annotated[int, Field(ge=1, le=MAX_SCENES), Tag(NUMBER)] | Annotated[list[Seed], Field(min_length=1), Tag(LIST)],
+    Annotated[int, Field(ge=1, le=MAX_SCENES), Tag(NUMBER)]
+    | Annotated[list[Seed], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
     chosen_by(number_or_list, "write a number of scenes, such as 20, or a list of seeds, such as [3, 5]"),
 ]
 
@@ -155,8 +156,6 @@ class HighwayOptions(SteppedTruth):
             return
         if "seed" in self.model_fields_set:
             yield Problem(("seed",), "not used with a list of seeds; remove it, or write in seeds how many there are")
-        if len(self.seeds) > MAX_SCENES:
-            yield Problem(("seeds",), f"{len(self.seeds)} scenes are too many; at most {MAX_SCENES}")
         for index, seed in enumerate(self.seeds):
             if seed in self.seeds[:index]:
                 yield Problem(("seeds", index), f"{seed} is there already; each seed is another scene")

@@ -37,11 +37,6 @@ def is_log(path: Path) -> bool:
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
 
-def expanded_path(path: str) -> Path:
-    """The path with environment variables and the home folder filled in."""
-    return Path(os.path.expanduser(os.path.expandvars(path)))
-
-
 def find_log(path: Paths, folder: Path, key: str) -> Path:
     """The file that a scenario names.
 
@@ -54,7 +49,7 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
         InputError: a variable is not set, or there is no such file.
     """
     assert isinstance(path, str)
-    expanded = expanded_path(path)
+    expanded = Path(os.path.expanduser(os.path.expandvars(path)))
     unset = _VARIABLE.search(str(expanded))
     if unset is not None:
         name = unset.group(1).strip("{}")

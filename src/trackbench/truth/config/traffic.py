@@ -126,10 +126,6 @@ class TrafficOptions(TruthSource, OptionsBeside):
         return self.observer.vehicle if isinstance(self.observer.vehicle, list) else [self.observer.vehicle]
 
     @property
-    def number_of_scenes(self) -> int:
-        return len(self.vehicles) or 1
-
-    @property
     def scene(self) -> int:
         """Which of the scenes this is, from 0."""
         return self._scene
@@ -139,12 +135,10 @@ class TrafficOptions(TruthSource, OptionsBeside):
         return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else ""
 
     def scenes(self) -> Sequence[Self]:
-        return tuple(self._numbered(number) for number in range(self.number_of_scenes))
-
-    def _numbered(self, number: int) -> Self:
-        scene = self.model_copy()
-        scene._scene = number
-        return scene
+        scenes = [self.model_copy() for _ in self.vehicles or [""]]
+        for number, scene in enumerate(scenes):
+            scene._scene = number
+        return scenes
 
     def problems(self) -> Iterator[Problem]:
         if self.format.endings and self.path is None:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from trackbench.truth.base import LoadedTruth, Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded.cycles import require_long_enough
@@ -55,7 +57,9 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
     if config.hidden and drive.has_truth:
         truth = with_scored_region(truth, config.reference, clipped)
         # Objects have numbers of their own.
-        detections = {name: of.without_slots() for name, of in detections.items()}
+        detections = {
+            name: of._replace(own_track=np.full(len(of.scan), -1), own_tracks=()) for name, of in detections.items()
+        }
     measurements |= {name: recorded_detections(of, times) for name, of in detections.items()}
     if config.stretches is not None:
         require_long_enough(truth, measurements, config.stretches)

@@ -85,10 +85,6 @@ class Scans(NamedTuple):
     copies: int = 0
     """Detections beside another of the same object, which are left out."""
 
-    def without_slots(self) -> Scans:
-        """The same without the sensor's own tracks."""
-        return self._replace(own_track=np.full(len(self.scan), -1), own_tracks=())
-
 
 @dataclass(frozen=True)
 class Drive:

@@ -111,8 +111,9 @@ class Rows:
         values = values * factor
         if quantity is not None and (large := np.abs(values) > jumps.LARGEST[quantity]).any():
             row = int(np.argmax(large))
-            problem = jumps.why_too_large(float(values[row]), quantity)
-            raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}")
+            unit, most = jumps.UNITS[quantity], jumps.LARGEST[quantity]
+            problem = f"it would be {values[row]:.3g} {unit}, and at most {most:.0e} {unit} can be meant"
+            raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}: check its unit")
         return values
 
     def times(self, column: str, factor: float) -> TimeColumn:
@@ -213,17 +214,6 @@ def _exact_times(stamps: Indices, per_second: int) -> TimeColumn:
 
 def _is_text(kind: pa.DataType) -> bool:
     return bool(types.is_string(kind))
-
-
-def require_rows(rows: Rows) -> Rows:
-    """Return the table.
-
-    Raises:
-        InputError: it has no row.
-    """
-    if not len(rows):
-        raise InputError("the file has no row of data", file=rows.file)
-    return rows
 
 
 def rows_of_columns(file: Path, columns: Mapping[str, Sequence[Any]], lines: Sequence[int] | None = None) -> Rows:

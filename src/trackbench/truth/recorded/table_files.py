@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.files import read_text
-from trackbench.truth.recorded.rows import Rows, plain_column, require_rows
+from trackbench.truth.recorded.rows import Rows, plain_column
 
 
 def log_text(file: Path) -> str:
@@ -39,7 +39,10 @@ def read_table(file: Path, form: str, wanted: Iterable[str | None]) -> Rows:
         InputError: the file cannot be read or has no such column, or no row.
     """
     names = [name for name in dict.fromkeys(wanted) if name is not None]
-    return require_rows((_csv if form == "csv" else _parquet)(file, names))
+    rows = (_csv if form == "csv" else _parquet)(file, names)
+    if not len(rows):
+        raise InputError("the file has no row of data", file=file)
+    return rows
 
 
 def read_header(file: Path, form: str) -> list[str]:
