@@ -64,8 +64,6 @@ LARGEST = {"length": 1e8, "speed": 1e5, "angle": 1e6, "time": 1e30}
 UNITS = {"length": "m", "speed": "m/s", "angle": "rad", "time": "s"}
 #: Of a recording, s.
 LONGEST = 86_400.0
-#: Characters of an object's name.
-LONGEST_NAME = 64
 
 Position = Annotated[float, Field(ge=-LARGEST["length"], le=LARGEST["length"])]
 Speed = Annotated[float, Field(ge=0, le=LARGEST["speed"])]
@@ -75,12 +73,3 @@ Velocity = Annotated[float, Field(ge=-LARGEST["speed"], le=LARGEST["speed"])]
 def why_too_long(seconds: float) -> str:
     """What is wrong with a time after the first of a recording."""
     return f"{seconds:.6g} s after the first, and a recording lasts {LONGEST:g} s at most: check the unit of time"
-
-
-def why_no_name(name: str) -> str | None:
-    """What is wrong with the name of an object, which goes into reports, recordings and XML; None if nothing is."""
-    if not name.isprintable():
-        return f"{name[:LONGEST_NAME]!r} has a character that cannot be printed, and names an object"
-    if len(name) > LONGEST_NAME:
-        return f"{name[:20] + '...'!r} has {len(name)} characters; the name of an object has at most {LONGEST_NAME}"
-    return None

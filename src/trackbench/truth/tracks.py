@@ -106,9 +106,8 @@ class TrackRows:
                 what = f"vehicle {self.id[row][:20]!r}: {key} at {self.time[row]:g} s is {values[row]:.3g}"
                 raise InputError(f"{what}, which cannot be meant: check its unit", file=file)
         for name in {*self.id}:
-            why = jumps.why_no_name(name) or (None if name else "its name is empty")
-            if why is not None:
-                raise InputError(f"vehicle {name[:20]!r}: {why}", file=file)
+            if not name or not name.isprintable():
+                raise InputError(f"{name[:20]!r} is no name of a vehicle", file=file)
         if (length_s := float(np.ptp(self.time))) > jumps.LONGEST:
             raise InputError(f"its last row is {jumps.why_too_long(length_s)}", file=file)
 

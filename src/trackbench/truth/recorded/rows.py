@@ -156,18 +156,17 @@ class Rows:
             optional: whether cells may be empty or nan; their name is "".
 
         Raises:
-            InputError: a name is missing, or cannot be written.
+            InputError: a name is missing, or has a character that cannot be printed.
         """
         coded = self._as_text(column).combine_chunks().dictionary_encode()
         names: list[str] = coded.dictionary.to_pylist()
         number = np.asarray(coded.indices.to_numpy(), dtype=np.intp)
         for index, name in enumerate(names):
-            problem = jumps.why_no_name(name)
             if optional and name.lower() == "nan":
                 names[index] = ""
-            elif problem is not None or not (name or optional):
-                why = f": {problem}" if problem else " is empty, where the name of an object is expected"
-                raise self.error(int(np.argmax(number == index)), column + why)
+            elif not (name or optional) or not name.isprintable():
+                cell = f"{column} is {repr(name[:40]) if name else 'empty'}"
+                raise self.error(int(np.argmax(number == index)), f"{cell}, where the name of an object is expected")
         return Labels(names, number)
 
     def _as_text(self, column: str) -> pa.ChunkedArray:
