@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from trackbench.scenario.load import load_scenario
 from trackbench.scenario.overrides import from_working_folder
 
 Cli = Callable[..., Any]
@@ -35,7 +37,12 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("truth.path=none.csv", None),
         ("truth.path=$DATA/mine.csv", None),
         ("truth.path=/mine.csv", None),
+        ("truth.path=[mine.csv, theirs.csv]", ["{here}/mine.csv", "theirs.csv"]),
         ("truth.readings.radar.path=mine.csv", "{here}/mine.csv"),
+        ("trackers.mine.use.command=[./mot, mine.csv, --q, '2']", ["{here}/mot", "{here}/mine.csv", "--q", "2"]),
+        ("trackers.mine.use.command.0=./mot", "{here}/mot"),
+        ("trackers.mine.use.command=[python3, mot.py]", ["python3", "{here}/mot.py"]),
+        ("trackers.mine.use.command=[mot]", None),
         ("trackers.mine.options.path=mine.csv", None),
         ("monte_carlo.runs=3", None),
         ("trackers.mine.use=mine:Mine", None),
@@ -51,3 +58,10 @@ def test_files_of_the_working_folder_have_their_full_path(here: Path, value: str
         assert json.loads(text) == json.loads(json.dumps(moved).replace("{here}", str(here)))
     assert from_working_folder(result, here.parent / "there") == result
     assert from_working_folder(value, here) == value
+
+
+def test_a_program_beside_the_user_runs_in_a_shipped_scenario(here: Path) -> None:
+    program = here / "mot"
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    found = load_scenario("traffic/cut_in", ["trackers.mine.use.command=[./mot]"]).config.trackers["mine"]
+    assert found.use.resolved(None) == [str(program)]  # type: ignore[union-attr]

@@ -41,16 +41,27 @@ def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDoc
 
 
 def from_working_folder(override: str, folder: Path) -> str:
-    """Return a ``key.path=value`` in which a ``path`` that the working folder has is a full path.
+    """Return a ``key.path=value`` in which each file of the working folder that it names is a full path.
 
     Args:
-        override: what is set over a scenario.
+        override: what is set over a scenario; of a ``path`` or a ``command``, files are looked for.
         folder: the scenario's, where the paths in its file start.
     """
     key, _, text = override.partition("=")
-    is_path = key.rpartition(".")[2].strip() == "path" and "options" not in key.split(".")
-    is_moved = is_path and folder != Path.cwd() and os.path.isfile(text)
-    return f"{key}={json.dumps(str(Path(text).absolute()), ensure_ascii=False)}" if is_moved else override
+    parts = [part for part in key.strip().split(".") if not part.isdecimal()]
+    if folder == Path.cwd() or "options" in parts or parts[-1:] not in (["path"], ["command"]):
+        return override
+    value = _read(text, Origin(f"--set {override}"))
+    items = value if isinstance(value, list) else [value]
+    # A program without a / is looked for on PATH.
+    bare = 1 if parts[-1] == "command" and "/" not in str(items[:1]) else 0
+    moved = [
+        str(Path(item).absolute()) if isinstance(item, str) and number >= bare and os.path.isfile(item) else item
+        for number, item in enumerate(items)
+    ]
+    if moved == items:
+        return override
+    return f"{key}={json.dumps(moved if isinstance(value, list) else moved[0], ensure_ascii=False)}"
 
 
 #: Sections whose entries have names, and the keys that say what a new entry is: one of these comes first.
