@@ -53,7 +53,14 @@ def consistency_table(result: Result) -> Table:
     columns = [
         (Column("its covariance", meanings, left=True), list(map(verdict, result.scored))),
         *innovation_columns(result),
-        (Column("what is off", "NEES under a condition, or a share of it", left=True), list(map(off, result.scored))),
+        (
+            Column(
+                "what is off: NEES, 4 expected",
+                "NEES under a condition (of position or velocity alone twice theirs), or a share of it",
+                left=True,
+            ),
+            list(map(off, result.scored)),
+        ),
     ]
     caption = "Can each covariance be believed? trackbench explain has the words"
     return tracker_table("consistency", result.scored, columns, caption)

@@ -136,5 +136,7 @@ def _judged(nees: MetricValue) -> Cell:
     """The main word of a covariance's verdict, of tracks that of their mean NEES, and where alone it holds."""
     if nees.value is None:
         return missing_cell(nees)
+    if nees.verdict is None and nees.ci95 is None:
+        return Cell(f"NEES {rounded(nees.value, 1)} ({nees.dof or 4} expected)")
     word = nees.verdict or mean_verdict(nees.ci95, nees.dof or 4)
     return Cell(word, tuple(filter(None, (only_where(nees, 1), nees.also))), tone_of(nees, word), chip=True)

@@ -54,7 +54,8 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
     }
     table = text_table("worst-moments", rows, columns)
     elsewhere = [Paragraph(text)] if (text := diverged_elsewhere(result)) else []
-    more = Code(f"trackbench inspect . --worst 3\n{_view(rows[0][0])}", "sh")
+    farthest, _ = max(rows, key=lambda row: row[1].position_error_m)
+    more = Code(f"trackbench inspect . --worst 3\n{_view(farthest)}", "sh")
     yield Section("Worst moments", (table, *elsewhere, more))
 
 
@@ -82,7 +83,8 @@ def events_section(result: Result) -> Iterator[Section]:
         Column("why", left=True): lambda row: row[1].reason,
     }
     table = text_table("costliest-events", rows, columns)
-    code = Code(f"trackbench inspect . --worst 10\n{_view(rows[0][0])}", "sh")
+    dearest, _ = max(rows, key=lambda row: row[1].cost_m2)
+    code = Code(f"trackbench inspect . --worst 10\n{_view(dearest)}", "sh")
     yield Section(f"Costliest events of run {run}", (table, code, *_causes(result)))
 
 

@@ -40,7 +40,7 @@ REMARKS = {
     "charged": "{name}: {share} of its squared {error} is charged for missing estimates ({without} without)",
     "not called better": "{name} is not called better than {others}: its errors are smaller only with what is charged",
     "below": "{name} is below the {label}: it expects this motion, or knows more than its measurements say",
-    "matched": "Errors and NEES are of tracks within {reach:g} m of their object: a smaller cutoff makes them smaller.",
+    "matched": "Errors and NEES are of tracks within {reach:g} m of their object: a smaller cutoff makes them smaller",
     "others ignored": "tracks on no object are ignored (truth.reference.others): no score tells false tracks",
     "reference": "A reference knows which detection is whose; its false tracks: predicted further while their object "
     "is hidden or gone",

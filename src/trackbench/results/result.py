@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -181,7 +182,8 @@ class Result:
         share = tracker.metrics["coverage"].value if "coverage" in tracker.metrics else None
         if share is not None and share < self.summary.score.min_coverage:
             least = 100 * self.summary.score.min_coverage
-            return f"it gave {100 * share:.0f} % of the estimates due, {least:g} % are needed (score.min_coverage)"
+            given = math.floor(1000 * share) / 10
+            return f"it gave {given:g} % of the estimates due, {least:g} % are needed (score.min_coverage)"
         return self.why_suspect(tracker)
 
     def why_suspect(self, tracker: TrackerResult) -> str:

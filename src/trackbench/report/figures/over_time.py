@@ -164,12 +164,13 @@ def _panels(
             for line in held_against:
                 axes.plot(line.time, line.value, color=INK, linestyle=DASHED, linewidth=1.3)
             sizes = {line.style.name: float(np.sqrt(np.nanmean(line.value**2))) for line in own}
-            far = {name: size for name, size in sizes.items() if size > end_of_axis(sizes.values())}
+            end = end_of_axis(sizes.values())
+            far = {line.style.name: np.nanmax(line.value) for line in own if sizes[line.style.name] > end}
             near = [line.value for line in (*own, *held_against) if line.style.name not in far]
             is_logarithmic = fit_value_axis(axes, [*near, *(line.value for line in bands[panel])])
-            beyond = [f"{name} beyond the axis: {size:.3g} {panel.unit}".rstrip() for name, size in far.items()]
+            beyond = [f"{name} beyond the axis: up to {peak:.3g} {panel.unit}".rstrip() for name, peak in far.items()]
             panel_title(axes, "; ".join(beyond), WIDTH)
-            axes.set_ylabel(f"{panel.axis_label}{', logarithmic' * is_logarithmic}")
+            axes.set_ylabel(f"{panel.axis_label}{' (log)' * is_logarithmic}")
             time_axis(axes, float(column(steps, "time_s").max()))
         every[-1].set_xlabel(TIME_LABEL)
 

@@ -199,7 +199,7 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
                 shares = ", ".join(f"{mode} {rounded(share, 2)}" for mode, share in modes.items())
                 console.print(f"modes of {tracker}, {name}: {shares}")
     if moments:
-        caption = "The worst first; of the peak of an error its top alone"
+        caption = "Of each tracker the worst first; a moment is the top of a peak"
         _print(console, MOMENTS[type(moments[0])], [_values(moment) for moment in moments], caption)
     elif moments is not None:
         reason = "Nothing that counts went wrong" if summary.truth.known else "Without truth no event has a cost"
@@ -207,7 +207,9 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
     for failed in (tracker for tracker in summary.trackers if tracker.failed is not None):
         console.print(f"{failed.name} failed: {failed.failed}")
     if moments and inspection.function is None:
-        command = f"trackbench view {inspection.recorded.path} --worst --tracker {moments[0].tracker}"
+        # Events are in order already.
+        first = max(moments, key=lambda moment: getattr(moment, "position_error_m", 0.0))
+        command = f"trackbench view {inspection.recorded.path} --worst --tracker {first.tracker}"
         console.print(f"\n{command}", style="dim", soft_wrap=True)
 
 

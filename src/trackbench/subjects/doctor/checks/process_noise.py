@@ -143,9 +143,9 @@ def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
         return
     share = float(np.median([short / long for short, long in pairs]))
     text = (
-        f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over "
+        f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows {share:.3g} times as much as over "
         f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the "
-        f"step it were {STEPS[0] / STEPS[1]:g}"
+        f"step it would be {STEPS[0] / STEPS[1]:g} times"
     )
     finding = Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps")
     result.add("noise_per_step", share < CONSTANT, text, finding if share >= CONSTANT else None)
