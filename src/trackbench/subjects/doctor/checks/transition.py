@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Estimate
+from trackbench.base.types import Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.expected_gain import OUTSIDE
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
@@ -55,13 +55,8 @@ LEAST, TAKEN = 3, 1e-3
 class Moved(NamedTuple):
     """What a prediction makes of the difference of two covariances."""
 
-    trial: Trial
-    stated: Array
-    """``(4, 4)`` after the prediction."""
-    expected: Array
-    """``(4, 4)`` of the difference before, moved as the mean is."""
     error: float
-    """Of the former, relative to the latter; both in variances of the prediction."""
+    """Of the stated difference, relative to the difference before, moved as the mean is; in predicted variances."""
     learned: float
     """By how much it depends on the innovation, relative to it."""
     straight: bool
@@ -119,7 +114,7 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
-    trial = tracker.trial(probe, name, tracker.sensor_sets()[-1])
+    trial = _just_measured(tracker, probe, name)
     if trial is None or not trial.usable:
         return None
     steps, aside = np.diag(GAIN_STEP * trial.sigma), ASIDE * trial.sigma
@@ -164,7 +159,21 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
     error = float(np.linalg.norm(left - expected) / np.linalg.norm(expected))
     share = float(np.linalg.norm(learned / scale) / np.linalg.norm(left))
     off = (missed[1].mean - straight(STEP) @ missed[0].mean) / sigma[1]
-    return Moved(trial, left * scale, expected * scale, error, share, bool(np.abs(off).max() < SAME))
+    return Moved(error, share, bool(np.abs(off).max() < SAME))
+
+
+def _just_measured(tracker: TrackerUnderTest, probe: Probe, name: str) -> Trial | None:
+    """Return a trial at the time of a measurement that was just used: no belief is kept at an earlier time."""
+    before = tracker.trial(probe, name, tracker.sensor_sets()[-1])
+    if before is None or not before.usable:
+        return None
+    with tracker.recording_failures(probe.name):
+        session = before.session.copy()
+        session.step(before.scan._replace(measurement=before.predicted_measurement))
+        prediction = session.predict(before.scan)
+        if prediction is not None:
+            return Trial(probe.name, probe.description, before.scan, prediction, session)
+    return None
 
 
 def _forgets(tracker: TrackerUnderTest) -> Finding | None:
