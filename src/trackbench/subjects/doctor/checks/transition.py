@@ -80,7 +80,7 @@ class Moved(NamedTuple):
 )
 def transition(tracker: TrackerUnderTest) -> PartResult:
     """Predict after measured and missed scans of turning targets, and after gaps of several lengths."""
-    if (wrong := _forgets(tracker) or _stays(tracker) or _about_another_mean(tracker)) is not None:
+    if (wrong := _forgets(tracker) or _about_another_mean(tracker)) is not None:
         return PartResult().add("transition", False, wrong.evidence, wrong)
     if has_samples(tracker):
         return PartResult().add("transition", None, OTHER_ANSWERS)
@@ -201,29 +201,6 @@ def _forgets(tracker: TrackerUnderTest) -> Finding | None:
         f"position is {sigmas[0]:.3g} or {sigmas[1]:.3g} m before, {sigmas[2]:.3g} m after it ({len(trials)} trials)"
     )
     return Finding("predicted_covariance_wrong", 0.96, text, shown_by="long_gap")
-
-
-def _stays(tracker: TrackerUnderTest) -> Finding | None:
-    """That at missed scans the mean moves and the covariance stays, and grows between measurements, if it does."""
-    targets = []
-    for probe in tracker.probes.general:
-        over, session = tracker.predicted(probe, GAP), tracker.session_of_most(probe)
-        if over is None or session is None or not np.any(over[0].mean != over[1].mean):
-            continue
-        if _apart(over[1], over[0]) > SAME:
-            return None
-        targets.append((probe, *over))
-    changed = [trial.posterior(trial.predicted_measurement) for trials in tracker.trials.values() for trial in trials]
-    updated = [estimate for estimate in changed if estimate is not None]
-    if len(targets) < LEAST or not any(_apart(estimate, updated[0]) > GROWN - 1.0 for estimate in updated):
-        return None
-    probe, now, later = targets[0]
-    text = (
-        f"{GAP:g} s without a measurement leave the covariance as it is, while the mean moves by "
-        f"{np.hypot(*(later.mean - now.mean)[:2]):.3g} m: the standard deviation of the position is "
-        f"{position_sigma(now):.3g} m before and after it ({len(targets)} targets)"
-    )
-    return Finding("predicted_covariance_wrong", 0.97, text, shown_by="long_gap")
 
 
 def _about_another_mean(tracker: TrackerUnderTest) -> Finding | None:
