@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ GAP, ASIDE = 1.0, 1.5
 #: Change of an estimate that is none, in standard deviations; share of the trials, and least number of them.
 NONE, MOST, LEAST = 1e-9, 0.7, 3
 #: Errors of one wild measurement: of lengths, m, and of angles, rad. How long right ones follow it, s.
-LENGTHS, TURNS, AFTER = (25.0, 1000.0), (np.pi,), 1.0
+LENGTHS, TURNS, AFTER = ((25.0, "m"), (1000.0, "m")), ((np.pi, "rad"),), 1.0
 #: Distance of the measurements that are rejected, m, and the share of it by which none of them moves the estimate.
 FAR, REJECTED = 100.0, 0.1
 #: Share of the standard deviation without measurements that a gate leaves which stays shut.
@@ -43,11 +44,12 @@ SHUT = 0.5
 )
 def gate(tracker: TrackerUnderTest) -> PartResult:
     """Try a likely measurement after a gap, and measurements far off for a second."""
-    findings = [finding for name in tracker.sensors if (finding := _rejects_likely(tracker, name)) is not None]
-    if not findings and not has_samples(tracker) and (shut := _stays_shut(tracker)) is not None:
-        findings = [shut]
-    text = findings[0].evidence if findings else "likely measurements move the estimate"
-    return PartResult().add("gate", not findings, text, *findings)
+    narrow = [finding for name in tracker.sensors if (finding := _rejects_likely(tracker, name)) is not None]
+    if narrow:
+        finding = narrow[0] if len(narrow) < len(tracker.sensors) else replace(narrow[0], sensor=None)
+    else:
+        finding = None if has_samples(tracker) else _stays_shut(tracker)
+    return PartResult().add_evidence("gate", finding, "likely measurements move the estimate")
 
 
 @doctor_check(Question("outliers", "Is every estimate finite after one wild measurement?"), place=165)
@@ -114,10 +116,9 @@ def _stays_shut(tracker: TrackerUnderTest) -> Finding | None:
                 shut += [sigmas] if moved < REJECTED * FAR and sigmas[0] < SHUT * sigmas[1] else []
     if len(shut) < LEAST:
         return None
-    rejected_m, alone_m = shut[0]
     text = (
         f"after {AFTER:g} s of measurements {FAR:g} m off, which are rejected, the standard deviation of the position "
-        f"is {rejected_m:.3g} m, and after {AFTER:g} s without any {alone_m:.3g} m ({len(shut)} targets)"
+        f"is {shut[0][0]:.3g} m, and after {AFTER:g} s without any {shut[0][1]:.3g} m ({len(shut)} targets)"
     )
     return Finding("gate_never_reopens", 0.96, text, shown_by="manoeuvre")
 
@@ -143,8 +144,7 @@ def _wild(scan: Scan) -> Iterator[tuple[str, Scan]]:
     """Yield the scan with an error of one component, in words and as a scan."""
     model = SENSOR_MODELS[scan.kind]
     for i, component in enumerate(model.components[:2]):
-        for size in TURNS if i in model.angular else LENGTHS:
+        for size, unit in TURNS if i in model.angular else LENGTHS:
             measurement = scan.measurement.copy()
             measurement[i] += size
-            unit = "rad" if i in model.angular else "m"
             yield f"{component.replace('_', ' ')} that is {size:.4g} {unit} off", scan._replace(measurement=measurement)
