@@ -48,7 +48,7 @@ def under_test(
     **stated: Any,
 ) -> TrackerUnderTest:
     """Return a tracker as the checks of an examination get it; ``stated`` are fields of `Assumptions`."""
-    return TrackerUnderTest(make, sensors, drives, probes, 0, {}, Assumptions(**stated))
+    return TrackerUnderTest(make, sensors, drives, probes, 0, Assumptions(**stated))
 
 
 @cache

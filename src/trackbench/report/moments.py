@@ -54,7 +54,7 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
     }
     table = text_table("worst-moments", rows, columns)
     elsewhere = [Paragraph(text)] if (text := diverged_elsewhere(result)) else []
-    farthest, _ = max(rows, key=lambda row: row[1].position_error_m)
+    farthest, _ = max(rows, key=lambda row: row[1].position_error_m or 0.0)
     more = Code(f"trackbench inspect . --worst 3\n{_view(farthest)}", "sh")
     yield Section("Worst moments", (table, *elsewhere, more))
 

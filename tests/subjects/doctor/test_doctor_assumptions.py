@@ -129,7 +129,7 @@ def test_a_tracker_that_needs_a_detection_in_every_scan() -> None:
     found = examined("no misses")
     assert found.findings == []
     assert found.healthy
-    needing = {name for name, check in questions().items() if check.misses and name != "late"}
+    needing = {name for name, check in questions().items() if check.misses}
     assert {name.partition(".")[0] for name in not_made(found)} == needing
     made = {check.name for check in found.checks if check.passed}
     assert made >= {"expectation.lidar", "azimuth_wrapping", "long_gap", "uneven_steps"}
@@ -160,7 +160,7 @@ def test_a_pose_that_is_left_out_is_no_ego_motion() -> None:
     """Of a radar that stands elsewhere than at the origin."""
     probes = Probes().standing().placed([site_of(RADAR["radar"].mount, STANDING)])
     sensors = {name: simplified(sensor) for name, sensor in RADAR.items()}
-    tracker = TrackerUnderTest(ignoring(PlainEkf), sensors, [], probes, 0, {}, Assumptions(still="it stands"))
+    tracker = TrackerUnderTest(ignoring(PlainEkf), sensors, [], probes, 0, Assumptions(still="it stands"))
     found = expectation(tracker)
     assert "ego_motion" not in [check.name for check in found.checks]
     assert "ego_motion_ignored" not in [finding.fault for finding in found.findings]

@@ -20,6 +20,7 @@ from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.jacobians import written_jacobians
 from trackbench.subjects.doctor.checks.modes import modes
 from trackbench.subjects.doctor.checks.one_gain import one_gain
+from trackbench.subjects.doctor.checks.outliers import gate, outliers
 from trackbench.subjects.doctor.checks.prediction import motion_prediction
 from trackbench.subjects.doctor.checks.process_noise import growth_by_noise, noise_powers
 from trackbench.subjects.doctor.checks.start import confidence, first_position
@@ -49,6 +50,7 @@ FOUND_BY: dict[Part, list[str]] = {
     expectation: ["range_rate_is_speed", "left_handed_points", "sign_of_the_speed", "arctan_of_the_quotient"],
     first_position: ["start_without_own_velocity"],
     gain: ["update_with_points_before_noise", "variance_in_degrees", "noise_of_the_first_entry"],
+    gate: ["gate_of_five_percent"],
     growth_by_noise: ["first_process_noise_kept"],
     modes: ["imm_transitions_read_by_columns", "imm_mixing_left_out", "likelihood_after_the_update"],
     motion_prediction: ["milliseconds_of_milliseconds", "time_never_moves_on", "mean_not_predicted"],
@@ -92,7 +94,7 @@ def test_a_scene_shows_its_fault_and_nothing_of_the_base(check: Any, name: str) 
 
 
 def test_every_check_of_one_object_has_a_fault_that_it_names() -> None:
-    others = {drives.__name__, validity.__name__, "steps"}
+    others = {drives.__name__, outliers.__name__, validity.__name__, "steps"}
     assert {check.name for check in checks_of(CHECKS)} == {part.__name__ for part in FOUND_BY} | others
 
 

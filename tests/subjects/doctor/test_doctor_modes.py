@@ -296,7 +296,7 @@ class SpreadNotReturned(Textbook):
 
 @cache
 def under_test(make: Callable[[], Any]) -> TrackerUnderTest:
-    return TrackerUnderTest(make, Doctor(SENSORS).sensors, [], Probes(), 0, {})
+    return TrackerUnderTest(make, Doctor(SENSORS).sensors, [], Probes(), 0)
 
 
 @pytest.mark.parametrize("make", [Textbook, ThreeInLists, OfTime, Named, SecondOrder, OfAnotherNoise, FilterPyImm])

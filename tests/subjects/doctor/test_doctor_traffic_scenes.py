@@ -1,8 +1,6 @@
-"""Weights of probabilistic association, late scans, failures and the order, of sound trackers and of faulty ones."""
+"""Weights of probabilistic association, failures and the order, of sound trackers and of faulty ones."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,11 +13,8 @@ from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import Site, TrafficDoctor
 from trackbench.subjects.doctor.traffic_checks.association import ended_alone
-from trackbench.subjects.doctor.traffic_checks.late import late_scans
 from trackbench.subjects.doctor.traffic_checks.tracks import order
 from trackbench.subjects.doctor.traffic_checks.weights import weights
-
-LATE = replace(SITES["lidar"], latency=0.2)
 
 
 def outcome(result: PartResult) -> dict[str, bool | None]:
@@ -85,42 +80,6 @@ def test_the_weights_of_built_in_trackers_are_right(method: str) -> None:
 
 def test_a_tracker_that_decides_has_no_weights() -> None:
     assert outcome(weights(looped(NearestGlobal), SITES["lidar"])) == {}
-
-
-class Dropping(NearestGlobal):
-    def step(self, state, scan):
-        if self.time is not None and scan.time < self.time:
-            return None, self.output()
-        return super().step(state, scan)
-
-
-class Clamped(NearestGlobal):
-    """A negative time step counts as none, and the old detections as new."""
-
-    def step(self, state, scan):
-        return super().step(state, scan if self.time is None else scan._replace(time=max(scan.time, self.time)))
-
-
-class AtArrival(NearestGlobal):
-    def step(self, state, scan):
-        return super().step(state, scan._replace(time=scan.arrival_time))
-
-
-@pytest.mark.parametrize(
-    ("tracker", "failed"), [(Dropping, []), (Clamped, ["late"]), (AtArrival, ["late", "all_late"])]
-)
-def test_late_scans_that_are_taken_as_new_are_found(tracker: type[NearestGlobal], failed: list[str]) -> None:
-    result = late_scans(looped(tracker), LATE)
-    assert [check.name for check in result.checks if not check.passed] == failed
-    assert len(result.checks) == 2
-    assert {finding.fault for finding in result.findings} == ({"late_processed_as_new"} if failed else set())
-
-
-def test_late_scans_are_tried_of_sensors_alone_that_are_late() -> None:
-    assert outcome(late_scans(looped(AtArrival), SITES["lidar"])) == {}
-    late_lidar = {"lidar": SENSORS["lidar"].model_copy(update={"latency_s": 0.2})}
-    found = TrafficDoctor(late_lidar).examine("tracker", looped(AtArrival))
-    assert found.findings[0].fault == "late_processed_as_new"
 
 
 def test_a_failure_in_a_scene_is_a_finding_with_its_line(monkeypatch: pytest.MonkeyPatch) -> None:

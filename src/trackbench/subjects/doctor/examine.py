@@ -92,7 +92,7 @@ class Doctor:
     """Examines trackers with given sensors.
 
     Args:
-        sensors: by name. Their kinds, noise, rates, mountings and latency are used: in an examination they see all
+        sensors: by name. Their kinds, noise, rates and mountings are used: in an examination they see all
             around, and miss and delay nothing.
         seed: of the noise and of the variation of the probes; None for the probes as they are, and noise of seed 0.
         observer: that carries them; None for one that stands at the origin and the examination's own that move.
@@ -131,7 +131,6 @@ class Doctor:
         self._probes = (probes.standing() if still else probes).placed(sites)
         self._setting = Setting(sites[0], bool(still), no_misses, observer is not None)
         self._seed = seed or 0
-        self._late = {name: sensor.latency[1] for name, sensor in sensors.items() if sensor.latency[1] > 0}
 
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
@@ -156,9 +155,7 @@ class Doctor:
         """
         in_drives = drive_steps([drive for drive, _ in self._drives], batched=bool(getattr(make(), "batched", False)))
         count = StepCount(progress, round((1.0 + OTHERS) * in_drives))
-        tracker = TrackerUnderTest(
-            make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions, count
-        )
+        tracker = TrackerUnderTest(make, self.sensors, self._drives, self._probes, self._seed, self._assumptions, count)
         require_runnable(tracker)
         *checks, last = checks_of(CHECKS)
         results = []
@@ -230,7 +227,7 @@ class Doctor:
         """The questions of a check that are not asked by what the user states, or all of them for another reason."""
         if len(self.sensors) < check.least_sensors:
             return []
-        return self._assumptions.left_out(check, list(self._late if check.late_sensors else self.sensors), why)
+        return self._assumptions.left_out(check, list(self.sensors), why)
 
     @one_blas_thread()
     def evidence(

@@ -91,8 +91,6 @@ class DoctorCheck(Generic[P]):
     least_sensors: int = 1
     every_drive: bool = False
     """Whether it takes the tracker through every test drive."""
-    late_sensors: bool = False
-    """Whether it is made only for the sensors whose measurements come late."""
     faults: Mapping[str, KnownFault] = field(default_factory=dict)
     """By name, those that it finds and no check before it has in its record."""
 

@@ -52,7 +52,6 @@ class TrackerUnderTest:
         drives: the test drives, each with the estimates of the reference.
         probes: all probes.
         seed: of the noise.
-        late: for each sensor whose scans come late, by how much at most, s.
         assumptions: what the user states.
         on_step: called after each of its steps.
     """
@@ -64,7 +63,6 @@ class TrackerUnderTest:
         drives: Sequence[tuple[TestDrive, Rollout]],
         probes: Probes,
         seed: int,
-        late: Mapping[str, float],
         assumptions: Assumptions = NONE,
         on_step: Callable[[], None] = not_counted,
     ) -> None:
@@ -74,7 +72,6 @@ class TrackerUnderTest:
         self.drives = drives
         self.probes = probes
         self.seed = seed
-        self.late = late
         self.output_checks = OutputChecks()
         self.failures: list[tuple[str, StepFailed]] = []
         """Each with the name of the probe, drive or check where it happened."""
@@ -87,9 +84,7 @@ class TrackerUnderTest:
     def of_another(self, make: Callable[[], Tracker]) -> TrackerUnderTest:
         """Another tracker, examined as this one is."""
         on_step = self.make.on_step
-        return TrackerUnderTest(
-            make, self.sensors, self.drives, self.probes, self.seed, self.late, self.assumptions, on_step
-        )
+        return TrackerUnderTest(make, self.sensors, self.drives, self.probes, self.seed, self.assumptions, on_step)
 
     def once(self, ask: Callable[[TrackerUnderTest], Answer]) -> Answer:
         """What a function tells of the tracker; it is called once."""

@@ -52,8 +52,6 @@ class Site:
 
     name: str
     sensor: Sensor
-    latency: float = 0.0
-    """Of its scans at most, as the scenario says, s."""
 
     def detections(self, objects: Array, time: float = 0.0, random: np.random.Generator | None = None) -> Array:
         """``(m, n)`` measurements of objects ``(4, n)`` that were there at time 0; without ``random`` without noise."""
@@ -195,7 +193,7 @@ class TrafficDoctor:
         kinds: dict[str, Site] = {}
         for name, sensor in sensors.items():
             if type(sensor).volume is not Sensor.volume:
-                kinds.setdefault(sensor.type, Site(name, simplified(sensor), sensor.latency[1]))
+                kinds.setdefault(sensor.type, Site(name, simplified(sensor)))
         if not kinds:
             raise InputError("no sensor of it has a field of view with a volume, which clutter needs", key="sensors")
         self._sites = list(kinds.values())

@@ -74,6 +74,8 @@ def wrong_models(kind: str) -> Iterator[WrongModel]:
         for relative, signed in product((False, True), repeat=2):
             description = "the range rate is predicted as the speed" + " with the sign of the range rate" * signed
             yield WrongModel("speed_for_range_rate", description, partial(_speed, relative=relative, signed=signed))
+        description = "the range rate is predicted as the velocity along the boresight"
+        yield WrongModel("speed_for_range_rate", description, _forward)
         description = "the range rate leaves out the sensor's own velocity"
         yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=(1, 1, 1), velocity=0))
         for description, own in EGO_VELOCITIES:
@@ -96,8 +98,6 @@ def wrong_models(kind: str) -> Iterator[WrongModel]:
         ("the sensor's yaw is applied twice", (1, 1, 2)),
     ):
         yield WrongModel("ego_motion_wrong", description, partial(_posed, pose=pose, velocity=1))
-    description = "the sensor's position is subtracted after the turn into its frame"
-    yield WrongModel("ego_motion_wrong", description, _turned_first)
     for description, factor in (("in degrees", DEGREE), ("converted to radians twice", 1 / DEGREE)):
         measure = partial(_posed, pose=(1, 1, factor), velocity=1)
         yield WrongModel("degrees_for_radians", f"the sensor's yaw is {description}", measure)
@@ -132,6 +132,12 @@ def _speed(target: Array, scan: Scan, relative: bool, signed: bool) -> Array:
     return z
 
 
+def _forward(target: Array, scan: Scan) -> Array:
+    z = right_measurement(target, scan).copy()
+    z[2] = rotation(float(scan.sensor_pose[2]))[:, 0] @ (target[2:] - scan.sensor_velocity)
+    return z
+
+
 def _rated(target: Array, scan: Scan, own: Callable[[Array, float, Array], float]) -> Array:
     """With another share of the sensor's velocity in the range rate."""
     still = scan._replace(sensor_velocity=np.zeros(2))
@@ -139,10 +145,3 @@ def _rated(target: Array, scan: Scan, own: Callable[[Array, float, Array], float
     sight = target[:2] - scan.sensor_pose[:2]
     z[2] -= own(scan.sensor_velocity, float(scan.sensor_pose[2]), sight / max(float(np.hypot(*sight)), 1e-9))
     return z
-
-
-def _turned_first(target: Array, scan: Scan) -> Array:
-    """A position that is turned about the origin of the fixed frame, and then moved."""
-    pose = scan.sensor_pose.copy()
-    pose[:2] = rotation(float(pose[2])) @ pose[:2]
-    return SENSOR_MODELS[scan.kind].measure(target, pose, scan.sensor_velocity)

@@ -16,7 +16,7 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.builtin import kf
 
 #: Time at the start of a drive that is not judged, s: with a state of speed and yaw a track that started from one
-#: measurement needs it to find its course.
+#: measurement needs it to find its course. Where a course becomes unknown in a gap, the velocity is not judged.
 SETTLE = 3.0
 #: Time after an interval without measurements in which the position is not judged, s.
 RECOVERED = 1.0
@@ -79,7 +79,7 @@ class JudgedDrive(NamedTuple):
     @property
     def believable(self) -> bool:
         """Whether the position is not too far off, and both covariances fit the errors."""
-        return self.far <= 1.0 and all(self.unbelievable(part) <= 1.0 for part in PARTS)
+        return self.far <= 1.0 and not any(self.unbelievable(part) > 1.0 for part in PARTS)
 
     def unbelievable(self, part: str) -> float:
         """How many times beyond a bound of the NEES; below 1 where it is within."""
@@ -161,7 +161,7 @@ def harmless(tracker: TrackerUnderTest) -> str | None:
     twins = _of_positions(judged) if _positions_alone(tracker) else judged
     error = float(np.exp(np.mean([np.log(own.rms[0] / twin.rms[1]) for own, twin in zip(judged, twins, strict=True)])))
     of_parts = [
-        float(np.exp(np.mean([np.log(own.nees(part) / own.nees_of_reference(part)) for own in judged])))
+        float(np.exp(np.nanmean([np.log(own.nees(part) / own.nees_of_reference(part)) for own in judged])))
         for part in PARTS
     ]
     nees = max(of_parts, key=lambda ratio: abs(np.log(ratio)))
@@ -191,11 +191,18 @@ def _of_positions(judged: Sequence[JudgedDrive]) -> list[JudgedDrive]:
 
 def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedDrive:
     scored = np.asarray(drive.time > min(SETTLE, 0.5 * drive.config.truth.duration_s))
-    measured = scored.copy()
+    measured, errors = scored.copy(), _errors(estimates, drive)
     if drive.config.silent_s is not None:
         begin, end = drive.config.silent_s
         measured &= (drive.time < begin) | (drive.time > end + RECOVERED)
-    return JudgedDrive(drive, _errors(estimates, drive), _errors(reference, drive), scored, measured)
+        errors.nees["velocity"][:, _course_unknown(estimates, int(np.searchsorted(drive.time, end)))] = np.nan
+    return JudgedDrive(drive, errors, _errors(reference, drive), scored, measured)
+
+
+def _course_unknown(estimates: Rollout, scan: int) -> Mask:
+    """``(runs,)`` whether the velocity before a scan is stated to be less certain than it is large."""
+    variance = np.einsum("ii...->...", estimates.covariance[2:, 2:, scan - 1])
+    return np.asarray(variance > np.sum(estimates.mean[2:, scan - 1] ** 2, axis=0))
 
 
 def _text(one: JudgedDrive) -> str:

@@ -100,12 +100,12 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
     if not found:
         why = "there was no estimate to predict"
         return PartResult().add("process_noise", None, why).add("noise_per_step", None, why)
-    growth = float(np.median([one[-1] for one in found]))
+    growth = float(np.median(found))
     shown_by = tracker.probes.general[0].name
     if growth < NONE:
-        most = max(float(one[-1]) for one in found)
         text = (
-            f"in 1 s without a measurement the variance of the speed does not grow (its root by at most {most:.2g} m/s)"
+            "in 1 s without a measurement the variance of the speed does not grow (its root by at most "
+            f"{max(found):.2g} m/s)"
         )
         finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by)
         return PartResult().add("process_noise", False, text, finding)
@@ -164,7 +164,7 @@ def _faded(before: Estimate, after: Estimate, step: float) -> bool:
     return float(np.linalg.norm(grown - share * p)) < ONLY * float(np.linalg.norm(grown))
 
 
-def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[Array]:
+def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[float]:
     return [
         one
         for probe in tracker.probes.general[:3]
@@ -173,25 +173,23 @@ def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) 
     ]
 
 
-def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Array | None:
-    """``(21,)`` of the standard deviation of the speed, m/s, at steps of 0.05 s."""
+def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> float | None:
+    """Growth of the standard deviation of the speed in 1 s, m/s."""
     session = tracker.session_at(probe, sensor_set)
     if session is None:
         return None
-    name = sensor_set[0]
     with tracker.recording_failures(probe.name):
-        session = session.copy()
-        scans = [tracker.missed(probe, name, STEP * k) for k in range(21)]
-        estimates = session.follow(scans)
-        variances = np.full(len(estimates), np.nan)
-        for k, estimate in enumerate(estimates):
-            if estimate is not None and finite(estimate):
-                speed = float(np.hypot(*estimate.mean[2:]))
-                direction = estimate.mean[2:] / speed if speed > 0.0 else np.array([1.0, 0.0])
-                variances[k] = direction @ estimate.covariance[2:, 2:] @ direction
-        if np.isfinite(variances[[0, -1]]).all():
-            return np.asarray(np.sqrt(np.maximum(0.0, variances - variances[0])))
+        scans = [tracker.missed(probe, sensor_set[0], STEP * k) for k in range(21)]
+        first, *_, last = session.copy().follow(scans)
+        if first is not None and last is not None and finite(first) and finite(last):
+            return float(np.sqrt(max(0.0, _variance_of_speed(last) - _variance_of_speed(first))))
     return None
+
+
+def _variance_of_speed(estimate: Estimate) -> float:
+    speed = float(np.hypot(*estimate.mean[2:]))
+    direction = estimate.mean[2:] / speed if speed > 0.0 else np.array([1.0, 0.0])
+    return float(direction @ estimate.covariance[2:, 2:] @ direction)
 
 
 class Power(NamedTuple):

@@ -20,8 +20,6 @@ OVERCONFIDENT = 6.0
 MEDIAN = 1.39
 #: Number of tracks for the NEES.
 STARTS = 60
-
-
 #: Velocity of the sensor along the line of sight that counts, and difference that is none, m/s.
 OWN, SAME = 2.0, 0.5
 #: Number of scans in which a track has to start.
@@ -225,7 +223,7 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
 def _any_target(random: np.random.Generator) -> Probe:
     """A target anywhere about the observer, with any velocity."""
     bearing, course = random.uniform(-np.pi, np.pi, 2)
-    distance, speed = random.uniform(15.0, 60.0), random.uniform(3.0, 20.0)
+    distance, speed = random.uniform(15.0, 150.0), random.uniform(3.0, 30.0)
     target = (distance * np.cos(bearing), distance * np.sin(bearing), speed * np.cos(course), speed * np.sin(course))
     return Probe("start", "a random target at its first measurement", target)
 

@@ -59,8 +59,6 @@ class Jump(NamedTuple):
     confirmed: bool = False
     """Whether the update is right where the same target is seen by a sensor mounted at another yaw, or by a measurement
     before pi."""
-    innovation: float = np.nan
-    """That of the predicted azimuth, in standard deviations of the measurement."""
 
 
 @doctor_check(
@@ -122,8 +120,6 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
         fault, confidence = "angle_mean_not_circular", 0.95
         text += "; where the prediction's own azimuths are all on one side of pi, it does not; the update by the "
         text += "predicted measurement differs too"
-        if abs(worst.innovation) > FAR:
-            text += f", and its azimuth has an innovation of {worst.innovation:+.3g} sigma"
     return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name)
 
 
@@ -140,13 +136,10 @@ def _jumps_of(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tu
     mounted = _mounted(tracker, probe, name, sensor_set)
     if mounted is None or not _right(mounted, probe):
         return found
-    moved, update = _moved(here, mounted), here.update(here.predicted_measurement)
-    innovation = np.nan if update is None else float(update.innovation[1])
+    moved = _moved(here, mounted)
     again = [_jump(here, mounted, np.eye(2), side, probe) for side in SIDES]
     return [
-        jump._replace(
-            measured=jump.measured and not moved, without_innovation=moved, confirmed=True, innovation=innovation
-        )
+        jump._replace(measured=jump.measured and not moved, without_innovation=moved, confirmed=True)
         for jump in again
         if jump is not None
     ]

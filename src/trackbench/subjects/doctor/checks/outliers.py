@@ -1,0 +1,150 @@
+"""Does the tracker use the measurements that its own covariance lets expect, and outlast a wildly wrong one?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from trackbench.base.types import Array, Estimate, Scan
+from trackbench.driving.drive import empty_scan
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.probes import Probe, probe_rate
+from trackbench.subjects.doctor.samples import has_samples
+from trackbench.subjects.doctor.session import apart, finite, position_sigma
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap
+
+#: Gap after which the prediction is uncertain, s, and distance of a measurement from it, in its standard deviations.
+GAP, ASIDE = 1.0, 1.5
+#: Change of an estimate that is none, in standard deviations; share of the trials, and least number of them.
+NONE, MOST, LEAST = 1e-9, 0.7, 3
+#: Errors of one wild measurement: of lengths, m, and of angles, rad. How long right ones follow it, s.
+LENGTHS, TURNS, AFTER = ((25.0, "m"), (1000.0, "m")), ((np.pi, "rad"),), 1.0
+#: Distance of the measurements that are rejected, m, and the share of it by which none of them moves the estimate.
+FAR, REJECTED = 100.0, 0.1
+#: Share of the standard deviation without measurements that a gate leaves which stays shut.
+SHUT = 0.5
+
+
+@doctor_check(
+    Question("gate", "Are the measurements used that the tracker's own covariance lets expect?", misses=True),
+    place=160,
+    of_filters=True,
+    faults={
+        "gate_never_reopens": KnownFault(
+            "the gate never opens again",
+            "Where a measurement is rejected.",
+            "Keep the prediction of the mean and of the covariance where a measurement is rejected, as at a missed "
+            "one: the gate then widens until it lets the target in.",
+            Role(rank=6, drive="manoeuvre"),
+        ),
+    },
+)
+def gate(tracker: TrackerUnderTest) -> PartResult:
+    """Try a likely measurement after a gap, and measurements far off for a second."""
+    narrow = [finding for name in tracker.sensors if (finding := _rejects_likely(tracker, name)) is not None]
+    if narrow:
+        finding = narrow[0] if len(narrow) < len(tracker.sensors) else replace(narrow[0], sensor=None)
+    else:
+        finding = None if has_samples(tracker) else _stays_shut(tracker)
+    return PartResult().add_evidence("gate", finding, "likely measurements move the estimate")
+
+
+@doctor_check(Question("outliers", "Is every estimate finite after one wild measurement?"), place=165)
+def outliers(tracker: TrackerUnderTest) -> PartResult:
+    """Try one wild measurement, and right ones after it."""
+    lost = next((lost for name in tracker.sensors if (lost := _not_finite_after(tracker, name)) is not None), None)
+    return PartResult().add_evidence("outliers", lost, "every estimate after one wild measurement is finite")
+
+
+def _rejects_likely(tracker: TrackerUnderTest, name: str) -> Finding | None:
+    """Report measurements within the tracker's own covariance that change nothing, while one at its centre does."""
+    unused = []
+    for probe in tracker.probes.general:
+        session = tracker.session_of_most(probe)
+        trial = None if session is None else after_gap(tracker, probe, name, session, GAP)
+        if trial is None or not trial.usable:
+            continue
+        model, scan, likely = SENSOR_MODELS[trial.scan.kind], trial.scan, _likely(trial.prediction)
+        aside = trial.posterior(model.measure(likely, scan.sensor_pose, scan.sensor_velocity))
+        centre = trial.posterior(trial.predicted_measurement)
+        if aside is not None and centre is not None and apart(centre, trial.prediction) > NONE:
+            unused.append(apart(aside, trial.prediction) < NONE)
+    if len(unused) < LEAST or np.mean(unused) < MOST:
+        return None
+    text = (
+        f"{GAP:g} s after the last one, a measurement of {name} that is {ASIDE:g} standard deviations of the predicted "
+        f"covariance off leaves the estimate as it is ({sum(unused)} of {len(unused)} trials), and one that is not "
+        "off changes it"
+    )
+    return Finding("gate_too_small", 0.96, text, sensor=name, shown_by="long_gap")
+
+
+def _likely(prediction: Estimate) -> Array:
+    """Return the state that is so many standard deviations aside, in the direction of the least certain position."""
+    variances, axes = np.linalg.eigh(prediction.covariance[:2, :2])
+    position = ASIDE * np.sqrt(max(variances[1], 0.0)) * axes[:, 1]
+    of_position = prediction.covariance[:, :2] @ np.linalg.pinv(prediction.covariance[:2, :2])
+    return np.asarray(prediction.mean + of_position @ position)
+
+
+def _scans_after(tracker: TrackerUnderTest, probe: Probe) -> list[Scan]:
+    """Return the scans of all sensors for some time after a probe's time 0."""
+    scans = [
+        tracker.scan(probe, name, k / probe_rate(sensor))
+        for name, sensor in tracker.sensors.items()
+        for k in range(1, int(AFTER * probe_rate(sensor)) + 1)
+    ]
+    return sorted(scans, key=lambda scan: scan.time)
+
+
+def _stays_shut(tracker: TrackerUnderTest) -> Finding | None:
+    """Report that the covariance stays small while measurements are rejected, and grows where there are none."""
+    shut: list[tuple[float, float]] = []
+    for probe in tracker.probes.general:
+        session, px = tracker.session_of_most(probe), probe.target[0] + FAR
+        if session is None:
+            continue
+        with tracker.recording_failures(probe.name):
+            rejected = session.copy().follow(_scans_after(tracker, probe._replace(target=(px, *probe.target[1:]))))[-1]
+            alone = session.copy().follow([empty_scan(scan) for scan in _scans_after(tracker, probe)])[-1]
+            if rejected is not None and alone is not None:
+                moved = np.hypot(*(rejected.mean - alone.mean)[:2])
+                sigmas = position_sigma(rejected), position_sigma(alone)
+                shut += [sigmas] if moved < REJECTED * FAR and sigmas[0] < SHUT * sigmas[1] else []
+    if len(shut) < LEAST:
+        return None
+    text = (
+        f"after {AFTER:g} s of measurements {FAR:g} m off, which are rejected, the standard deviation of the position "
+        f"is {shut[0][0]:.3g} m, and after {AFTER:g} s without any {shut[0][1]:.3g} m ({len(shut)} targets)"
+    )
+    return Finding("gate_never_reopens", 0.96, text, shown_by="manoeuvre")
+
+
+def _not_finite_after(tracker: TrackerUnderTest, name: str) -> Finding | None:
+    """Report the first wild measurement of a sensor after which an estimate is not finite."""
+    probe = tracker.probes.general[0]
+    session = tracker.session_of_most(probe)
+    if session is None:
+        return None
+    for words, wild in _wild(tracker.scan(probe, name, 0.0)):
+        with tracker.recording_failures(probe.name):
+            twin = session.copy()
+            for scan in [wild, *_scans_after(tracker, probe)]:
+                estimate = twin.step(scan)
+                if estimate is not None and not finite(estimate):
+                    text = f"one {words}, of {name}, leaves an estimate that is not finite"
+                    return Finding("nonfinite", 0.97, text, sensor=name, shown_by="manoeuvre")
+    return None
+
+
+def _wild(scan: Scan) -> Iterator[tuple[str, Scan]]:
+    """Yield the scan with an error of one component, in words and as a scan."""
+    model = SENSOR_MODELS[scan.kind]
+    for i, component in enumerate(model.components[:2]):
+        for size, unit in TURNS if i in model.angular else LENGTHS:
+            measurement = scan.measurement.copy()
+            measurement[i] += size
+            yield f"{component.replace('_', ' ')} that is {size:.4g} {unit} off", scan._replace(measurement=measurement)

@@ -1,0 +1,107 @@
+"""Narrow gates, gates that stay shut, wildly wrong measurements, first covariances at long ranges, and range rates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.faults.bases.plain_ekf import Tracker as PlainEkf
+from benchmarks.faults.bases.plain_ekf import rotation
+from tests.support.doctor import Part, under_test
+
+from trackbench.subjects.doctor.checks.expectation import expectation
+from trackbench.subjects.doctor.checks.outliers import gate, outliers
+from trackbench.subjects.doctor.checks.prediction import motion_prediction
+from trackbench.subjects.doctor.checks.start import confidence
+
+
+class Gated(PlainEkf):
+    """Rejects a measurement beyond the 99.9 % gate of its innovation covariance, as if it were missed."""
+
+    limit = 16.3
+
+    def distance(self, x: Any, P: Any, scan: Any) -> float:
+        y, H = self.innovation(scan, self.predicted_measurement(x, scan)), self.sensor_jacobian(x, scan)
+        return float(y @ np.linalg.solve(self.spread(H, P, scan), y))
+
+    def spread(self, H: Any, P: Any, scan: Any) -> Any:
+        return H @ P @ H.T + self.noise(scan)
+
+    def update(self, x: Any, P: Any, scan: Any) -> Any:
+        return super().update(x, P, scan) if self.distance(x, P, scan) < self.limit else (x, P)
+
+
+class OfNoise(Gated):
+    """Compares the innovation with the measurement noise alone."""
+
+    def spread(self, H: Any, P: Any, scan: Any) -> Any:
+        return self.noise(scan)
+
+
+class Shut(Gated):
+    """Keeps the covariance of before where a measurement is rejected."""
+
+    def advance(self, track: Any, scan: Any) -> Any:
+        after = super().advance(track, scan)
+        x, P = self.predict(track.mean, track.covariance, scan.time - track.time)
+        rejected = scan.valid and self.distance(x, P, scan) >= self.limit
+        return after._replace(covariance=track.covariance) if rejected else after
+
+
+class Weighed(PlainEkf):
+    """Weighs its innovation by a likelihood over its sum with that of no other model: 0 / 0 far off."""
+
+    def corrected_mean(self, x: Any, K: Any, y: Any) -> Any:
+        likelihood = np.exp(-0.5 * y @ y)
+        return x + K @ y * (likelihood / likelihood)
+
+
+class Forward(PlainEkf):
+    """Predicts the velocity along the boresight for the range rate."""
+
+    def range_rate(self, target: Any, scan: Any) -> Any:
+        return rotation(scan.sensor_pose[2])[:, 0] @ (target[2:] - scan.sensor_velocity)
+
+
+class FirstDeviations(PlainEkf):
+    """Starts from standard deviations in place of variances."""
+
+    def one_measurement(self, position: Any, noise: Any, scan: Any) -> Any:
+        x, P = super().one_measurement(position, noise, scan)
+        return x, np.diag(np.sqrt(np.diag(P)))
+
+
+class FromStart(PlainEkf):
+    """Counts the time of each step from the first scan."""
+
+    def advance(self, track: Any, scan: Any) -> Any:
+        return super().advance(track, scan)._replace(time=track.time)
+
+
+@pytest.mark.parametrize(
+    ("check", "tracker", "fault"),
+    [
+        (gate, OfNoise, "gate_too_small"),
+        (gate, Shut, "gate_never_reopens"),
+        (outliers, Weighed, "nonfinite"),
+        (expectation, Forward, "speed_for_range_rate"),
+        (confidence, FirstDeviations, "overconfident_start"),
+        (motion_prediction, FromStart, "wrong_dt"),
+    ],
+)
+def test_a_fault_is_named(check: Part, tracker: type[PlainEkf], fault: str) -> None:
+    assert {finding.fault for finding in check(under_test(tracker)).findings} == {fault}
+
+
+@pytest.mark.parametrize("check", [gate, outliers])
+@pytest.mark.parametrize("tracker", [PlainEkf, Gated])
+def test_a_sound_gate_and_none_have_no_finding(check: Part, tracker: type[PlainEkf]) -> None:
+    result = check(under_test(tracker))
+    assert [one.passed for one in result.checks] == [True]
+
+
+def test_the_time_that_is_not_stored_is_told_from_milliseconds() -> None:
+    finding = motion_prediction(under_test(FromStart)).findings[0]
+    assert "was not stored" in finding.evidence
+    assert "milliseconds" not in finding.evidence
