@@ -264,7 +264,7 @@ def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda r: tb.load("higway"), "higway: there is no such file; did you mean 'highway', which comes with"),
+        (lambda r: tb.load("higway"), "higway: there is no such file; did you mean 'highway'?"),
         (lambda r: tb.load("highway", {"name": object()}), "name: cannot be written as YAML: an instance of object; "),
         (lambda r: tb.load("highway", trackers=[]), "name at least one tracker"),
         (lambda r: tb.load("name: x\n"), "scenario.yaml:1: truth: missing; where the true motion comes from"),

@@ -151,7 +151,7 @@ def test_what_tracks_do_not_state_is_not_available(tmp_path: Path) -> None:
         ("monte_carlo.runs=2", "there is no column run"),
         ("sensing.identities=known", "write sensing: {identities: hidden}"),
         ("trackers.theirs.path=none.csv", "there is no file .*none.csv"),
-        ("trackers.theirs.path=tracks.txt", "motchallenge end in it"),
+        ("trackers.theirs.path=tracks.txt", "name it in format, such as kitti or motchallenge"),
         ("trackers.theirs.format=cvs", "csv"),
     ],
 )

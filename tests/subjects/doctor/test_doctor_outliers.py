@@ -54,7 +54,8 @@ class Weighed(PlainEkf):
 
     def corrected_mean(self, x: Any, K: Any, y: Any) -> Any:
         likelihood = np.exp(-0.5 * y @ y)
-        return x + K @ y * (likelihood / likelihood)
+        with np.errstate(invalid="ignore"):
+            return x + K @ y * (likelihood / likelihood)
 
 
 class Forward(PlainEkf):

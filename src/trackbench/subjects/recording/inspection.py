@@ -199,7 +199,9 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
                 shares = ", ".join(f"{mode} {rounded(share, 2)}" for mode, share in modes.items())
                 console.print(f"modes of {tracker}, {name}: {shares}")
     if moments:
-        caption = "Of each tracker the worst first; a moment is the top of a peak"
+        caption = "The worst first"
+        if isinstance(moments[0], EstimateMoment):
+            caption = "Of each tracker the worst first; a moment is the top of a peak"
         _print(console, MOMENTS[type(moments[0])], [_values(moment) for moment in moments], caption)
     elif moments is not None:
         reason = "Nothing that counts went wrong" if summary.truth.known else "Without truth no event has a cost"
