@@ -13,29 +13,15 @@ from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.sums import ERROR, NIS
 from trackbench.results.columns import Record, mean
 from trackbench.runner.block import Block
-from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.recorded import Outcome, RecordedEstimates, RecordedScans
-from trackbench.runner.shared_records import Records, run_keys, scan_record
+from trackbench.runner.recorded import Outcome, RecordedEstimates
+from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
 from trackbench.runner.work import Work
 from trackbench.trackers.config import FilterConfig, ImmConfig
 
 
-def records_of_estimates(
-    work: Work,
-    blocks: Sequence[Block],
-    evaluated: Evaluated,
-    scans: RecordedScans,
-    recorded: Mapping[str, RecordedEstimates],
-) -> tuple[Records, list[str]]:
-    """By table, the records of what trackers say of objects that are known; and what "runs" has beside the declared.
-
-    Args:
-        work: what all blocks share.
-        blocks: all of them.
-        evaluated: the metrics of every tracker.
-        scans: of the recorded run.
-        recorded: by tracker that has not failed, its estimates in that run.
-    """
+def records_of_estimates(run: FinishedRun) -> tuple[Records, list[str]]:
+    """Return the records of tables of a run with known identities, and the columns of metrics in the table "runs"."""
+    work, blocks, evaluated, scans, recorded = run
     scene = work.scenes[work.recorded_scene]
     # Recorded scenes differ in how many measurements each sensor took.
     times = {

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,10 +11,25 @@ from trackbench.base.types import Scan, Truth, of_runs
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
 from trackbench.results.folder import OBSERVER
+from trackbench.runner.block import Block
+from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.recorded import RecordedScans
 from trackbench.runner.work import Work
 
 #: By table, the records that it is made of.
 Records = dict[str, list[Record]]
+
+
+class FinishedRun(NamedTuple):
+    """What the tables of a run are made of."""
+
+    work: Work
+    blocks: Sequence[Block]
+    evaluated: Evaluated
+    scans: RecordedScans
+    """Scans of the recorded run."""
+    recorded: Mapping[str, Any]
+    """Estimates or tracks of the recorded run, by tracker that has not failed."""
 
 
 def truth_records(truth: Truth, run: int) -> list[Record]:

@@ -18,7 +18,7 @@ from trackbench.results.declared import HIDDEN, LABELLED
 from trackbench.runner.block import Block
 from trackbench.runner.estimate_records import records_of_estimates, run_sums_record
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.shared_records import other_truth, road_records, truth_records
+from trackbench.runner.shared_records import FinishedRun, other_truth, road_records, truth_records
 from trackbench.runner.track_records import records_of_tracks
 from trackbench.runner.work import Work
 
@@ -29,8 +29,8 @@ def result_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
     block = next(block for block in blocks if block.recorded_scans is not None)
     assert block.recorded_scans is not None
     recorded: dict[str, Any] = {name: item for name, item in block.recorded.items() if name in evaluated.evaluations}
-    records_of = records_of_tracks if work.hidden else records_of_estimates
-    records, columns_of_runs = records_of(work, blocks, evaluated, block.recorded_scans, recorded)
+    run = FinishedRun(work, blocks, evaluated, block.recorded_scans, recorded)
+    records, columns_of_runs = (records_of_tracks if work.hidden else records_of_estimates)(run)
     records |= {
         "truth": truth_records(truth, work.recorded_run),
         **other_truth(work),

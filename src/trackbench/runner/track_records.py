@@ -17,9 +17,7 @@ from trackbench.results.columns import Record
 from trackbench.results.declared import GOSPA_PARTS
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
-from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.recorded import RecordedScans
-from trackbench.runner.shared_records import Records, run_keys, scan_record
+from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
@@ -29,22 +27,9 @@ from trackbench.trackers.multi.association import gate_threshold
 CORNERS = 17
 
 
-def records_of_tracks(
-    work: Work,
-    blocks: Sequence[Block],
-    evaluated: Evaluated,
-    scans: RecordedScans,
-    recorded: Mapping[str, RecordedTracks],
-) -> tuple[Records, list[str]]:
-    """By table, the records of what trackers say of hidden identities; and what "runs" has beside the declared.
-
-    Args:
-        work: what all blocks share.
-        blocks: all of them.
-        evaluated: the metrics of every tracker.
-        scans: of the recorded run.
-        recorded: by tracker that has not failed, its tracks in that run.
-    """
+def records_of_tracks(run: FinishedRun) -> tuple[Records, list[str]]:
+    """Return the records of tables of a run with hidden identities, and the columns of metrics in the table "runs"."""
+    work, blocks, evaluated, scans, recorded = run
     scene = work.scenes[work.recorded_scene]
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.outcomes.items()}
