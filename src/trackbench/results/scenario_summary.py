@@ -220,11 +220,6 @@ class SensorSummary(ResultModel):
         return "no limit" if self.max_range_m is None else f"{self.max_range_m:g} m"
 
     @property
-    def mount_in_words(self) -> str:
-        """The pose on the observer, such as "x 3.6 m, y 0 m, yaw 0 deg"."""
-        return f"x {self.mount.x_m:g} m, y {self.mount.y_m:g} m, yaw {self.mount.yaw_deg:g} deg"
-
-    @property
     def latency_in_words(self) -> str:
         """Of its scans, s, such as "0.1" or, drawn, "0.05 to 0.2"."""
         return " to ".join(dict.fromkeys(f"{end:g}" for end in self.latency_s))

@@ -50,8 +50,13 @@ class RecordedVehicles(NamedTuple):
     """s of the file's clock at the first instant."""
 
 
-#: The number of the body that carries the observer, None where none does, and those of all bodies of a scene.
-SceneBodies = tuple[int | None, list[int]]
+class SceneBodies(NamedTuple):
+    """Numbers of the bodies in a scene."""
+
+    carrier: int | None
+    """On which the observer rides; None: on none."""
+    present: list[int]
+    """All that drive there, the carrier too."""
 
 
 def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
@@ -164,7 +169,7 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             raise InputError(message, key="truth.observer.vehicle")
     carriers: list[int | None] = [number[name] for name in config.vehicles] or [None]
     if config.drove_together:
-        return [(carrier, list(range(len(frames.ids)))) for carrier in carriers]
+        return [SceneBodies(carrier, list(range(len(frames.ids)))) for carrier in carriers]
     apart = ~overlaps(frames, APART_M)
     scenes: list[list[int]] = [[] if carrier is None else [carrier] for carrier in carriers]
     for body in range(len(frames.ids)):
@@ -172,21 +177,20 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             place = next((scene for scene in scenes if apart[body, scene].all()), None)
             if place is not None:
                 place.append(body)
-    return [(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
+    return [SceneBodies(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
 
 
 def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
-    body, present = scene
-    frames, carrier, first = _only(traffic.frames, present), None, 0
-    if body is None:
+    frames, carrier, first = _only(traffic.frames, scene.present), None, 0
+    if scene.carrier is None:
         assert isinstance(config.observer, FixedObserver)
         frames = _during(frames, 0, len(frames.px) - 1)
         observer = fixed_observer(config.observer, len(frames.px))
     else:
-        there = np.flatnonzero(traffic.frames.alive[:, body])
+        there = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
         first = int(there[0])
         frames = _during(frames, first, int(there[-1]))
-        carrier = frames.ids.index(traffic.frames.ids[body])
+        carrier = frames.ids.index(traffic.frames.ids[scene.carrier])
         observer = frames.carrier(carrier)
     bodies = targets = target_bodies(config.targets, frames, observer, carrier)
     if config.others_within_m is not None:
@@ -250,8 +254,12 @@ def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]
 
 def _note(traffic: RecordedVehicles) -> str:
     raw, used, error = traffic.raw, traffic.used, traffic.error
-    return (
-        f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz; as recorded, change of speed to "
-        f"{raw.acceleration_max_mps2:.3g} m/s^2; as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2; "
-        f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)"
-    )
+    parts = [
+        f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",
+        f"as recorded, change of speed to {raw.acceleration_max_mps2:.3g} m/s^2, "
+        f"displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
+        f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2",
+    ]
+    if error.position_m > 0:
+        parts.append(f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)")
+    return "; ".join(parts)
