@@ -7,13 +7,14 @@ import itertools
 import numpy as np
 import pytest
 from tests.metrics.traffic.histories import random_histories
+from tests.support.gospa import gospa_of_sets
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 from trackbench.base.types import DUE, OPTIONAL
 from trackbench.metrics.traffic import TrackHistory, TruthHistory, score_run
 from trackbench.metrics.traffic.assignment import Counted, count_by_gospa, nearby
 from trackbench.metrics.traffic.run import count_by_clear
-from trackbench.metrics.traffic.set_distances import gospa, gospa_of_sets
+from trackbench.metrics.traffic.set_distances import gospa
 
 QUIET = {"PRINT_CONFIG": False}
 CUTOFF = 5.0

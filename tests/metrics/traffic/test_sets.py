@@ -12,9 +12,10 @@ from hypothesis.extra.numpy import arrays
 from stonesoup.metricgenerator.ospametric import GOSPAMetric
 from stonesoup.types.state import State
 from tests.metrics.traffic.histories import counted_of, random_histories
+from tests.support.gospa import gospa_of_sets
 
 from trackbench.base.types import Array
-from trackbench.metrics.traffic.set_distances import GospaParts, gospa, gospa_of_sets
+from trackbench.metrics.traffic.set_distances import GospaParts, gospa
 
 NOW = datetime.datetime(2000, 1, 1)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.metrics.traffic.assignment import Counted, best_matching, near_pairs
+from trackbench.metrics.traffic.assignment import Counted
 
 
 class GospaParts(NamedTuple):
@@ -36,22 +36,23 @@ def gospa(counted: Counted) -> GospaParts:
     definition 1 and proposition 1.
     """
     matched = counted.matched
-    return _parts(
-        matched.instant, matched.distance, counted.due.sum(axis=1), counted.present.sum(axis=1), counted.cutoff, 2.0
-    )
+    numbers = counted.due.sum(axis=1), counted.present.sum(axis=1)
+    return parts_of_matching(matched.instant, matched.distance, *numbers, counted.cutoff, 2.0)
 
 
-def gospa_of_sets(objects: Array, tracks: Array, cutoff: float, p: float = 2.0) -> GospaParts:
-    """The same of positions ``(2, T, N)`` and ``(2, T, K)`` m, NaN where there is nothing, for any exponent."""
-    numbers = np.broadcast_to(np.arange(tracks.shape[2]), tracks.shape[1:])
-    pairs = near_pairs(objects, tracks, numbers, cutoff)
-    chosen = best_matching(*pairs[:3], cutoff**p - pairs.distance**p, objects.shape[2], tracks.shape[2])
-    matched = pairs.where(chosen)
-    there = [np.isfinite(positions[0]).sum(axis=1) for positions in (objects, tracks)]
-    return _parts(matched.instant, matched.distance, there[0], there[1], cutoff, p)
+def parts_of_matching(
+    instant: Indices, distance: Array, objects: Indices, tracks: Indices, cutoff: float, p: float
+) -> GospaParts:
+    """Return the parts of GOSPA to the power p.
 
-
-def _parts(instant: Indices, distance: Array, objects: Indices, tracks: Indices, cutoff: float, p: float) -> GospaParts:
+    Args:
+        instant: ``(P,)`` of each matched pair.
+        distance: ``(P,)`` of each matched pair, m.
+        objects: ``(T,)`` their numbers.
+        tracks: ``(T,)`` their numbers.
+        cutoff: c, m.
+        p: the exponent.
+    """
     steps = len(objects)
     pairs = np.bincount(instant, minlength=steps)
     half = cutoff**p / 2
