@@ -1,4 +1,4 @@
-"""What tracks tell where there is no truth: how many they are, and how they predict and use detections."""
+"""Metrics of tracks in a recording without a truth: their number, predictions, and use of detections."""
 
 from __future__ import annotations
 

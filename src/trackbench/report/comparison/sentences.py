@@ -1,4 +1,4 @@
-"""What a comparison says first: whether a limit failed, who is best, by how much, how certainly, in which worlds."""
+"""Sentences with which a comparison begins: limits that failed, the best tracker, its lead, and in which worlds."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ Path = tuple[Array, Array]
 
 
 def alive_paths(truth: pa.Table, role: str) -> dict[str, Path]:
-    """By the name of each object: its path while it is there."""
+    """Return the path of each object while it is in the scene, by its name."""
     rows = rows_where(truth, role=role)
     return paths_by(rows.filter(column(rows, "alive") > 0), "object")
 

@@ -42,7 +42,7 @@ class KeptChange(NamedTuple):
     mean: float
     """Share of the change of the mean that is left; NaN where the measurement makes no clear one."""
     covariance: float
-    """The same of the covariance."""
+    """Share of the change of the covariance that is left; NaN where the measurement makes no clear one."""
 
 
 @doctor_check(

@@ -245,7 +245,7 @@ def _jacobian(
 
 
 def _not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
-    """That the gain is right at once after a measurement, and without the process noise after a gap, if it is so."""
+    """Report a gain that is right at once after a measurement, and after a gap is that without the process noise."""
     errors: dict[float, list[float]] = {AT_ONCE: [], LATER: []}
     for probe in tracker.probes.general:
         for sensor_set in tracker.sensor_sets():

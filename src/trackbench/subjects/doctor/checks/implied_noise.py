@@ -74,6 +74,6 @@ def wrong_noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingError
 
 
 def _of_deviations(noise: Array, sigma: Array, wrong: Indices) -> str:
-    """That variances are standard deviations, if all of them are."""
+    """Report that variances and standard deviations are confused, where that explains every component."""
     medians = np.array([np.nanmedian(noise[:, i]) for i in wrong])
     return ": standard deviations used as variances" if np.all(np.abs(np.log(medians * sigma[wrong])) < SAME) else ""
