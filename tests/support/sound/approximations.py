@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.linalg import block_diag, solve_discrete_are, sqrtm
 from tests.support.sound.measured import (
+    EachScan,
     corrected,
     difference,
     driven,
@@ -17,10 +18,8 @@ from tests.support.sound.measured import (
 )
 
 
-class PointFilter:
+class PointFilter(EachScan):
     """Update by weighted points, which a subclass chooses; the motion is linear and predicted exactly."""
-
-    sigma = 3.0
 
     def points(self, n):
         """Return points of a standard normal distribution (n, m), and weights of the mean and of the covariance."""
@@ -29,26 +28,18 @@ class PointFilter:
     def root(self, P):
         return np.linalg.cholesky(P)
 
-    def step(self, state, scan):
-        if state is None:
-            x, P = start(scan)
-            return (scan.time, x, P), (x, P)
-        t, x, P = state
-        x, P = predicted(x, P, scan.time - t, self.sigma)
-        if scan.valid:
-            U, wm, wc = self.points(4)
-            D = self.root(P) @ U
-            Z = np.array([expected(x + d, scan) for d in D.T])
-            at = expected(x, scan)
-            dZ = np.array([difference(z, at, scan) for z in Z]).T
-            shift = dZ @ wm
-            dZ = dZ - shift[:, None]
-            S = (wc * dZ) @ dZ.T + scan.noise_covariance
-            K = (wc * D) @ dZ.T @ np.linalg.inv(S)
-            x = x + K @ difference(scan.measurement, at + shift, scan)
-            P = P - K @ S @ K.T
-            P = (P + P.T) / 2
-        return (scan.time, x, P), (x, P)
+    def update(self, x, P, scan):
+        U, wm, wc = self.points(4)
+        D = self.root(P) @ U
+        Z = np.array([expected(x + d, scan) for d in D.T])
+        at = expected(x, scan)
+        dZ = np.array([difference(z, at, scan) for z in Z]).T
+        shift = dZ @ wm
+        dZ = dZ - shift[:, None]
+        S = (wc * dZ) @ dZ.T + scan.noise_covariance
+        K = (wc * D) @ dZ.T @ np.linalg.inv(S)
+        x = x + K @ difference(scan.measurement, at + shift, scan)
+        return x, P - K @ S @ K.T
 
 
 class Merwe(PointFilter):
@@ -161,7 +152,7 @@ class Ensemble:
         return (scan.time, X, n + 1), (X.mean(axis=0), np.cov(X.T))
 
 
-class Debiased:
+class Debiased(EachScan):
     """Converted radar positions without bias, with the covariance of the conversion; the range rate comes after."""
 
     def convert(self, scan):
@@ -176,24 +167,17 @@ class Debiased:
         T = turn(scan.sensor_pose[2]) @ np.array([[c, -s], [s, c]])
         return scan.sensor_pose[:2] + T @ np.array([r / l1, 0]), T @ np.diag([along, across]) @ T.T
 
-    def step(self, state, scan):
-        if state is None:
-            x, P = start(scan)
-            return (scan.time, x, P), (x, P)
-        t, x, P = state
-        x, P = predicted(x, P, scan.time - t)
-        if scan.valid:
-            z, R = self.convert(scan)
-            S = P[:2, :2] + R
-            K = P[:, :2] @ np.linalg.inv(S)
-            x, P = x + K @ (z - x[:2]), P - K @ S @ K.T
-            if scan.kind == "radar":
-                h = jacobian(x, scan)[2:]
-                s = h @ P @ h.T + scan.noise_covariance[2:, 2:]
-                K = P @ h.T / s
-                x, P = x + K @ (scan.measurement[2:] - expected(x, scan)[2:]), P - K @ s @ K.T
-            P = (P + P.T) / 2
-        return (scan.time, x, P), (x, P)
+    def update(self, x, P, scan):
+        z, R = self.convert(scan)
+        S = P[:2, :2] + R
+        K = P[:, :2] @ np.linalg.inv(S)
+        x, P = x + K @ (z - x[:2]), P - K @ S @ K.T
+        if scan.kind == "radar":
+            h = jacobian(x, scan)[2:]
+            s = h @ P @ h.T + scan.noise_covariance[2:, 2:]
+            K = P @ h.T / s
+            x, P = x + K @ (scan.measurement[2:] - expected(x, scan)[2:]), P - K @ s @ K.T
+        return x, P
 
 
 class SteadyGain:

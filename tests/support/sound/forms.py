@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, qr, solve_triangular
 from tests.support.sound.measured import (
+    EachScan,
     corrected,
     difference,
     driven,
@@ -400,76 +401,57 @@ class HandWrittenRadar:
         return (scan.time, x, P), (x, P)
 
 
-class NumericalDerivative:
+class NumericalDerivative(EachScan):
     """Derivatives by central differences, of any measurement function."""
 
-    def step(self, state, scan):
-        if state is None:
-            x, P = start(scan)
-            return (scan.time, x, P), (x, P)
-        t, x, P = state
-        x, P = predicted(x, P, scan.time - t, 2.7)
-        if scan.valid:
-            h = 1e-4
-            columns = [difference(expected(x + h * e, scan), expected(x - h * e, scan), scan) for e in np.eye(4)]
-            H = np.column_stack(columns) / (2 * h)
-            S = H @ P @ H.T + scan.noise_covariance
-            K = P @ H.T @ np.linalg.pinv(S)
-            x, P = x + K @ difference(scan.measurement, expected(x, scan), scan), P - K @ S @ K.T
-        P = (P + P.T) / 2
-        return (scan.time, x, P), (x, P)
+    sigma = 2.7
+
+    def update(self, x, P, scan):
+        h = 1e-4
+        columns = [difference(expected(x + h * e, scan), expected(x - h * e, scan), scan) for e in np.eye(4)]
+        H = np.column_stack(columns) / (2 * h)
+        S = H @ P @ H.T + scan.noise_covariance
+        K = P @ H.T @ np.linalg.pinv(S)
+        x, P = x + K @ difference(scan.measurement, expected(x, scan), scan), P - K @ S @ K.T
+        return x, P
 
 
-class Polar:
+class Polar(EachScan):
     """State in modified polar coordinates for the radar: converted to and fro at each update, to first order."""
 
-    def step(self, state, scan):
-        if state is None:
-            x, P = start(scan)
-            return (scan.time, x, P), (x, P)
-        t, x, P = state
-        x, P = predicted(x, P, scan.time - t)
-        if scan.valid and scan.kind == "radar":
-            away, speed = x[:2] - scan.sensor_pose[:2], x[2:] - scan.sensor_velocity
-            r = np.hypot(*away)
-            across = np.array([-away[1], away[0]]) / r
-            J = np.vstack([jacobian(x, scan), np.zeros(4)])
-            J[3, 2:] = across
-            J[3, :2] = -(speed @ away) / r**2 * across
-            back = np.linalg.inv(J)
-            polar, C = np.append(expected(x, scan), across @ speed), J @ P @ J.T
-            S = C[:3, :3] + scan.noise_covariance
-            K = C[:, :3] @ np.linalg.inv(S)
-            gain = K @ difference(scan.measurement, polar[:3], scan)
-            C = C - K @ S @ K.T
-            x, P = x + back @ gain, back @ C @ back.T
-        elif scan.valid:
-            x, P = corrected(x, P, scan)
-        P = (P + P.T) / 2
-        return (scan.time, x, P), (x, P)
+    def update(self, x, P, scan):
+        if scan.kind != "radar":
+            return corrected(x, P, scan)
+        away, speed = x[:2] - scan.sensor_pose[:2], x[2:] - scan.sensor_velocity
+        r = np.hypot(*away)
+        across = np.array([-away[1], away[0]]) / r
+        J = np.vstack([jacobian(x, scan), np.zeros(4)])
+        J[3, 2:] = across
+        J[3, :2] = -(speed @ away) / r**2 * across
+        back = np.linalg.inv(J)
+        polar, C = np.append(expected(x, scan), across @ speed), J @ P @ J.T
+        S = C[:3, :3] + scan.noise_covariance
+        K = C[:, :3] @ np.linalg.inv(S)
+        gain = K @ difference(scan.measurement, polar[:3], scan)
+        C = C - K @ S @ K.T
+        return x + back @ gain, back @ C @ back.T
 
 
-class ConvertedWithRate:
+class ConvertedWithRate(EachScan):
     """The radar's position converted and used linearly, then its range rate by itself."""
 
-    def step(self, state, scan):
-        if state is None:
-            x, P = start(scan)
-            return (scan.time, x, P), (x, P)
-        t, x, P = state
-        x, P = predicted(x, P, scan.time - t)
-        if scan.valid:
-            z, R = position(scan)
-            K = P[:, :2] @ np.linalg.inv(P[:2, :2] + R)
-            A = np.eye(4) - K @ np.eye(2, 4)
-            x, P = x + K @ (z - x[:2]), A @ P @ A.T + K @ R @ K.T
-            if scan.kind == "radar":
-                h, r = jacobian(x, scan)[2], scan.noise_covariance[2, 2]
-                k = P @ h / (h @ P @ h + r)
-                A = np.eye(4) - np.outer(k, h)
-                x = x + k * (scan.measurement[2] - expected(x, scan)[2])
-                P = A @ P @ A.T + r * np.outer(k, k)
-        return (scan.time, x, P), (x, P)
+    def update(self, x, P, scan):
+        z, R = position(scan)
+        K = P[:, :2] @ np.linalg.inv(P[:2, :2] + R)
+        A = np.eye(4) - K @ np.eye(2, 4)
+        x, P = x + K @ (z - x[:2]), A @ P @ A.T + K @ R @ K.T
+        if scan.kind == "radar":
+            h, r = jacobian(x, scan)[2], scan.noise_covariance[2, 2]
+            k = P @ h / (h @ P @ h + r)
+            A = np.eye(4) - np.outer(k, h)
+            x = x + k * (scan.measurement[2] - expected(x, scan)[2])
+            P = A @ P @ A.T + r * np.outer(k, k)
+        return x, P
 
 
 class PlainLists:

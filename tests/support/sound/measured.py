@@ -97,3 +97,24 @@ def residuals(X, scan):
     y = scan.measurement - np.column_stack([r, azimuth, closing])
     y[:, 1] = wrap(y[:, 1])
     return y
+
+
+class EachScan:
+    """A filter that predicts to each scan; a subclass updates its mean and covariance with the measurement."""
+
+    sigma = 3.0
+
+    def update(self, x, P, scan):
+        """Return the mean and covariance after a measurement."""
+        raise NotImplementedError
+
+    def step(self, state, scan):
+        if state is None:
+            x, P = start(scan)
+            return (scan.time, x, P), (x, P)
+        t, x, P = state
+        x, P = predicted(x, P, scan.time - t, self.sigma)
+        if scan.valid:
+            x, P = self.update(x, P, scan)
+        P = (P + P.T) / 2
+        return (scan.time, x, P), (x, P)
