@@ -271,10 +271,11 @@ def test_a_run_out_of_range_has_no_part_in_it():
 def test_the_bound_s_acceleration_is_as_drawn_only_where_it_is_that_of_every_object(settings, drawn):
     loaded = load_scenario(OWN_MODEL, [*settings, "monte_carlo.runs=40"])
     work = work_of(loaded, truths_of(loaded))
-    assert work.acceleration_as_drawn is drawn
+    assert work.reference is not None
+    assert work.reference.as_drawn is drawn
     if drawn:
-        assert work.acceleration == 2.0
-    assert work.velocity_sigma == pytest.approx(np.sqrt((5**2 + 10**2) / 2 / 2))
+        assert work.reference.acceleration == 2.0
+    assert work.reference.velocity_sigma == pytest.approx(np.sqrt((5**2 + 10**2) / 2 / 2))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from tests.support.scenes import truth
 
 from trackbench.base.types import Observer, Truth
 from trackbench.metrics.registry import metrics_for
-from trackbench.metrics.traffic import TRACKS
+from trackbench.metrics.traffic import TRACKS, TrafficScoreOptions
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import Clutter
@@ -68,8 +68,8 @@ def work(engine: Any, steps: int = 31) -> Work:
     trackers = {name: FilterConfig.model_validate(keys) for name, keys in TRACKERS.items()}
     scenes = [scene(seed, objects, steps) for seed, objects in ((1, 4), (2, 6), (3, 3))]
     return Work(
-        "test", 5, 3, scenes, trackers, None, 0.0, 1e9, 5.0, 1, 2, 2.0, 20.0,
-        metrics=metrics_for({"tracks", "truth"}), cutoff=5.0, engine=engine,
+        "test", 5, 3, scenes, trackers, None, 0.0, 1e9, 5.0, 1, 2,
+        metrics=metrics_for({"tracks", "truth"}), track_score=TrafficScoreOptions(), engine=engine,
     )  # fmt: skip
 
 
@@ -116,7 +116,7 @@ def test_scenes_that_are_measured_at_other_times_stay_apart() -> None:
 def test_labelled_runs_stay_apart_and_large_groups_are_split() -> None:
     whole = work("numpy")
     pieces = whole.pieces()
-    assert replace(whole, cutoff=None).groups(pieces) == [[piece] for piece in pieces]
+    assert replace(whole, track_score=None).groups(pieces) == [[piece] for piece in pieces]
     pieces = replace(whole, runs=100).pieces()
     # 400 and 600 objects and runs, and 300.
     assert whole.groups(pieces) == [pieces[:2], pieces[2:]]

@@ -13,7 +13,7 @@ from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import MetricValue
 from trackbench.runner.block import Block
 from trackbench.runner.loop import run_block
-from trackbench.runner.work import BlockRuns, Scene, Work
+from trackbench.runner.work import BlockRuns, ReferenceMotion, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -154,9 +154,8 @@ def work(
 ) -> Work:
     """What ``run_block`` takes."""
     scene = Scene(of, ideal_sensors(of, sensors))
-    return Work(
-        "test", seed, runs, [scene], trackers, None, settle, divergence, 5.0, 0, 0, acceleration, velocity_sigma
-    )
+    reference = ReferenceMotion(acceleration, velocity_sigma, as_drawn=False)
+    return Work("test", seed, runs, [scene], trackers, None, settle, divergence, 5.0, 0, 0, reference)
 
 
 def block_of(whole: Work, runs: range) -> Block:

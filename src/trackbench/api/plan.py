@@ -20,7 +20,7 @@ from trackbench.truth import LoadedTruth
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison
-    from trackbench.runner.block import OnRecordedRun
+    from trackbench.runner.recorded import OnRecordedRun
 
 
 @dataclass(frozen=True)

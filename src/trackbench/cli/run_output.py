@@ -20,8 +20,7 @@ from trackbench.results import Result
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison
-    from trackbench.runner.block import OnRecordedRun
-    from trackbench.runner.recorded import RecordedInstant
+    from trackbench.runner.recorded import OnRecordedRun, RecordedInstant
 
 
 class RunOutput(Listener):

@@ -15,7 +15,7 @@ import numpy as np
 from trackbench.base.errors import counted
 from trackbench.base.types import Array, Truth
 from trackbench.engine.equations import EngineUsed, joined_engines
-from trackbench.metrics import Metric
+from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.differences import MOST_PAIRED, Family, tracker_differences
 from trackbench.metrics.evaluate import log_broken
 from trackbench.models.sensors import Sensor
@@ -67,7 +67,7 @@ def assemble(
     loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[Block], command: str
 ) -> Result:
     """The result of all blocks of a run."""
-    scenario, hidden = loaded.config, work.hidden
+    scenario = loaded.config
     scores = evaluated(work, blocks)
     margin = MarginSummary(**scenario.score.margin.model_dump())
     engines: dict[str, EngineUsed] = {}
@@ -84,7 +84,7 @@ def assemble(
         for name, place in loaded.places.items()
         if name in work.trackers
     ]
-    reference = None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work)
+    reference = _reference(scenario.score.reference.acceleration_sigma_mps2, work)
     suspect = {tracker.name for tracker in trackers if tracker.beats_bound(reference)}
     scores = replace(scores, ranked=[name for name in scores.ranked if name not in suspect])
     references = {tracker.name for tracker in trackers if tracker.is_reference}
@@ -103,8 +103,7 @@ def assemble(
             {name: getattr(scores.evaluations[name], field) for name in names} for field in ("intervals", "values")
         )
         pairs = tracker_differences(intervals, work.metrics, margin, values, family)
-    min_coverage = 0.0 if hidden else work.min_coverage
-    expectations = judge(scenario.expect, trackers, pairs, min_coverage)
+    expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
     summary = Summary(
         identities=scenario.sensing.identities,
@@ -132,9 +131,9 @@ def assemble(
             point=scenario.score.point,
             divergence_m=work.divergence,
             lost_after_s=work.lost_after,
-            min_coverage=min_coverage,
-            cutoff_m=work.cutoff,
-            switch_costs_s=work.switch_costs if hidden else None,
+            min_coverage=work.min_coverage,
+            cutoff_m=work.track_score and work.track_score.cutoff,
+            switch_costs_s=work.track_score and work.track_score.switch_costs,
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
             margin=margin,
@@ -142,8 +141,8 @@ def assemble(
             best=best,
             metrics=[
                 _summary_of_metric(metric)
-                for metric in (work.metrics if hidden else scenario.own_metrics)
-                if metric.columns or metric.per_sensor
+                for metric in work.metrics
+                if metric not in BUILT_IN and (metric.columns or metric.per_sensor)
             ],
         ),
         recorded_run=work.number(work.recorded_scene, work.recorded_run),
@@ -164,15 +163,17 @@ def _description(loaded: Scenario) -> str:
     return "; ".join(part for part in parts if part)
 
 
-def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary:
+def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary | None:
+    if work.reference is None:
+        return None
     affected = any(sensor.config.effects for sensor in work.scenes[0].sensors) or work.scenes[0].point != "centre"
     return ReferenceSummary(
-        kind="bound" if work.acceleration_as_drawn and not affected else "reference",
+        kind="bound" if work.reference.as_drawn and not affected else "reference",
         motion="cv",
-        acceleration_sigma_mps2=work.acceleration,
+        acceleration_sigma_mps2=work.reference.acceleration,
         acceleration_from="truth" if stated_acceleration is None else "scenario",
-        acceleration_changes="each truth step" if work.acceleration_as_drawn else "each measurement",
-        velocity_sigma_mps=work.velocity_sigma,
+        acceleration_changes="each truth step" if work.reference.as_drawn else "each measurement",
+        velocity_sigma_mps=work.reference.velocity_sigma,
     )
 
 
@@ -255,9 +256,8 @@ def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None 
 def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
     truth, scenes = truths[work.recorded_scene].truth, list[SceneSummary]()
     if len(truths) > 1 or work.stretches:
-        names = scores.ranked if not work.hidden else scores.evaluations
         errors: dict[str, Array] = {}
-        for name in names:
+        for name in scores.ranked:
             total, count = (
                 np.bincount(work.scene_of_run, sums) for sums in headline_sums(work, scores.evaluations[name])
             )

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trackbench.base.types import Scan, of_runs, scan_of_run
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
-from trackbench.runner.recorded import Outcome, RecordedEstimates, RecordedInstant, RecordedScans
-from trackbench.runner.targets import Targets
-from trackbench.runner.tracker_run import Batch, TrackerRun
+from trackbench.runner.batches import Batch, batches_of
+from trackbench.runner.recorded import OnRecordedRun, Outcome, RecordedEstimates, RecordedScans
+from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import scenes_side_by_side, sense_hidden
-from trackbench.sensing.scans import Measurements, sense_known
 from trackbench.trackers.config import FilterConfig
-
-#: Called with the recorded run while it is made: with its scans first, then with the estimates of one tracker after the
-#: other at each instant.
-OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 
 
 @dataclass
@@ -84,20 +77,9 @@ class Blocks:
     """
 
     def __init__(self, work: Work, group: Sequence[BlockRuns], on_recorded_run: OnRecordedRun | None) -> None:
-        self.blocks: list[Block] = []
-        self._work, self._observe, self._batches = work, on_recorded_run, list[Batch]()
-        sense = sense_hidden if work.hidden else sense_known
-        for piece in group:
-            seen = sense(work.scenes[piece.scene].sensors, work.seed, work.noise_of(piece.scene), piece.runs)
-            recorded = _recorded_scans(work, seen, piece)
-            self.blocks.append(Block(piece, {}, seen.detected(), seen.digests, {}, recorded))
-            self._batches.append(Batch([piece], seen, None if work.hidden else Targets(work, piece, seen)))
-            if on_recorded_run is not None and recorded is not None and not work.hidden:
-                on_recorded_run(recorded.scans)
-        self._together = self._batches
-        if work.hidden:
-            together = scenes_side_by_side([batch.measurements for batch in self._batches])
-            self._together = [Batch(group, together, None)]
+        self._work, self._observe = work, on_recorded_run
+        self._batches, self._together = batches_of(work, group)
+        self.blocks = [self._block(piece, batch) for piece, batch in zip(group, self._batches, strict=True)]
 
     def tracker_runs(self, name: str) -> Iterator[TrackerRun]:
         """The tracker, afresh for each batch; a run is to be finished before the next one is asked for."""
@@ -114,6 +96,10 @@ class Blocks:
             else:
                 self._add(run)
 
+    def _block(self, piece: BlockRuns, batch: Batch) -> Block:
+        seen = batch.measurements
+        return Block(piece, {}, seen.detected(), seen.digests, {}, batch.recorded_scans(self._observe))
+
     def _run(self, name: str, batch: Batch) -> TrackerRun:
         twice = batch.pieces == [self._work.driven_twice] and len(self.blocks) == 1
         return TrackerRun(self._work, batch, name, twice, self._observe)
@@ -124,23 +110,3 @@ class Blocks:
             outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
             engine = run.engine if run.engine is None or place == 0 else run.engine._replace(again=0)
             next(block for block in self.blocks if block.piece == piece).add(run, outcome, engine)
-
-
-def _recorded_scans(work: Work, seen: Measurements, piece: BlockRuns) -> RecordedScans | None:
-    """Those of the recorded run, if it is one of these."""
-    kept, scene = work.recorded_in(piece), work.scenes[piece.scene]
-    if kept is None:
-        return None
-    if not work.hidden:
-        return RecordedScans([_of_run(scan, len(scene.truth.ids), kept) for scan in seen.scans])
-    pairs = zip(seen.scans, seen.origins, strict=True)
-    return RecordedScans(
-        [scan_of_run(scan, kept) for scan in seen.scans],
-        [origins[scan.valid[:, kept], kept] for scan, origins in pairs],
-        of_runs(scene.due.status, range(work.recorded_run, work.recorded_run + 1))[..., 0],
-    )
-
-
-def _of_run(scan: Scan, objects: int, run: int) -> Scan:
-    members = slice(run, None, scan.valid.size // objects)
-    return scan._replace(measurement=scan.measurement[:, members].copy(), valid=scan.valid[members].copy())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate, merge_sums, no_metrics
+from trackbench.metrics import BlockScores, Evaluation, evaluate, merge_sums, no_metrics
 from trackbench.metrics.differences import UNDECIDED, size
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
@@ -48,36 +48,31 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     summed = [metric for metric in work.metrics if work.has_truth or "truth" not in metric.needs]
     sums = {name: merge_sums([item.sums for item in items], summed) for name, items in outcomes.items()}
     evaluations = {name: _evaluation(work, own) for name, own in sums.items()}
-    enough, scores = list(evaluations), dict[str, BlockScores]()
-    if not work.hidden:
-        scores = {name: own[ESTIMATES.name] for name, own in sums.items()}
-        enough = [name for name, own in scores.items() if own.given and own.coverage >= work.min_coverage]
+    scores = {name: own[ESTIMATES.name] for name, own in sums.items() if ESTIMATES.name in own}
+    few = {name for name, own in scores.items() if not own.given or own.coverage < work.min_coverage}
+    enough = [name for name in evaluations if name not in few]
     errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}
     values = {name: error.value for name, error in errors.items() if error is not None}
-    all_or_none = work.hidden and len(values) < len(enough)
-    return Evaluated(failures, evaluations, enough if all_or_none else by_value(values), outcomes, scores)
+    ranked = by_value(values) if len(values) == len(enough) else enough
+    return Evaluated(failures, evaluations, ranked, outcomes, scores)
 
 
 def _evaluation(work: Work, sums: MetricSums) -> Evaluation:
     reason = "" if work.has_truth else "there is no truth"
-    if work.hidden and work.has_truth and not run_sums(sums[TRACKS.name], "matched_share")[1].any():
+    of_tracks = TRACKS.name in sums
+    if of_tracks and work.has_truth and not run_sums(sums[TRACKS.name], "matched_share")[1].any():
         reason = NOTHING_DUE
     metrics = [metric for metric in work.metrics if not reason or "truth" not in metric.needs]
     options = {"in_time": work.stretches > 0, "few_scenes_decide": work.few_scenes_decide}
     evaluation = evaluate(sums, work.scene_of_run, metrics, work.recorded_noise, **options)
     if reason:
-        evaluation.values |= no_metrics(reason, metrics_of_truth(work))
-    elif work.hidden:
+        evaluation.values |= no_metrics(reason, work.reported_metrics)
+    elif of_tracks:
         if work.scenes[0].unlabelled:
             evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
         if work.scenes[0].truth.unscored is not None and work.scenes[0].truth.unscored.others:
             evaluation.values |= no_metrics(OTHERS_IGNORED, [TRACK_METRICS[path] for path in OF_FALSE_TRACKS])
     return evaluation
-
-
-def metrics_of_truth(work: Work) -> list[Metric]:
-    """Where identities are hidden, the metrics that need a truth."""
-    return [*TRACK_METRICS.values(), *(metric for metric in work.metrics if "truth" in metric.needs)]
 
 
 def judge(

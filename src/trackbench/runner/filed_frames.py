@@ -38,12 +38,13 @@ def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, 
     """
     config, files = work.trackers[name], work.filed[name]
     assert isinstance(config, TracksConfig)
+    assert work.track_score is not None
     remarks = []
     for number, every in enumerate(files):
         rows, truth = rows_of_run(every, number, 0), work.scenes[number].truth
         shift = float(every.start - truth.start) + config.time_offset_s
         doubtful = len(files) > 1 or matched_share < FEW
-        why = why_nothing_matches(rows, truth, shift, work.cutoff or 0.0) if doubtful else None
+        why = why_nothing_matches(rows, truth, shift, work.track_score.cutoff) if doubtful else None
         where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""
         remarks += [] if why is None else [where + why]
     return tuple(remarks)

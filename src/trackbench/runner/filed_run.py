@@ -203,7 +203,8 @@ class FiledHistories:
     def __init__(self, work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> None:
         config, files = work.trackers[name], work.filed[name]
         assert isinstance(config, TracksConfig)
-        self._work, self._piece, self._measurements = work, piece, measurements
+        assert work.track_score is not None
+        self._piece, self._measurements, self._cutoff = piece, measurements, work.track_score.cutoff
         place = piece.scene if len(files) > 1 else 0
         self._rows, self._offset = files[place], config.time_offset_s
         self._file, self._key = files_in(config.path)[place], f"trackers.{name}"
@@ -233,6 +234,6 @@ class FiledHistories:
         self.counts += len(rows), there.sum(), not there.any()
         time = truth.time[scene.due.steps]
         history, stamp = tracks_at_instants(rows, time, shift)
-        pairs = offset_pairs(rows, truth, number, shift, self._work.cutoff or 0.0)
+        pairs = offset_pairs(rows, truth, number, shift, self._cutoff)
         self._pairs.append(np.concatenate([np.full((1, pairs.shape[1]), scene.number + run), pairs]))
         return truth_at(truth, number, scene.truth_at(time, run), stamp), history

@@ -8,7 +8,8 @@ from functools import cache
 
 from trackbench.base.types import Progress, no_progress
 from trackbench.engine.choice import users_kernels_compared
-from trackbench.runner.block import Block, Blocks, OnRecordedRun
+from trackbench.runner.block import Block, Blocks
+from trackbench.runner.recorded import OnRecordedRun
 from trackbench.runner.work import BlockRuns, Work
 
 #: Parameters of mallopt(3), from malloc.h.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -80,6 +80,11 @@ class RecordedInstant(NamedTuple):
     """Of the instant, from 0."""
     estimates: dict[str, Gaussian]
     """By tracker that has not failed: mean ``(4, objects)``, NaN where there is none, and covariance."""
+
+
+#: Called with the recorded run while it is made: with its scans first, then with the estimates of one tracker after the
+#: other at each instant.
+OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 
 
 @dataclass

@@ -15,9 +15,9 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import Block, OnRecordedRun, failures_and_outcomes
+from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.loop import run_blocks
-from trackbench.runner.recorded import RecordedInstant
+from trackbench.runner.recorded import OnRecordedRun, RecordedInstant
 from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder

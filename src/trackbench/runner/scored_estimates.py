@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from trackbench.metrics import Scorer
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.protocol import Fault
-from trackbench.runner.recorded import ModeSums, Outcome, RecordedEstimates, RecordedInstant
+from trackbench.runner.recorded import ModeSums, OnRecordedRun, Outcome, RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.trackers.filtered import FilterTracker
@@ -24,8 +24,6 @@ from trackbench.trackers.track_steps import TrackState
 
 if TYPE_CHECKING:
     from trackbench.runner.filter_sequence import SequenceResult
-
-Observe = Callable[[RecordedInstant], None]
 
 #: Errors that come of an array with fewer axes than expected.
 OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack")
@@ -43,7 +41,9 @@ class EstimateScoring:
         observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
 
-    def __init__(self, work: Work, piece: BlockRuns, name: str, targets: Targets, observe: Observe | None) -> None:
+    def __init__(
+        self, work: Work, piece: BlockRuns, name: str, targets: Targets, observe: OnRecordedRun | None
+    ) -> None:
         config, scene = work.driven(name), work.scenes[piece.scene]
         self._name, self._piece, self._scene, self._kept = name, piece, scene, work.recorded_in(piece)
         self._target, self._observe = targets.of(config), observe

@@ -10,7 +10,6 @@ from trackbench.base.types import Tracks
 from trackbench.driving.drive import DriveStep
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.metrics.protocol import Fault
-from trackbench.metrics.traffic import TrafficScoreOptions
 from trackbench.metrics.traffic.scorer import SceneRuns, TrackScorer
 from trackbench.runner.filed_run import FiledHistories
 from trackbench.runner.recorded import Outcome
@@ -36,10 +35,10 @@ class TrackScoring:
         self._work, self._name, self._piece, self._measurements = work, name, pieces[0], measurements
         scene = work.scenes[self._piece.scene]
         self._time = scene.truth.time[scene.due.steps]
-        options = TrafficScoreOptions(work.cutoff or 5.0, work.switch_costs)
+        assert work.track_score is not None
         ends, counted = self._stretches()
         self._scorer = TrackScorer(
-            name, self._time, measurements, _scene_runs(work, pieces), work.metrics, options, ends, counted
+            name, self._time, measurements, _scene_runs(work, pieces), work.metrics, work.track_score, ends, counted
         )
 
     def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:

@@ -26,6 +26,8 @@ class Targets:
     def __init__(self, work: Work, piece: BlockRuns, measurements: Measurements) -> None:
         self._work, self._piece = work, piece
         self._scene = work.scenes[piece.scene]
+        assert work.reference is not None
+        self._motion = work.reference
         truth, instants = self._scene.truth, self._scene.instants()
         runs = piece.runs
         self.state = of_runs(self._scene.scored.state[:, instants], runs)
@@ -55,7 +57,7 @@ class Targets:
 
     def of(self, tracker: FilterConfig | PluginConfig) -> Target:
         """What a tracker is held against."""
-        case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._work.velocity_sigma)
+        case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._motion.velocity_sigma)
         if case not in self._references:
             self._references[case] = self._reference(*case)
         return Target(
@@ -143,10 +145,10 @@ class Targets:
             scene.truth,
             {name: each for name, each in scene.information.items() if name in sensors},
             self._valid,
-            work.acceleration,
+            self._motion.acceleration,
             start,
             steps,
-            np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
+            np.arange(len(scene.truth.time)) if self._motion.as_drawn else None,
             compute_by(work.engine_here),
         )
         return bound if np.array_equal(number, np.arange(len(steps))) else bound[:, number]

@@ -17,7 +17,7 @@ from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.results import FiledRows, Health, TrackerResult
-from trackbench.runner.evaluated import Evaluated, metrics_of_truth
+from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.filed_frames import remarks_on_files
 from trackbench.runner.filed_run import offset_of
 from trackbench.runner.recorded import Outcome
@@ -50,8 +50,7 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
         "failed": failure,
     }
     if failure is not None:
-        metrics = work.metrics if not work.hidden else metrics_of_truth(work)
-        values = no_metrics("the tracker failed", metrics)
+        values = no_metrics("the tracker failed", work.reported_metrics)
         return TrackerResult(
             **entry, metrics=values, health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE))
         )
@@ -60,17 +59,17 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
     if work.headline in evaluation.intervals:
         share = scene_share(ratio(*headline_sums(work, evaluation)), work.scene_of_run)
     entry |= {"metrics": evaluation.values, "scene_share": share}
-    if work.hidden:
-        if name in work.filed:
-            pairs = [block.offset for block in scores.outcomes[name] if block.offset is not None]
-            offset = offset_of(np.concatenate(pairs, axis=1))
-            entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
-            entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
-            remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
-            entry["filed"] = _rows_taken(work.filed[name], scores.outcomes[name], remarks)
-        reused = sum(block.timeline.reused_ids for block in scores.outcomes[name])
-        return TrackerResult(**entry, health=Health(reused_ids=reused))
-    return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores))
+    if name in scores.scores:
+        return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores))
+    if name in work.filed:
+        pairs = [block.offset for block in scores.outcomes[name] if block.offset is not None]
+        offset = offset_of(np.concatenate(pairs, axis=1))
+        entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
+        entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
+        remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
+        entry["filed"] = _rows_taken(work.filed[name], scores.outcomes[name], remarks)
+    reused = sum(block.timeline.reused_ids for block in scores.outcomes[name])
+    return TrackerResult(**entry, health=Health(reused_ids=reused))
 
 
 def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: tuple[str, ...]) -> FiledRows:
@@ -83,7 +82,7 @@ def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: 
 
 def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
     """``(runs,)`` sums of what trackers are ranked by, squared, and the number of terms in each."""
-    if work.hidden:
+    if TRACKS.name in evaluation.sums:
         total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
         return total, count
     sums = evaluation.scores.per_run

@@ -4,45 +4,32 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property, partial
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
 from trackbench.base.types import SAME_TIME, Indices, Scan
 from trackbench.driving.again import AskedAgain
-from trackbench.driving.drive import Delivery, DriveStep, deliveries, scans_read
+from trackbench.driving.drive import Delivery, DriveStep, deliveries
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.start import start_stepper
 from trackbench.driving.steppers import ForeignTracker, Offline
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.protocol import Fault
 from trackbench.results import Failure
-from trackbench.runner.recorded import Outcome
-from trackbench.runner.scored_estimates import EstimateScoring, Observe
-from trackbench.runner.scored_tracks import TrackScoring
-from trackbench.runner.start import asked_again, stepper_of
-from trackbench.runner.targets import Targets
-from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.scans import Measurements
+from trackbench.runner.batches import Batch
+from trackbench.runner.recorded import OnRecordedRun, Outcome
+from trackbench.runner.scored_estimates import EstimateScoring
+from trackbench.runner.second_drive import asked_again
+from trackbench.runner.work import Work
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.filtered import FilterTracker
 
 #: Instants that are taken by one sequence of calls, at most.
 INSTANTS = 64
-
-
-class Batch(NamedTuple):
-    """The runs that a tracker takes at once: of one scene, or of several whose sensors measure at the same times."""
-
-    pieces: Sequence[BlockRuns]
-    measurements: Measurements
-    """Of the runs of all pieces, one after the other."""
-    targets: Targets | None
-    """With known identities, what trackers are held against."""
 
 
 class TrackerRun:
@@ -60,7 +47,7 @@ class TrackerRun:
         observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
 
-    def __init__(self, work: Work, batch: Batch, name: str, twice: bool, observe: Observe | None = None) -> None:
+    def __init__(self, work: Work, batch: Batch, name: str, twice: bool, observe: OnRecordedRun | None = None) -> None:
         self.name, self.batch = name, batch
         self.tracker: Any = None
         """Has ``step(state, *arguments) -> (state, answer)``; inside the context."""
@@ -76,11 +63,7 @@ class TrackerRun:
         self._work, self._piece, self._twice = work, batch.pieces[0], twice
         self._scene = work.scenes[self._piece.scene]
         self._time = self._scene.truth.time[work.scored_steps(self._scene)]
-        self._scoring: EstimateScoring | TrackScoring
-        if batch.targets is not None:
-            self._scoring = EstimateScoring(work, self._piece, name, batch.targets, observe)
-        else:
-            self._scoring = TrackScoring(work, batch.pieces, name, batch.measurements)
+        self._scoring = batch.scoring(name, observe)
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
         self._step_by_step_until = 0
@@ -95,10 +78,10 @@ class TrackerRun:
         try:
             if self.name in self._work.filed:
                 return self
-            self.tracker = self._started = self._start()
+            self.tracker = self._started = self.batch.start(self.name)
             self.random = is_random(self.tracker)
             if self._twice:
-                self.tracker = asked_again(self._work, self._piece, self._work.driven(self.name), self.tracker)
+                self.tracker = asked_again(self._work, self.batch, self.name, self.tracker)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -175,15 +158,6 @@ class TrackerRun:
             scans = [scan.prompt() for scan in scans]
         used = self._work.trackers[self.name].sensors_used
         return list(deliveries(scans, used, self._scene.each_measurement))
-
-    def _start(self) -> Any:
-        """A fresh tracker."""
-        work, config = self._work, self._work.driven(self.name)
-        if not work.hidden:
-            scans = scans_read(self.batch.measurements.scans, config.sensors_used)
-            return stepper_of(work, self._piece, config, scans)
-        runs = sum(len(piece.runs) for piece in self.batch.pieces)
-        return start_stepper(config, work.folder, runs, work.prepared, work.isolation, True, work.sensors)
 
     def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
         """The scan, with the objects that each detection and the second part of a merged one stem from where identities

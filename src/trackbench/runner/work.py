@@ -23,11 +23,11 @@ from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.metrics.registry import metrics_for, ranking_path
-from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic import TRACK_METRICS, TrafficScoreOptions
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
 from trackbench.runner.filed_tracks import rows_of_files
-from trackbench.scenario import Scenario
+from trackbench.scenario import Scenario, ScenarioConfig
 from trackbench.scenario.keys import TrackerEntry
 from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
@@ -96,6 +96,17 @@ class BlockRuns(NamedTuple):
     """Numbered within the scene."""
 
 
+class ReferenceMotion(NamedTuple):
+    """Motion that the reference of single objects allows for."""
+
+    acceleration: float
+    """Standard deviation, m/s^2 per axis."""
+    velocity_sigma: float
+    """Standard deviation of the velocity at the start, m/s per axis."""
+    as_drawn: bool
+    """Whether the acceleration is all that drives the targets, drawn anew at each step of the truth."""
+
+
 @dataclass(frozen=True)
 class Work:
     """Everything that is the same for every block of a run."""
@@ -115,20 +126,14 @@ class Work:
     recorded_scene: int
     recorded_run: int
     """Numbered within its scene."""
-    acceleration: float
-    """That the reference allows for, m/s^2 per axis."""
-    velocity_sigma: float
-    """That the reference starts from, m/s per axis."""
-    acceleration_as_drawn: bool = False
-    """Whether it is all that drives the targets, drawn anew at each step of the truth."""
+    reference: ReferenceMotion | None = None
+    """Motion that the reference of single objects allows for; None where identities are hidden."""
     min_coverage: float = 0.0
-    """A tracker with a smaller share of the estimates that it should give is not ranked."""
+    """A tracker of single objects with a smaller share of the estimates that are due is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
     isolation: Isolation = ISOLATED
-    cutoff: float | None = None
-    """Where identities are hidden, the distance from which a track is not on an object, m."""
-    switch_costs: float = 0.5
-    """Where identities are hidden, how long an object may be missed for the cost of a switch, s."""
+    track_score: TrafficScoreOptions | None = None
+    """How tracks are scored; None where identities are known."""
     engine: Engine = "numpy"
     """What computes, wherever it can be had."""
     driven_twice: BlockRuns | None = None
@@ -151,7 +156,7 @@ class Work:
     @property
     def hidden(self) -> bool:
         """Whether scans do not say of which object a detection is, so that trackers follow several objects."""
-        return self.cutoff is not None
+        return self.track_score is not None
 
     @property
     def sensors(self) -> Mapping[str, Sensor]:
@@ -244,6 +249,13 @@ class Work:
         return ranking_path(BUILT_IN if not self.hidden else TRACK_METRICS.values())
 
     @property
+    def reported_metrics(self) -> list[Metric]:
+        """Metrics of which a result has a value, or the reason why there is none."""
+        if not self.hidden:
+            return [*self.metrics]
+        return [*TRACK_METRICS.values(), *(metric for metric in self.metrics if "truth" in metric.needs)]
+
+    @property
     def has_truth(self) -> bool:
         """Whether every scene has a truth, which a recording with hidden identities may lack."""
         return all(scene.truth.known for scene in self.scenes)
@@ -325,13 +337,9 @@ def work_of(
         InputError: the engine cannot be had.
     """
     scenario = loaded.config
-    stated, driven = scenario.score.reference, scenario.truth.white_acceleration
-    every = [item.truth for item in truths]
+    every, score = [item.truth for item in truths], scenario.score
     hidden = scenario.sensing.identities == "hidden"
-    each_measurement = scenario.score.each == "measurement"
-    acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
-    if acceleration is None:
-        acceleration = typical_acceleration(every) if driven is None else driven
+    each_measurement = score.each == "measurement"
     work = Work(
         scenario=scenario.name,
         seed=scenario.monte_carlo.seed,
@@ -341,25 +349,22 @@ def work_of(
                 item.truth,
                 ideal_sensors(item.truth, scenario.sensors, item.measurements),
                 each_measurement,
-                scenario.score.point,
+                score.point,
             )
             for item in truths
         ],
         trackers=scenario.trackers,
         folder=loaded.folder,
-        settle=scenario.score.settle_s,
-        divergence=scenario.score.divergence_m,
-        lost_after=scenario.score.lost_after_s,
+        settle=score.settle_s,
+        divergence=score.divergence_m,
+        lost_after=score.lost_after_s,
         recorded_scene=scenario.recording.scene,
         recorded_run=scenario.recording.run,
-        acceleration=acceleration,
-        velocity_sigma=entry_velocity(every) if velocity is None else velocity,
-        acceleration_as_drawn=acceleration == driven,
-        min_coverage=scenario.score.min_coverage,
+        reference=None if hidden else _reference_motion(scenario, every),
+        min_coverage=0.0 if hidden else score.min_coverage,
         metrics=(*metrics_for(scenario.properties), *scenario.own_metrics),
         isolation=isolation,
-        cutoff=scenario.score.cutoff_m if hidden else None,
-        switch_costs=scenario.score.switch_costs_s,
+        track_score=TrafficScoreOptions(score.cutoff_m, score.switch_costs_s) if hidden else None,
         stretches=(scenario.truth.stretches or 0) if isinstance(scenario.truth, ReferenceTruth) else 0,
         counted_stretches=scenario.truth.counted_stretches,
         few_scenes_decide=scenario.few_scenes_decide,
@@ -369,6 +374,15 @@ def work_of(
         _ = scene.scored
     filed = rows_of_files(work.trackers, every, work.runs, work.folder or Path())
     return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=filed)
+
+
+def _reference_motion(scenario: ScenarioConfig, truths: Sequence[Truth]) -> ReferenceMotion:
+    stated, driven = scenario.score.reference, scenario.truth.white_acceleration
+    acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
+    if acceleration is None:
+        acceleration = typical_acceleration(truths) if driven is None else driven
+    velocity = entry_velocity(truths) if velocity is None else velocity
+    return ReferenceMotion(acceleration, velocity, as_drawn=acceleration == driven)
 
 
 def _drawn_block(work: Work) -> BlockRuns:

@@ -24,7 +24,7 @@ from trackbench.results import Result
 from trackbench.runner.recorded import RecordedInstant
 
 if TYPE_CHECKING:
-    from trackbench.runner.block import OnRecordedRun
+    from trackbench.runner.recorded import OnRecordedRun
 
 #: Instants that wait to be sent at most; what comes later is in the whole recording alone, which is sent at the end.
 WAITING = 10_000

@@ -1,0 +1,165 @@
+"""The runs that a tracker takes at once: all that differs by whether a detection says of which object it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Protocol
+
+from trackbench.base.types import Scan, of_runs, scan_of_run
+from trackbench.driving.drive import scans_read
+from trackbench.driving.start import start_stepper
+from trackbench.driving.steppers import Offline
+from trackbench.runner.initial_states import with_initial_states
+from trackbench.runner.recorded import OnRecordedRun, RecordedScans
+from trackbench.runner.scored_estimates import EstimateScoring
+from trackbench.runner.scored_tracks import TrackScoring
+from trackbench.runner.targets import Targets
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.detections import scenes_side_by_side, sense_hidden
+from trackbench.sensing.scans import Measurements, sense_known
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.filtered import SmoothedTracker
+
+
+class Batch(Protocol):
+    """The runs that a tracker takes at once: of one scene, or of several whose sensors measure at the same times."""
+
+    pieces: Sequence[BlockRuns]
+    measurements: Measurements
+    """Measurements of the runs of all pieces, one after the other."""
+    several: bool
+    """Whether a tracker follows several objects: a member is then one run, else one object in one run."""
+
+    @property
+    def members(self) -> int:
+        """Number of members."""
+
+    def start(self, name: str) -> Any:
+        """Return a fresh tracker for all members of the batch."""
+
+    def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring | TrackScoring:
+        """Return what scores the answers of a tracker."""
+
+    def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
+        """Return the scans of the recorded run, if it is in the batch."""
+
+
+class KnownIdentities:
+    """Runs of a scene whose detections say of which object they are. A member is one object in one run.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs.
+    """
+
+    several = False
+
+    def __init__(self, work: Work, piece: BlockRuns) -> None:
+        self._work, self._piece, self._scene = work, piece, work.scenes[piece.scene]
+        self.pieces: Sequence[BlockRuns] = [piece]
+        self.measurements = sense_known(self._scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
+        self._targets = Targets(work, piece, self.measurements)
+
+    @property
+    def members(self) -> int:
+        """Number of objects times the number of runs."""
+        return len(self._scene.truth.ids) * len(self._piece.runs)
+
+    def start(self, name: str) -> Any:
+        """Return a fresh tracker; a smoother is given all its scans at once."""
+        work, entry = self._work, self._work.driven(name)
+        with_states = partial(with_initial_states, work, self._piece)
+        if isinstance(entry, FilterConfig) and entry.smoother is not None:
+            tracker = SmoothedTracker(with_states(replace(build(entry).tracker, engine=work.engine_here)))
+            return Offline(tracker, list(scans_read(self.measurements.scans, entry.sensors_used)))
+        prepare = partial(work.prepared, change=with_states)
+        return start_stepper(entry, work.folder, self.members, prepare, work.isolation, sensors=work.sensors)
+
+    def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring:
+        """Return what scores the estimates of a tracker, and tells of those in the recorded run."""
+        return EstimateScoring(self._work, self._piece, name, self._targets, observe)
+
+    def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
+        """Return the scans of the recorded run, and tell of them; their batch axis is the objects."""
+        run = self._work.recorded_in(self._piece)
+        if run is None:
+            return None
+        scans = [_of_run(scan, len(self._scene.truth.ids), run) for scan in self.measurements.scans]
+        if observe is not None:
+            observe(scans)
+        return RecordedScans(scans)
+
+
+class HiddenIdentities:
+    """Runs whose detections do not say of which object they are. A member is one run.
+
+    Args:
+        work: what all blocks share.
+        pieces: the runs of each scene.
+        measurements: detections of the runs of all pieces, one after the other.
+    """
+
+    several = True
+
+    def __init__(self, work: Work, pieces: Sequence[BlockRuns], measurements: Measurements) -> None:
+        self._work, self.pieces, self.measurements = work, pieces, measurements
+
+    @classmethod
+    def of(cls, work: Work, piece: BlockRuns) -> HiddenIdentities:
+        """Sense some runs of a scene."""
+        sensors, noise = work.scenes[piece.scene].sensors, work.noise_of(piece.scene)
+        return cls(work, [piece], sense_hidden(sensors, work.seed, noise, piece.runs))
+
+    @property
+    def members(self) -> int:
+        """Number of runs."""
+        return sum(len(piece.runs) for piece in self.pieces)
+
+    def start(self, name: str) -> Any:
+        """Return a fresh tracker of several objects."""
+        work, options = self._work, (self._work.isolation, True, self._work.sensors)
+        return start_stepper(work.driven(name), work.folder, self.members, work.prepared, *options)
+
+    def scoring(self, name: str, observe: OnRecordedRun | None) -> TrackScoring:
+        """Return what scores the tracks of a tracker; they are not observed."""
+        return TrackScoring(self._work, self.pieces, name, self.measurements)
+
+    def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
+        """Return the scans of the recorded run, with the origins of their detections; they are not observed."""
+        (piece,), seen = self.pieces, self.measurements
+        run = self._work.recorded_in(piece)
+        if run is None:
+            return None
+        pairs = zip(seen.scans, seen.origins, strict=True)
+        number = self._work.recorded_run
+        return RecordedScans(
+            [scan_of_run(scan, run) for scan in seen.scans],
+            [origins[scan.valid[:, run], run] for scan, origins in pairs],
+            of_runs(self._work.scenes[piece.scene].due.status, range(number, number + 1))[..., 0],
+        )
+
+
+def batches_of(work: Work, group: Sequence[BlockRuns]) -> tuple[Sequence[Batch], Sequence[Batch]]:
+    """Return the batches of a group of blocks.
+
+    Args:
+        work: what all blocks share.
+        group: the runs of each block.
+
+    Returns:
+        A batch a block; and the batches that built-in trackers take, which with hidden identities is one of all blocks.
+    """
+    if not work.hidden:
+        batches = [KnownIdentities(work, piece) for piece in group]
+        return batches, batches
+    blocks = [HiddenIdentities.of(work, piece) for piece in group]
+    together = scenes_side_by_side([block.measurements for block in blocks])
+    return blocks, [HiddenIdentities(work, group, together)]
+
+
+def _of_run(scan: Scan, objects: int, run: int) -> Scan:
+    members = slice(run, None, scan.valid.size // objects)
+    return scan._replace(measurement=scan.measurement[:, members].copy(), valid=scan.valid[members].copy())

@@ -1,0 +1,45 @@
+"""Plug-ins driven through some runs a second time: who they are, and with which members."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.streams import stream
+from trackbench.driving.again import AskedAgain
+from trackbench.driving.isolation import plugged_in
+from trackbench.driving.start import start_stepper
+from trackbench.runner.batches import Batch
+from trackbench.runner.work import Work
+from trackbench.trackers.answers import is_random
+
+#: Number of runs through which a tracker is driven again that is not batched.
+RUNS = 2
+
+
+def asked_again(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
+    """Wrap a plug-in so that it is asked again; return a built-in tracker, or one that draws random numbers, as it is.
+
+    A batched one gets half of the batch, permuted; any other two runs in reverse order.
+
+    Args:
+        work: what all blocks share.
+        batch: runs of one scene.
+        name: of the tracker.
+        tracker: started for the batch.
+    """
+    config, (piece,) = work.driven(name), batch.pieces
+    if not plugged_in(config) or is_random(tracker):
+        return tracker
+    random = stream(work.seed, work.noise_of(piece.scene), piece.runs.start, "second drive")
+    if tracker.batched:
+        order = random.permutation(batch.members)[batch.members // 2 :]
+    else:
+        runs = len(piece.runs)
+        chosen = np.sort(random.permutation(runs)[:RUNS])
+        # Members are numbered by object, then run.
+        order = np.concatenate([np.arange(0, batch.members, runs) + run for run in chosen])[::-1]
+    options = work.isolation, batch.several, work.sensors
+    return AskedAgain(tracker, partial(start_stepper, config, work.folder, len(order), work.prepared, *options), order)
