@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,7 @@ from trackbench.runner.loop import run_blocks
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
-from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.multi import MultiObjectTracker, association
 
 EKF = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.0}
@@ -111,6 +113,32 @@ def test_scenes_that_are_measured_at_other_times_stay_apart() -> None:
     scenes = [whole.scenes[0], scene(2, 6, steps=21), whole.scenes[2]]
     pieces = whole.pieces()
     assert replace(whole, scenes=scenes).groups(pieces) == [[piece] for piece in pieces]
+
+
+SHARED = """
+import numpy as np
+from trackbench.base.types import Tracks
+
+class Shared:
+    "Instances count their steps together."
+    steps = 0
+    def step(self, state, scan):
+        Shared.steps += 1
+        return state, Tracks(np.array([0]), np.full((4, 1), Shared.steps % 7), np.eye(4)[..., None])
+"""
+
+
+def test_a_plug_in_beside_a_built_in_tracker_is_asked_again(
+    tmp_path: Path, write_module: Callable[[Path, str], str]
+) -> None:
+    whole = work("numpy", steps=16)
+    plug_in = PluginConfig.model_validate({"use": f"{write_module(tmp_path, SHARED)}:Shared"})
+    trackers = {"gnn": whole.trackers["gnn"], "shared": plug_in}
+    whole = replace(whole, trackers=trackers, folder=tmp_path, driven_twice=whole.pieces()[1])
+    outcomes = [block.outcomes["shared"] for block in run_blocks(whole, whole.pieces())]
+    assert [isinstance(outcome, Failure) for outcome in outcomes] == [False, True, False]
+    assert isinstance(outcomes[1], Failure)
+    assert "asked again" in outcomes[1].cause
 
 
 def test_labelled_runs_stay_apart_and_large_groups_are_split() -> None:

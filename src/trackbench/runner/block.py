@@ -101,7 +101,7 @@ class Blocks:
         return Block(piece, {}, seen.detected(), seen.digests, {}, batch.recorded_scans(self._observe))
 
     def _run(self, name: str, batch: Batch) -> TrackerRun:
-        twice = batch.pieces == [self._work.driven_twice] and len(self.blocks) == 1
+        twice = batch.pieces == [self._work.driven_twice]
         return TrackerRun(self._work, batch, name, twice, self._observe)
 
     def _add(self, run: TrackerRun) -> None:
