@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from trackbench.base.config.key_units import show, split_key
+from trackbench.base.config.key_units import show
 from trackbench.base.config.plugin import REFERENCE
 from trackbench.base.subjects import offered, resolve
 from trackbench.scenario.schema import Schema, json_schema
@@ -26,6 +28,12 @@ OTHER_EXAMPLES: dict[str, str] = _EXAMPLES["classes"]
 #: The headings of classes where neither the key that leads to them nor their name in a file would do.
 HEADINGS: dict[str, str] = _EXAMPLES["headings"]
 
+#: Key, type, default and meaning of a key.
+Row = tuple[str, str, str, str]
+#: So many rows that another table of the page has are named, with a link to it, and not listed again.
+FEWEST_REPEATED = 3
+#: Bounds from here on, and below its inverse, keep out nonsense; nobody looks them up.
+VAST = 1e4
 #: Keys whose classes stand on the page of another key, by that key.
 HOMES = {"motion": "trackers"}
 NOTE = "<!-- Made from the schema by `python -m trackbench.scenario.docs docs`. Change the field descriptions. -->"
@@ -42,6 +50,9 @@ of a list count from 0).
 The unit is the end of a key's name: `_m` metres, `_s` seconds, `_hz` Hz, `_deg` degrees, `_rad` radians, `_mps` m/s,
 `_mps2` m/s^2, `_mps3` m/s^3, `_radps` rad/s, `_radps2` rad/s^2. Angles are counter-clockwise. YAML is read by the rules
 of version 1.2: `on`, `yes` and `1:30` are text. `<<: *name` merges a mapping with an anchor.
+
+A relative path starts in the scenario's folder, or in the working directory. Environment variables in it, such as
+`$TRACKBENCH_DATA`, are filled in.
 """
 
 
@@ -49,19 +60,24 @@ def scenario_pages() -> dict[str, str]:
     """Return the text of each page by its path in the folder of the documentation."""
     schema = json_schema()
     sections = [key for key in schema["properties"] if key in EXAMPLES]
-    rows = _rows({**schema, "$defs": {}}, {key: f"[`{key}`](scenario-file/{key}.md)" for key in sections})
+    rows = _table(_rows({**schema, "$defs": {}}, {key: f"[`{key}`](scenario-file/{key}.md)" for key in sections}))
     tree = "\n".join(f"scenario-file/{key}" for key in sections)
     pages = {"scenario-file.md": [INTRODUCTION, rows, f"```{{toctree}}\n:hidden:\n\n{tree}\n```"]}
     described: set[str] = set()
     for key in sections:
         field = schema["properties"][key]
         head = [f"# `{key}`", NOTE, field["description"], _yaml(EXAMPLES[key])]
-        pages[f"scenario-file/{key}.md"] = [*head, *_described(field, "", schema["$defs"], described, key)]
+        pages[f"scenario-file/{key}.md"] = [*head, *_described(field, "", schema["$defs"], described, key, {})]
     return {path: "\n\n".join(block.strip("\n") for block in blocks) + "\n" for path, blocks in pages.items()}
 
 
-def _described(field: Schema, key: str, parts: Schema, described: set[str], page: str) -> Iterator[str]:
-    """Yield the classes that a key's value may have, and those within them, each once."""
+def _described(
+    field: Schema, key: str, parts: Schema, described: set[str], page: str, listed: dict[Row, str]
+) -> Iterator[str]:
+    """Yield the classes that a key's value may have, and those within them, each once.
+
+    ``described`` and ``listed`` (the rows of the page, with the heading of each) are extended.
+    """
     for name, several in _references(field):
         if name in described:
             continue
@@ -72,15 +88,23 @@ def _described(field: Schema, key: str, parts: Schema, described: set[str], page
         ]
         kind = next((f"{own}: {item['const']}" for own, item in named), None)
         usual = f"`{kind}`" if kind else f"Each of `{key}`" if several else f"`{key}`"
+        heading = HEADINGS.get(name, usual)
         if name in HEADINGS or key or kind:
-            yield f"## {HEADINGS.get(name, usual)}"
+            yield f"## {heading}"
         yield inspect.cleandoc(part["description"])
         if name in OTHER_EXAMPLES:
             yield _yaml(OTHER_EXAMPLES[name])
-        yield _rows(part)
+        # A heading such as `type: bias` says what the row of that key would say.
+        rows = [row for row in _rows(part) if heading != f"`{row[0].strip('`')}: {row[1].strip('`')}`"]
+        repeated = _repeated(rows, listed)
+        yield _table([row for row in rows if row not in repeated])
+        for earlier in dict.fromkeys(repeated.values()):
+            keys = ", ".join(row[0] for row, place in repeated.items() if place == earlier)
+            yield f"Further keys, as in [{earlier}](#{_anchor(earlier)}): {keys}."
+        listed |= {row: heading for row in rows if row not in listed}
         for inner, value in part["properties"].items():
             if "$comment" not in value and HOMES.get(inner, page) == page:
-                yield from _described(value, inner, parts, described, page)
+                yield from _described(value, inner, parts, described, page, listed)
 
 
 def _references(field: Schema, several: bool = False) -> Iterator[tuple[str, bool]]:
@@ -98,26 +122,41 @@ def _yaml(text: str) -> str:
     return f"```yaml\n{text}```"
 
 
-def _rows(part: Schema, shown: dict[str, str] = {}) -> str:  # noqa: B006
-    """Return the table of a class; ``shown``: keys that are written otherwise. Options of a plug-in have their own."""
+def _rows(part: Schema, shown: dict[str, str] = {}) -> list[Row]:  # noqa: B006
+    """Return the rows of a class; ``shown``: keys that are written otherwise. Options of a plug-in have their own."""
     rows = []
     choices = [set(form.get("required", ())) for form in part.get("anyOf", ())]
     for key, field in part["properties"].items():
         if "$comment" in field:
             continue
-        unit = split_key(key)[1]
         default = "required" if key in part.get("required", ()) else _value(field.get("default"))
         if {"preset"} in choices and key in choices[0]:
             default = "required, or from the preset"
-        name = shown.get(key, f"`{key}`")
-        rows.append((name, _type(field), unit.words if unit else "", default, field.get("description", "")))
-    lines = [("key", "type", "unit", "default", "meaning"), ("---",) * 5, *rows]
+        rows.append((shown.get(key, f"`{key}`"), _type(field), default, field.get("description", "")))
+    return rows
+
+
+def _repeated(rows: list[Row], listed: dict[Row, str]) -> dict[Row, str]:
+    """Return the rows that an earlier table has, with its heading, where it has so many of them."""
+    headings = Counter(listed[row] for row in rows if row in listed)
+    return {row: listed[row] for row in rows if headings[listed.get(row, "")] >= FEWEST_REPEATED}
+
+
+def _anchor(heading: str) -> str:
+    return re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-")
+
+
+def _table(rows: list[Row]) -> str:
+    lines = [("key", "type", "default", "meaning"), ("---",) * 4, *rows]
     text = ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in lines]
     return "\n".join(text) if rows else ""
 
 
 def _type(field: Schema) -> str:
     if options := field.get("anyOf") or field.get("oneOf"):
+        if REFERENCE in options:
+            # The names have headings of their own.
+            options = [{"type": "string"}, *(option for option in options if "enum" not in option)]
         types = [each for option in options if option != {"type": "null"} for each in _type(option).split(" or ")]
         return " or ".join(dict.fromkeys(types))
     if "const" in field:
@@ -136,7 +175,8 @@ def _type(field: Schema) -> str:
 
 def _bounds(field: Schema) -> str:
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-    bounds = [f"{sign} {show(field[name])}" for name, sign in signs.items() if name in field]
+    stated = {sign: field[name] for name, sign in signs.items() if name in field}
+    bounds = [f"{sign} {show(bound)}" for sign, bound in stated.items() if not bound or 1 / VAST < abs(bound) < VAST]
     return ", " + ", ".join(bounds) if bounds else ""
 
 

@@ -82,10 +82,8 @@ class RecordingOptions(ReferenceTruth):
     path: Paths | None = Field(
         None,
         description="The file; of several logs a list of files. Each log is a scene; other files are then lists "
-        "too, one file for each log in the same order. A relative path starts in the scenario's "
-        "folder, or in the working directory; environment variables such as $TRACKBENCH_DATA are filled in. csv and "
-        "parquet: may be left out where the identities are hidden; then there is no truth, and every sensor's "
-        "measurements have a file of their own.",
+        "too, one file for each log in the same order. csv and parquet: may be left out where the identities are "
+        "hidden; then there is no truth, and every sensor's measurements have a file of their own.",
     )
     columns: TruthColumns | None = Field(None, description="csv and parquet, required there: names of the columns.")
     units: Units = Field(default_factory=Units, description="csv and parquet: units of the columns.")

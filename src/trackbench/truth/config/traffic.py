@@ -29,10 +29,6 @@ from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficFormat, r
 
 FileFormat = Annotated[TrafficFormat, Plugin(TRAFFIC_FORMATS, "name", word=True)]
 FORMAT = "The format of the file (`trackbench list truth` shows them), or one of your own as `module:Class`"
-FILE = (
-    "The file. A relative path starts in the scenario's folder, or in the working directory; environment variables "
-    "such as $TRACKBENCH_DATA are filled in."
-)
 Vehicle = Annotated[str, Field(min_length=1)]
 
 
@@ -82,7 +78,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
     """Traffic recorded from above or by a simulator: every vehicle's motion, which sensors on one of them see."""
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
-    path: str | None = Field(None, min_length=1, description=f"{FILE} None with i80, which comes with the package.")
+    path: str | None = Field(None, min_length=1, description="The file. None with i80, which comes with the package.")
     observer: Annotated[
         Annotated[FixedObserver, Tag(MAPPING)] | Annotated[VehicleObserver, Tag("<vehicle>")],
         chosen_by(_observer_kind, 'write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}'),
@@ -151,7 +147,7 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
     """Boxes of a reference as they stand in a file: an id is one object, due at the time stamps of the file."""
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
-    path: Paths = Field(description=f"{FILE} Of several sequences a list of files, each of which is a scene.")
+    path: Paths = Field(description="The file. Of several sequences a list of files, each of which is a scene.")
     _sequence: str = PrivateAttr("")
 
     @property
@@ -191,7 +187,7 @@ class TracksConfig(OptionsBeside):
     """Tracks that another program wrote into a file."""
 
     use: Literal["tracks"] = Field(description="tracks.")
-    path: Paths = Field(description=f"{FILE} Or a list of files, one for each scene in the order of the scenes.")
+    path: Paths = Field(description="The file. Or a list of files, one for each scene in the order of the scenes.")
     format: FileFormat = Field(
         description=f"{FORMAT}. Its options, such as columns and units, stand beside it. auto, or none: by the ending "
         "of the file, where it tells."

@@ -63,24 +63,7 @@ class SignalRange(Config):
 
 
 class SignalToNoise(SignalRange, Effect):
-    """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates.
-
-    The received power is ``P = |sqrt(S) s + n|^2``, relative to the noise: S is the mean signal-to-noise ratio, s the
-    vehicle's reflection and n the receiver's noise, both complex Gaussian with power 1, so that P is exponential
-    (Swerling 1). The noise is drawn anew at each scan. The reflection follows the aspect, which is the direction of the
-    line of sight in the vehicle's frame: it is a Gauss-Markov process of second order along the way that the aspect
-    turns, whose correlation is 1/e after ``c / (2 L f)``. L is the extent of the vehicle across the line of sight.
-    (Scatterers spread evenly over L have a correlation of zero there, and 1/e at 0.7 of it.) Where an aspect comes back
-    or a vehicle was hidden, the reflection is another one. A vehicle is detected where P exceeds the threshold of a
-    false alarm probability of 1e-6.
-
-    The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with the
-    mean power P0 at ``stated_at_m``. Slow errors have the mean of that factor over detections.
-
-    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Richards (2014), "Fundamentals
-    of Radar Signal Processing", equation 2.63, for the aspect that decorrelates; Barton (2005), "Radar System Analysis
-    and Modeling", section 8.1: the error of an estimate falls with the root of the ratio.
-    """
+    """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates."""
 
     side_db: float = Field(
         0,
@@ -96,6 +79,24 @@ class SignalToNoise(SignalRange, Effect):
     )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
+        """Draw which vehicles are detected, and the noise variances of their measurements.
+
+        The received power is ``P = |sqrt(S) s + n|^2``, relative to the noise: S is the mean signal-to-noise ratio, s
+        the vehicle's reflection and n the receiver's noise, both complex Gaussian with power 1, so that P is
+        exponential (Swerling 1). The noise is drawn anew at each scan. The reflection follows the aspect, which is the
+        direction of the line of sight in the vehicle's frame: it is a Gauss-Markov process of second order along the
+        way that the aspect turns, whose correlation is 1/e after ``c / (2 L f)``. L is the extent of the vehicle across
+        the line of sight. (Scatterers spread evenly over L have a correlation of zero there, and 1/e at 0.7 of it.)
+        Where an aspect comes back or a vehicle was hidden, the reflection is another one. A vehicle is detected where P
+        exceeds the threshold of a false alarm probability of 1e-6.
+
+        The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with
+        the mean power P0 at ``stated_at_m``. Slow errors have the mean of that factor over detections.
+
+        Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Richards (2014),
+        "Fundamentals of Radar Signal Processing", equation 2.63, for the aspect that decorrelates; Barton (2005),
+        "Radar System Analysis and Modeling", section 8.1: the error of an estimate falls with the root of the ratio.
+        """
         ahead, left = sensed.bodies.seen_from(sensed.pose)
         distance = np.hypot(ahead, left)
         side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0)
