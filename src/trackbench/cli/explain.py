@@ -26,7 +26,7 @@ LISTED = {
     "worlds": "world",
 }
 #: Terms that the glossary leaves to the doctor's reference and the scenario file, by the first heading of their pages.
-ELSEWHERE = {"fault", "check", "motion model", "sensor effect", "function"}
+ELSEWHERE = {"fault", "check", "motion model", "sensor effect", "function", "world"}
 GLOSSARY = """\
 # Glossary
 
@@ -34,7 +34,8 @@ GLOSSARY = """\
 
 A reference: every word that a table, a report or an examination uses, in alphabetical order. `trackbench explain TERM`
 prints the same. [Metrics](metrics.md) has the formulas, [the doctor's reference](doctor-reference.md) faults and
-checks, [the scenario file](scenario-file.md) motion models, effects of sensors and functions."""
+checks, [the scenario file](scenario-file.md) motion models, effects of sensors and functions, [Worlds](worlds.md) the
+worlds."""
 
 
 def terms() -> dict[str, list[TermPage]]:

@@ -15,7 +15,7 @@ from trackbench.base.subjects import offered, resolve
 from trackbench.metrics import Metric
 from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.scenario.worlds import MEANING, World
+from trackbench.scenario.worlds import World
 from trackbench.sensing.scored_point import ScoredPoint
 from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, entry_kind
 from trackbench.truth import TRUTH_SOURCES, TruthSource
@@ -204,9 +204,8 @@ class ScenarioKeys(Config):
     recording: RecordingConfig = Field(default_factory=RecordingConfig, description="What the recording shows.")
     worlds: list[World] = Field(
         default_factory=list,
-        description="The worlds that a run goes through, each with a result of its own ("
-        + "; ".join(f"{name}: {meaning}" for name, meaning in MEANING.items())
-        + "). The scenario as it is written, unless given.",
+        description="The worlds (`trackbench list worlds`) that a run goes through, each with a result of its own. The "
+        "scenario as it is written, unless given.",
     )
     world: World | None = Field(None, description="One of the worlds, as which the scenario is changed.")
 
