@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,119 +24,60 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_modules
 from trackbench.subjects.log_audit.audit import LogAudit, audit_log, corrected
 from trackbench.subjects.log_audit.findings import SensorAudit
-from trackbench.subjects.log_audit.noise import GATE_M, Band, Unlabelled
 from trackbench.subjects.log_audit.report import log_audit_document, log_audit_summary
 
 SCHEMA_VERSION = 1
 
 
 def audit_content(audit: LogAudit) -> dict[str, Any]:
-    """All that was found, in SI units and radians; null where there is no number."""
-    values: dict[str, Any] = _plain(
-        {
-            "schema_version": SCHEMA_VERSION,
-            "scenario": audit.name,
-            "file": str(audit.scenario.path),
-            "duration_s": audit.duration_s,
-            "findings": [asdict(finding) for finding in audit.findings],
-            "changes": audit.changes,
-            "sensors": {name: _sensor(item) for name, item in audit.sensors.items()},
-            "clocks": [asdict(clock) for clock in audit.clocks],
-            "truth_velocity": [
-                {
-                    "object": check.name,
-                    "noise_m": check.noise,
-                    "difference_mps": check.difference,
-                    "scale": check.scale,
-                    "fits_unit": check.unit,
-                    "jumps": check.jumps,
-                    "contradicts": check.contradicts,
-                }
-                for check in audit.velocities
-            ],
-        }
-    )
-    return values
+    """Return all that was found, in SI units and radians; null where there is no number."""
+    content = {
+        "schema_version": SCHEMA_VERSION,
+        "scenario": audit.name,
+        "file": str(audit.scenario.path),
+        "duration_s": audit.duration_s,
+        "findings": audit.findings,
+        "changes": audit.changes,
+        "unexplained": audit.unexplained,
+        "sensors": {name: _sensor(item) for name, item in audit.sensors.items()},
+        "clocks": audit.clocks,
+        "truth_velocity": audit.velocities,
+    }
+    return {key: _plain(value) for key, value in content.items()}
 
 
 def _sensor(item: SensorAudit) -> dict[str, Any]:
-    fit, detections = item.fit, item.detections
-    values: dict[str, Any] = {
+    values = {
         "kind": item.log.config.type,
         "measurements": len(item.log.log.time),
         "mean_square": {"as_logged": item.square_before, "with_findings": item.square_after},
-        "rate_hz": detections.rate_hz,
-        "detections": {
-            **_interval(detections.share),
-            "chances": detections.chances,
-            "bands": [_band(band) for band in detections.bands],
-            "largest_azimuth_rad": detections.seen_half_angle,
-            "largest_range_m": detections.seen_range_m,
-        },
-        "wrong_units": [asdict(wrong) for wrong in item.units],
-        "unlabelled": item.unlabelled and _unlabelled(item.unlabelled),
+        "detections": item.detections,
+        "wrong_units": item.units,
+        "unlabelled": item.unlabelled,
     }
-    if fit is None:
+    if item.fit is None:
         return {**values, "reason": "too few measurements to estimate anything"}
     return {
         **values,
-        "outliers": int(fit.outlier.sum()),
-        "errors": {
-            name: {
-                **_interval(estimate.interval),
-                "unit": estimate.unit,
-                "effect_sigma": estimate.effect,
-                "or_else": list(estimate.or_else),
-                "same_as": estimate.same_as,
-                "correlated_with": None if estimate.correlated is None else list(estimate.correlated),
-            }
-            for name, estimate in fit.estimates.items()
-        },
-        "not_identifiable": {name: list(others) for name, others in fit.unidentified.items()},
-        "condition": fit.condition,
-        "components": {
-            noise.name: {
-                "unit": noise.unit,
-                "mean": _interval(noise.mean),
-                "sigma": _interval(noise.sigma),
-                "stated_sigma": noise.stated,
-                "range_exponent": None if noise.exponent is None else _interval(noise.exponent),
-                "bands": [_band(band) for band in noise.bands],
-            }
-            for noise in item.noise
-        },
-        "covariance": item.covariance,
+        "outliers": int(item.fit.outlier.sum()),
+        "errors": item.fit.estimates,
+        "not_identifiable": item.fit.unidentified,
+        "components": {noise.name: noise for noise in item.noise},
     }
-
-
-def _unlabelled(item: Unlabelled) -> dict[str, Any]:
-    return {
-        "gate_m": GATE_M,
-        "scans": item.scans,
-        "detections_per_scan": _interval(item.per_scan),
-        "near_share": _interval(item.near),
-        "others_per_scan": _interval(item.others),
-        "stated_false_alarms_per_scan": item.stated_others,
-        "bands": [_band(band) for band in item.bands],
-    }
-
-
-def _interval(interval: BlockInterval) -> dict[str, Any]:
-    return {"value": interval.value, "ci95": list(interval.bounds())}
-
-
-def _band(band: Band) -> dict[str, Any]:
-    return {"from_m": band.from_m, "to_m": band.to_m, "count": band.count, **_interval(band.interval)}
 
 
 def _plain(value: Any) -> Any:
-    """Without arrays, NaN and infinity."""
+    """Return a value as JSON has it: fields by name, intervals with their bounds, null for NaN and infinity."""
+    if isinstance(value, BlockInterval):
+        return _plain({"value": value.value, "ci95": value.bounds()})
+    if is_dataclass(value):
+        return _plain({entry.name: getattr(value, entry.name) for entry in fields(value)})
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -156,7 +97,9 @@ class ReportableAudit(LogAudit):
         return Report(log_audit_document(self))
 
     def save(self, folder: Path | str) -> list[str]:
-        """Write the report, the numbers, and the scenario with the findings put in; returns the names of the files.
+        """Write the report, the numbers, and the scenario with the findings put in; return the names of the files.
+
+        The scenario is left out while :attr:`unexplained` says that it is of no use.
 
         Raises:
             TrackbenchError: the folder cannot be written, or holds something else.
@@ -166,11 +109,13 @@ class ReportableAudit(LogAudit):
             AUDIT: partial(results.write_file, results.json_text(self.json())),
             "report.html": partial(results.write_file, to_html(document)),
             "report.md": partial(results.write_file, to_markdown(document)),
-            "scenario.yaml": partial(results.write_file, corrected(self.scenario, self.findings, place)),
         }
-        # Trackers are looked for beside the scenario that names them.
-        for module in own_modules(self.scenario):
-            files[module.name] = partial(shutil.copyfile, module)
+        if not self.unexplained:
+            scenario = corrected(self.scenario, self.findings, place)
+            files["scenario.yaml"] = partial(results.write_file, scenario)
+            # Trackers are looked for beside the scenario that names them.
+            for module in own_modules(self.scenario):
+                files[module.name] = partial(shutil.copyfile, module)
         results.save_files(files, place, AUDIT)
         return list(files)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -24,6 +25,7 @@ from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAud
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
 from trackbench.subjects.log_audit.noise import detection_shares, residual_noises, unlabelled_detections, with_boxes
 from trackbench.subjects.log_audit.sensor_log import (
+    CLEARLY,
     Clock,
     SensorLog,
     VelocityCheck,
@@ -32,9 +34,10 @@ from trackbench.subjects.log_audit.sensor_log import (
     velocity_check,
     wrong_units,
 )
+from trackbench.truth.config.columns import UNITS
 from trackbench.truth.recorded import Drive, read_drive
 from trackbench.truth.recorded.cycles import Cycles
-from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles
+from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles, slope
 from trackbench.truth.sources import RecordingTruth
 
 
@@ -69,8 +72,15 @@ def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
     fit = joint_fit(log)
     if fit.inlier.sum() < FEWEST_ROWS:
         return SensorAudit(log, units, detection_shares(log, looked, {}))
-    noise, covariance = residual_noises(log, fit)
-    return SensorAudit(log, units, detection_shares(log, looked, fit.errors), fit, tuple(noise), covariance)
+    return SensorAudit(log, units, detection_shares(log, looked, fit.errors), fit, residual_noises(log, fit))
+
+
+#: The truth of a log, and what was read of its files.
+Recorded = tuple[RecordingTruth, Drive]
+#: Median of the size of a normal error, in standard deviations.
+MEDIAN_OF_NORMAL = 0.6745
+#: A sensor whose errors are typically more than this many times what the log states has a fault that was not found.
+UNEXPLAINED = 10.0
 
 
 @dataclass(frozen=True)
@@ -94,11 +104,24 @@ class LogAudit:
         """All keys of the scenario that the findings change, with their new values."""
         return {key: value for finding in self.findings for key, value in finding.changes.items()}
 
+    @property
+    def unexplained(self) -> list[str]:
+        """Why the scenario with the findings put in is of no use yet, a sentence for each sensor; empty if it is."""
+        elsewhere = [finding.sensor for finding in self.findings if finding.kind == "elsewhere"]
+        reasons = [f"Most detections of {name} are not where the boxes are." for name in elsewhere]
+        for name, item in self.sensors.items():
+            if item.typical_after is not None and item.typical_after > UNEXPLAINED:
+                size = f"{item.typical_after:.3g} times as large as stated"
+                reasons.append(f"Even with the findings put in, the errors of {name} are typically {size}.")
+        return reasons
+
 
 #: Rows of one object of the truth that are further apart than this leave a hole, s, and in usual intervals.
 HOLE_S, HOLE = 1.0, 5.0
 #: More rows than this share without truth are no matter of the first and the last ones.
 OUTSIDE = 0.1
+#: A yaw rate is that of the yaw, in another unit, if the two are correlated by more than this.
+ALIKE = 0.5
 
 
 def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None]) -> Iterator[LogFinding]:
@@ -181,6 +204,53 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
         )
 
 
+def ego_findings(loaded: Scenario, recorded: Recorded) -> Iterator[LogFinding]:
+    """Yield the column of the observer's yaw, or else of its yaw rate, that fits in another unit."""
+    truth, drive = recorded
+    ego, motion = truth.ego, drive.observer
+    if ego is None or motion is None or motion.heading is None:
+        return
+    yaw_unit, rate_unit = (ego.units.get(key) or truth.units.angle for key in ("yaw", "yaw_rate"))
+    turned = motion._replace(heading=motion.heading * _other_angle(yaw_unit)[1])
+    ratio = _error_ratio(loaded, recorded, (truth, replace(drive, observer=turned)))
+    if ratio > CLEARLY:
+        yield _ego_finding(
+            "yaw", yaw_unit, f"The errors of the sensors are {ratio:.2g} times as large as read (median)."
+        )
+    elif motion.yaw_rate is not None:
+        slope_of_yaw, rate = slope(np.unwrap(motion.heading), motion.time), motion.yaw_rate
+        product, square = float(slope_of_yaw @ rate), float(rate @ rate)
+        correlation = product / max(np.sqrt(square * float(slope_of_yaw @ slope_of_yaw)), 1e-300)
+        scale = product / max(square, 1e-300)
+        if correlation > ALIKE and abs(np.log(scale / _other_angle(rate_unit)[1])) < np.log(CLEARLY):
+            yield _ego_finding("yaw_rate", rate_unit, f"The yaw changes {scale:.3g} times as fast as it says.")
+
+
+def _other_angle(unit: str) -> tuple[str, float]:
+    """Return the other unit of an angle, and what a value that was read in the first is to be multiplied by."""
+    other = "deg" if unit == "rad" else "rad"
+    return other, UNITS["angle"][other] / UNITS["angle"][unit]
+
+
+def _error_ratio(loaded: Scenario, recorded: Recorded, other: Recorded) -> float:
+    """Return the errors of a log over those of another reading of it: medians, geometric mean over all components."""
+    logarithms: list[float] = []
+    for sensor, again in zip(*(_sensor_logs(loaded, each).values() for each in (recorded, other)), strict=True):
+        sizes = np.abs([sensor.residual({}), again.residual({})])
+        known = np.isfinite(sizes).all(axis=(0, 1))
+        if known.any():
+            medians = np.maximum(np.median(sizes[:, :, known], axis=2), 1e-12)
+            logarithms += np.log(medians[0] / medians[1]).tolist()
+    return float(np.exp(np.mean(logarithms))) if logarithms else 1.0
+
+
+def _ego_finding(key: str, unit: str, evidence: str) -> LogFinding:
+    change = {f"truth.ego.units.{key}": _other_angle(unit)[0]}
+    title = f"observer: {key.replace('_', ' ')} is in {_other_angle(unit)[0]}, not {unit}"
+    (setting,) = change.items()
+    return LogFinding("unit", None, title, evidence, f"Set {setting[0]}: {setting[1]}.", component=key, changes=change)
+
+
 def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:
     """Objects whose truth has holes, through which it is drawn as a straight line."""
     for name, motion in motions.items():
@@ -218,7 +288,7 @@ def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
         return _with_squares(_audited(loaded, recorded, progress), recorded)
 
 
-def _audited(loaded: Scenario, recorded: tuple[RecordingTruth, Drive], progress: Progress) -> LogAudit:
+def _audited(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAudit:
     truth, drive = recorded
     columns = truth.columns
     key = "vx" if columns is not None and columns.vx is not None else "speed"
@@ -226,22 +296,20 @@ def _audited(loaded: Scenario, recorded: tuple[RecordingTruth, Drive], progress:
     bodies = [*drive.motions.items(), *([("observer", drive.observer)] if drive.observer is not None else [])]
     checks = (velocity_check(name, motion, unit) for name, motion in bodies)
     velocities = [check for check in checks if check is not None]
-    of_truth = list(truth_findings(truth, velocities))
+    of_truth = [*truth_findings(truth, velocities), *ego_findings(loaded, recorded)]
     units = [finding for finding in of_truth if finding.changes]
     if units:
-        # Range rates are judged by the truth's velocity, so that is put right first.
+        # Sensors are judged by the truth's velocity and the observer's heading, so those are put right first.
         fixed = _with_findings(loaded, units)
         audit = _audited(fixed, _read(fixed), progress)
         return replace(audit, scenario=loaded, velocities=tuple(velocities), findings=(*units, *audit.findings))
-    clipped = drive.clipped()
-    looked, reference = scan_cycles(clipped), reference_noise(drive)
+    looked = scan_cycles(drive.clipped())
     clocks = [clock_of("truth", np.concatenate([m.time for m in drive.motions.values()]), drive.order)]
     sensors: dict[str, SensorAudit] = {}
-    for number, (name, log) in enumerate(drive.logs.items()):
-        progress(number, len(drive.logs))
-        inside, config = clipped.logs[name], loaded.config.sensors[name]
-        clocks.append(clock_of(name, log.scans, log.order, len(log.time) - len(inside.time)))
-        sensor = SensorLog(name, config, inside, drive, truth, reference, np.ones(len(config.components)))
+    for name, sensor in _sensor_logs(loaded, recorded).items():
+        progress(len(sensors), len(drive.logs))
+        log = drive.logs[name]
+        clocks.append(clock_of(name, log.scans, log.order, len(log.time) - len(sensor.log.time)))
         sensors[name] = audit_sensor(sensor, looked[name])
         if name in drive.detections:
             sensors[name] = replace(sensors[name], unlabelled=unlabelled_detections(sensor))
@@ -257,7 +325,16 @@ def _audited(loaded: Scenario, recorded: tuple[RecordingTruth, Drive], progress:
     return LogAudit(loaded, sensors, tuple(clocks), tuple(velocities), tuple(findings), duration)
 
 
-def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
+def _sensor_logs(loaded: Scenario, recorded: Recorded) -> dict[str, SensorLog]:
+    truth, drive = recorded
+    reference, sensors = reference_noise(drive), loaded.config.sensors
+    return {
+        name: SensorLog(name, sensors[name], log, drive, truth, reference, np.ones(len(sensors[name].components)))
+        for name, log in drive.clipped().logs.items()
+    }
+
+
+def _read(loaded: Scenario) -> Recorded:
     truth = own_source(loaded)
     if not isinstance(truth, RecordingTruth):
         message = "an audit holds recorded measurements against a recorded truth: truth: {source: recording, ...}"
@@ -284,24 +361,23 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     return truth, drive
 
 
-def _with_squares(audit: LogAudit, recorded: tuple[RecordingTruth, Drive]) -> LogAudit:
-    """The audit with the mean square of the errors before and after the findings are put in, as far as they can be."""
-    findings = audit.findings
-    if audit.changes and _refused(audit.scenario, findings):
-        none = "No sensor is so: look for what else is wrong with the log first."
-        findings = tuple(
-            replace(finding, changes={}, fix=none)
-            if finding.changes and _refused(audit.scenario, (finding,))
-            else finding
-            for finding in findings
-        )
-        audit = replace(audit, findings=findings)
-    before = after = _squares(audit.scenario, recorded)
+def _with_squares(audit: LogAudit, recorded: Recorded) -> LogAudit:
+    """Add the errors of the measurements before and after the findings are put in.
+
+    A scenario that cannot be read with the findings leaves the errors as they are.
+    """
+    before = after = _squares(audit.scenario, recorded, audit.scenario)
     if audit.changes:
-        fixed = _with_findings(audit.scenario, findings)
-        after = _squares(fixed, _read(fixed))
+        with suppress(InputError):
+            fixed = _with_findings(audit.scenario, audit.findings)
+            after = _squares(fixed, _read(fixed), audit.scenario)
     sensors = {
-        name: replace(item, square_before=before.get(name), square_after=after.get(name))
+        name: replace(
+            item,
+            square_before=before[name].mean if name in before else None,
+            square_after=after[name].mean if name in after else None,
+            typical_after=after[name].typical if name in after else None,
+        )
         for name, item in audit.sensors.items()
     }
     return replace(audit, sensors=sensors)
@@ -311,28 +387,29 @@ def _with_findings(loaded: Scenario, findings: Iterable[LogFinding]) -> Scenario
     return scenario_of(corrected(loaded, findings), loaded.path)
 
 
-def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
-    """Whether the scenario with findings put in is not valid."""
-    try:
-        _with_findings(loaded, findings)
-    except InputError:
-        return True
-    return False
+class Squares(NamedTuple):
+    """Squares of measurement minus truth over standard deviations."""
+
+    mean: float
+    """With the sigmas of the scenario that is read; 1 is right."""
+    typical: float
+    """Root of the median of the worst component, with the sigmas as logged, over what it is of normal errors."""
 
 
-def _squares(loaded: Scenario, recorded: tuple[RecordingTruth, Drive]) -> dict[str, float]:
-    """By sensor, the mean square of measurement minus truth over the stated sigmas."""
-    truth, drive = recorded
-    squares, reference = {}, reference_noise(drive)
-    for name, log in drive.clipped().logs.items():
-        if name in drive.detections:
-            # Of unlabelled detections some that are near a box are false alarms.
-            continue
-        config = loaded.config.sensors[name]
-        sensor = SensorLog(name, config, log, drive, truth, reference, np.ones(len(config.components)))
-        variance = np.array(config.sigmas())[:, None] ** 2 + sensor.reference_variance({})
-        square = sensor.residual({}) ** 2 / variance
-        square = square[:, np.isfinite(square).all(axis=0)]
-        if square.size:
-            squares[name] = float(square.mean())
+def _squares(loaded: Scenario, recorded: Recorded, logged: Scenario) -> dict[str, Squares]:
+    """Return the squared errors of each sensor whose measurements are labelled.
+
+    Of unlabelled detections some that are near a box are false alarms.
+    """
+    squares = {}
+    for name, sensor in _sensor_logs(loaded, recorded).items():
+        error, reference = sensor.residual({}) ** 2, sensor.reference_variance({})
+        new, stated = (
+            error / (np.array(each.config.sensors[name].sigmas())[:, None] ** 2 + reference)
+            for each in (loaded, logged)
+        )
+        known = np.isfinite(new).all(axis=0)
+        if known.any() and name not in recorded[1].detections:
+            typical = np.sqrt(np.median(stated[:, known], axis=1).max()) / MEDIAN_OF_NORMAL
+            squares[name] = Squares(float(new[:, known].mean()), float(typical))
     return squares

@@ -24,7 +24,7 @@ def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
 
     LOG is a scenario whose truth is recorded, with measurements. Of each sensor: bias, noise and its shape by range,
     time offset, mount, units, detections; and the clocks and the velocity of the truth. Writes a report and
-    scenario.yaml, which is LOG with the findings put in.
+    scenario.yaml, which is LOG with the findings put in, if they explain it.
 
     \b
     Example:
@@ -51,4 +51,4 @@ def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
     else:
         print_document(log_audit_summary(reportable), Console(file=answer()))
         print_answer(f"\n{folder}/: {', '.join(written)}")
-    raise click.exceptions.Exit(FOUND if reportable.findings else 0)
+    raise click.exceptions.Exit(FOUND if reportable.findings or reportable.unexplained else 0)

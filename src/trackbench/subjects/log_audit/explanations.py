@@ -3,32 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.metrics.blocks import BlockInterval
-from trackbench.subjects.log_audit.joint_fit import LEAST_INFORMATION, JointFit, block_intervals, explained_share
+from trackbench.subjects.log_audit.joint_fit import (
+    LEAST_INFORMATION,
+    ErrorEstimate,
+    JointFit,
+    block_intervals,
+    explained_share,
+)
 from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog
 
 #: A finding changes a measurement by at least this share of the standard deviation of its noise.
 EFFECT = 0.1
 
 
-class Explanation(NamedTuple):
-    """An error that a log shows, or several of which it does not tell the one."""
-
-    name: str
-    """Of the error."""
-    interval: BlockInterval
-    """Its value in the unit of the error."""
-    effect: float
-    """RMS of what it does to a measurement, in standard deviations of its noise."""
-    rivals: dict[str, float]
-    """Errors that explain the measurements as well in its place, with the value that each would have."""
-
-
-def explanations(log: SensorLog, fit: JointFit, level: float) -> list[Explanation]:
+def explanations(log: SensorLog, fit: JointFit, level: float) -> list[ErrorEstimate]:
     """Return the errors that a log shows.
 
     First come the errors that differ from zero whatever all others are. Of the rest several may be so alike that each
@@ -41,12 +33,12 @@ def explanations(log: SensorLog, fit: JointFit, level: float) -> list[Explanatio
         level: probability with which an interval holds the true value.
     """
     problem = _Linearised(log, fit, level)
-    shown: dict[str, Explanation] = {}
+    shown: dict[str, ErrorEstimate] = {}
     for name in problem.names:
         interval = problem.interval([other for other in problem.names if other != name], name)
         if problem.matters(name, interval):
             interval = fit.estimates[name].interval if name in fit.estimates else interval
-            shown[name] = Explanation(name, interval, problem.effect(name, interval), {})
+            shown[name] = ErrorEstimate(name, log.errors[name], interval, problem.effect(name, interval))
     while True:
         hidden = {*shown, *(rival for item in shown.values() for rival in item.rivals)}
         single = {name: problem.interval([*shown], name) for name in problem.names if name not in hidden}
@@ -54,15 +46,15 @@ def explanations(log: SensorLog, fit: JointFit, level: float) -> list[Explanatio
         if not effects:
             return list(shown.values())
         best = max(effects, key=effects.__getitem__)
-        shown[best] = Explanation(best, single[best], effects[best], problem.rivals(best, [*shown]))
+        rivals = problem.rivals(best, [*shown])
+        shown[best] = ErrorEstimate(best, log.errors[best], single[best], effects[best], rivals)
 
 
 class _Linearised:
     """Every error of a sensor in the linear problem around the joint fit."""
 
     def __init__(self, log: SensorLog, fit: JointFit, level: float) -> None:
-        second_names = {other for estimate in fit.estimates.values() for other in estimate.same_as}
-        self.names = [name for name in log.errors if name not in second_names and fit.unidentified.get(name) != ()]
+        self.names = [name for name in log.errors if fit.unidentified.get(name) != ()]
         columns = (log.derivatives(fit.errors, self.names) / fit.scale)[:, :, fit.inlier]
         known = np.isfinite(columns).all(axis=(0, 1))
         self._columns = np.where(known, columns, 0.0)

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.types import Array
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.sensing.detections import stated_detection
-from trackbench.subjects.log_audit.explanations import Explanation, explanations
-from trackbench.subjects.log_audit.joint_fit import JointFit, converged
+from trackbench.subjects.log_audit.explanations import explanations
+from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, Unlabelled, clock_drift
 from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog, WrongUnit
 from trackbench.truth.config.columns import COMPONENT_QUANTITIES
@@ -68,12 +67,12 @@ class SensorAudit:
     fit: JointFit | None = None
     """None where there are too few measurements."""
     noise: tuple[ResidualNoise, ...] = ()
-    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """``(m, m)`` of a measurement: the suggested R."""
     square_before: float | None = None
     """Mean square of the measurements' errors over the stated sigmas, as logged; 1 is right."""
     square_after: float | None = None
     """With the findings put in."""
+    typical_after: float | None = None
+    """With all findings but those of noise put in, the median error of the worst component over what is stated."""
     unlabelled: Unlabelled | None = None
     """Of a sensor whose detections nobody labelled."""
 
@@ -140,19 +139,14 @@ def statement(name: str, value: float, unit: str) -> str:
     return f"{component} reads {size} too {'much' if value > 0 else 'little'}"
 
 
-def error_finding(
-    log: SensorLog, item: Explanation, same_as: Mapping[str, float], changes: Mapping[str, Any]
-) -> LogFinding:
+def error_finding(log: SensorLog, item: ErrorEstimate, changes: Mapping[str, Any]) -> LogFinding:
     """That a sensor has an error of time, mount, a bias or the measured point."""
-    value, unit = item.interval.value, log.errors[item.name]
+    value, unit = item.interval.value, item.unit
     evidence = (
         f"{spelt(item.name)} {quantity_text(value, unit, signed=True)} "
         f"(95 %: {bounds_shown(item.interval.bounds(), unit)}); "
         f"it moves a measurement by {item.effect:.2g} sigma (RMS)."
     )
-    for name, bias in same_as.items():
-        equal = quantity_text(bias, "rad" if unit == "rad" else "m", signed=True)
-        evidence += f" A {spelt(name)} of {equal} would be the same in any log."
     if item.rivals:
         return _undecided(log, item, evidence)
     setting = "; ".join(f"{key}: {new}" for key, new in changes.items())
@@ -172,7 +166,7 @@ def error_finding(
     )
 
 
-def _undecided(log: SensorLog, item: Explanation, evidence: str) -> LogFinding:
+def _undecided(log: SensorLog, item: ErrorEstimate, evidence: str) -> LogFinding:
     """That one of several errors is there, and nothing says which."""
     candidates = {item.name: item.interval.value, **item.rivals}
     statements = [f"its {statement(name, value, log.errors[name])}" for name, value in candidates.items()]
@@ -322,8 +316,7 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
     start = {error.name: error.interval.value for error in shown}
     changes = error_changes(item.log, converged(item.log, [*start], start) if start else {})
     for error in shown:
-        estimate = fit.estimates.get(error.name)
-        yield error_finding(item.log, error, estimate.same_as if estimate else {}, changes[error.name])
+        yield error_finding(item.log, error, changes[error.name])
     if not drifts:
         yield from _noises(item, level)
 

@@ -17,8 +17,6 @@ from trackbench.truth.recorded.robust import residual_scale
 OUTLIER = 4.0
 #: An error of which the others leave less than this share of the information cannot be told from them.
 LEAST_INFORMATION = 0.01
-#: Two errors that no log tells apart, such as a turned mount and a bias of the azimuth, agree to this.
-SAME = 1e-6
 #: Time offsets that are tried before the fit, s.
 OFFSETS = np.linspace(-2.0, 2.0, 101)
 #: Rows that they are tried on.
@@ -34,19 +32,15 @@ FEWEST_ROWS = 20
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """One of the errors that were estimated together."""
+    """An error of a sensor."""
 
     name: str
     unit: str
     interval: BlockInterval
     effect: float
     """RMS of what it does to a measurement, in standard deviations of its noise."""
-    same_as: dict[str, float] = field(default_factory=dict)
-    """Errors that no log tells from this one, with the value that would explain the same."""
-    or_else: tuple[str, ...] = ()
-    """Errors that this log does not tell from this one; the value holds if they are zero."""
-    correlated: tuple[str, float] | None = None
-    """The other estimate that is most correlated with this one, and the correlation."""
+    rivals: dict[str, float] = field(default_factory=dict)
+    """Errors that explain this log as well in its place, with the value that each would have."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +50,6 @@ class JointFit:
     estimates: dict[str, ErrorEstimate]
     unidentified: dict[str, tuple[str, ...]]
     """Errors that this log does not show, with those that they cannot be told from (none: without any effect)."""
-    condition: float
-    """Condition number of the correlation matrix of the estimates."""
     residual: Array
     """``(m, rows)`` what remains."""
     reference: Array
@@ -101,16 +93,16 @@ def joint_fit(log: SensorLog) -> JointFit:
 
 
 def _fit_from(log: SensorLog, start: Mapping[str, float], *, with_body_point: bool) -> JointFit:
-    names, unidentified, same = _identifiable(log, start, with_body_point)
+    names, unidentified = _identifiable(log, start, with_body_point)
     errors = {name: start.get(name, 0.0) for name in names}
     for round_number in range(2):
         errors = converged(log, names, errors)
         identifiable = _identifiable(log, errors, with_body_point)
         if round_number or identifiable[0] == names:
             break
-        names, unidentified, same = identifiable
+        names, unidentified = identifiable
         errors = {name: errors.get(name, 0.0) for name in names}
-    return _finished(log, names, errors, unidentified, same)
+    return _finished(log, names, errors, unidentified)
 
 
 def _best_offset(log: SensorLog) -> float:
@@ -135,8 +127,8 @@ def _best_offset(log: SensorLog) -> float:
 
 def _identifiable(
     log: SensorLog, errors: Mapping[str, float], with_body_point: bool
-) -> tuple[list[str], dict[str, tuple[str, ...]], dict[str, list[str]]]:
-    """The errors that can be estimated together; those that cannot, with what hides them; those that are the same."""
+) -> tuple[list[str], dict[str, tuple[str, ...]]]:
+    """Return the errors that can be estimated together, and those that cannot, with what hides them."""
     every = list(log.errors)
     residual = log.residual(errors)
     columns = log.derivatives(errors, every) / residual_scale(residual, log.reference_variance(errors))
@@ -145,20 +137,12 @@ def _identifiable(
     size = np.sqrt((flat**2).sum(axis=1))
     unit = flat / np.where(size > 0, size, 1.0)[:, None]
     alike = unit @ unit.T
-    # A bias before the place of the mount, which is measured with a tape; but a bias that is the same as an error of
-    # the mount, in any log, is a second name for that.
-    mount = [every.index(name) for name in ("mount_yaw", "mount_x", "mount_y")]
-    second_names = {}
-    for i, name in enumerate(every):
-        if name.startswith("bias_"):
-            share, left = explained_share(alike, i, mount)
-            if left < SAME:
-                second_names[i] = mount[int(np.argmax(np.abs(share)))]
-    first = [every.index(name) for name in ("time_offset", "mount_yaw")]
-    rest = [i for i, name in enumerate(every) if name.startswith("bias_") and i not in second_names]
+    # A bias before the place of the mount, which is measured with a tape.
+    biases = [name for name in every if name.startswith("bias_")]
+    order = ["time_offset", "mount_yaw", *biases, "mount_x", "mount_y", BODY_POINT]
     kept: list[int] = []
     hidden: dict[str, tuple[str, ...]] = {}
-    for i in (*first, *rest, *map(every.index, ("mount_x", "mount_y", BODY_POINT))):
+    for i in map(every.index, order):
         if size[i] < 1e-9 * np.sqrt(max(finite.sum(), 1)):
             hidden[every[i]] = ()
             continue
@@ -170,10 +154,7 @@ def _identifiable(
             hidden[every[i]] = tuple(every[j] for j, by in zip(kept, strong, strict=True) if by)
         else:
             kept.append(i)
-    same: dict[str, list[str]] = {}
-    for i, j in second_names.items():
-        same.setdefault(every[j], []).append(every[i])
-    return [every[i] for i in kept], hidden, same
+    return [every[i] for i in kept], hidden
 
 
 def explained_share(alike: Array, error: int, others: list[int]) -> tuple[Array, float]:
@@ -228,38 +209,23 @@ def _finished(
     names: list[str],
     errors: Mapping[str, float],
     unidentified: dict[str, tuple[str, ...]],
-    same: Mapping[str, list[str]],
 ) -> JointFit:
     derivatives, residual, reference, scale, inlier = _linearised(log, names, errors)
     columns, rest = (derivatives / scale)[:, :, inlier], (residual / scale)[:, inlier]
     blocks = blocks_of(log.log.time[inlier], log.log.object[inlier], rest)
-    size = len(names)
-    steps = block_intervals(columns, rest, blocks)
-    gram = np.einsum("pmr,qmr->pq", columns, columns)
-    inverse = np.linalg.pinv(gram, hermitian=True)
-    spread = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-    correlation = inverse / np.outer(spread, spread)
-    equal = _second_values(log, errors, same)
-    estimates = {}
-    for i, name in enumerate(names):
-        others = np.abs(correlation[i]) * (np.arange(size) != i)
-        most = int(np.argmax(others)) if size > 1 else i
-        own = np.sqrt(gram[i, i] / max(int(inlier.sum()), 1))
-        interval = steps[i]._replace(value=errors[name])
-        estimates[name] = ErrorEstimate(
+    squares = np.einsum("pmr,pmr->p", columns, columns) / max(int(inlier.sum()), 1)
+    estimates = {
+        name: ErrorEstimate(
             name=name,
             unit=log.errors[name],
-            interval=interval,
-            effect=float(abs(errors[name]) * own),
-            same_as={other: equal[other] for other in same.get(name, [])},
-            or_else=tuple(other for other, hiding in unidentified.items() if name in hiding),
-            correlated=(names[most], float(correlation[i, most])) if most != i else None,
+            interval=interval._replace(value=errors[name]),
+            effect=float(abs(errors[name]) * np.sqrt(square)),
         )
-    condition = float(np.linalg.cond(correlation)) if size else 1.0
+        for name, interval, square in zip(names, block_intervals(columns, rest, blocks), squares, strict=True)
+    }
     return JointFit(
         estimates,
         unidentified,
-        condition,
         residual,
         reference,
         scale,
@@ -284,16 +250,3 @@ def block_intervals(columns: Array, target: Array, blocks: Blocks) -> list[Block
         return solution[:, 0] if sums.ndim == 1 else solution
 
     return blocks.intervals(np.concatenate([squares, products]), solved)
-
-
-def _second_values(log: SensorLog, errors: Mapping[str, float], same: Mapping[str, list[str]]) -> dict[str, float]:
-    """The biases that would do what the errors of the mount do of which they are second names."""
-    mount = [name for name in same if name in errors]
-    biases = [other for name in mount for other in same[name]]
-    if not biases:
-        return {}
-    flat = log.derivatives(errors, [*mount, *biases]).reshape(len(mount) + len(biases), -1)
-    flat = flat[:, np.isfinite(flat).all(axis=0)]
-    done = np.array([errors[name] for name in mount]) @ flat[: len(mount)]
-    values = np.linalg.lstsq(flat[len(mount) :].T, done, rcond=None)[0]
-    return dict(zip(biases, values.tolist(), strict=True))

@@ -56,18 +56,11 @@ class ResidualNoise:
     """Range at the 90 % quantile of the measurements over that at the 10 %."""
 
 
-def residual_noises(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]:
-    """The noise of each component, and the covariance ``(m, m)`` of a measurement."""
-    inlier = fit.inlier
-    logged = log.residual({})[:, inlier]
-    residual = fit.residual[:, inlier]
-    distance = log.polar(log.log.time, log.log.object, fit.errors)[0, inlier]
-    components = [_component(log, fit, i, logged[i], distance) for i in range(len(log.components))]
-    sigma = np.array([component.sigma.value for component in components])
-    inside = (np.abs(residual) <= 3 * fit.scale[:, inlier]).all(axis=0)
-    alike = np.corrcoef(residual[:, inside]) if inside.sum() > 2 else np.eye(len(sigma))
-    correlation = np.where(np.isfinite(alike), alike, np.eye(len(sigma)))
-    return components, np.asarray(np.atleast_2d(correlation) * np.outer(sigma, sigma))
+def residual_noises(log: SensorLog, fit: JointFit) -> tuple[ResidualNoise, ...]:
+    """Return the noise of each component."""
+    logged = log.residual({})[:, fit.inlier]
+    distance = log.polar(log.log.time, log.log.object, fit.errors)[0, fit.inlier]
+    return tuple(_component(log, fit, i, logged[i], distance) for i in range(len(log.components)))
 
 
 def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, distance: Array) -> ResidualNoise:
@@ -145,8 +138,6 @@ def _bands(distance: Array, fewest: int, interval_of: Callable[[Mask], BlockInte
     return tuple(bands)
 
 
-#: The field of view is taken as narrower than stated if more than this share of the chances outside it gave nothing.
-OUTSIDE = 0.02
 #: A sensor was silent if chance leaves so many detections out in fewer logs than this share.
 UNLIKELY = 1e-4
 #: And for more than so many cycles.
@@ -168,8 +159,6 @@ class Detections:
     """The largest azimuth of a detection to either side of the boresight, rad."""
     seen_range_m: float
     """The largest range of a detection."""
-    narrower: bool
-    """Whether much of the stated field of view gave no detection; the shares are of what did."""
     silent_from_s: float | None
     """When the longest time began in which nothing was detected though chance does not explain it."""
     silent_for_s: float
@@ -196,7 +185,6 @@ def detection_shares(log: SensorLog, looked: Cycles, errors: dict[str, float]) -
     seen_half = float(np.max(np.abs(azimuth[stated & hit]), initial=0.0))
     seen_range = float(np.max(distance[stated & hit], initial=0.0))
     inside = stated & (np.abs(azimuth) <= seen_half) & (distance <= seen_range)
-    narrower = bool(stated.sum() > 0 and (stated & ~inside).sum() > OUTSIDE * stated.sum())
     silent_from, silent_for = _silence(starts, inside.reshape(len(starts), -1), detected)
     time, owner, distance, hit = time[inside], owner[inside], distance[inside], hit[inside]
     spacing = np.diff(starts)
@@ -207,7 +195,6 @@ def detection_shares(log: SensorLog, looked: Cycles, errors: dict[str, float]) -
         bands=_bands(distance, 2, lambda rows: _share(time[rows], owner[rows], hit[rows])),
         seen_half_angle=seen_half,
         seen_range_m=seen_range,
-        narrower=narrower,
         silent_from_s=silent_from,
         silent_for_s=silent_for,
     )
@@ -270,8 +257,6 @@ def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:
 
 #: A detection further from the centre of every box is of none, m: the cutoff of GOSPA unless a scenario states another.
 GATE_M = 5.0
-#: Edges of the bands of the range in which detections near no box are counted, m.
-EDGES = (0.0, 25.0, 50.0, 100.0, 200.0, np.inf)
 
 
 @dataclass(frozen=True)
@@ -287,8 +272,6 @@ class Unlabelled:
     """Detections of a scan that are near no box: false alarms, and objects without one."""
     stated_others: float
     """False alarms of a scan that the sensor states."""
-    bands: tuple[Band, ...]
-    """The others of a scan by range; the count is theirs."""
 
 
 def with_boxes(name: str, config: Sensor, drive: Drive, truth: RecordingTruth) -> Log:
@@ -329,13 +312,6 @@ def unlabelled_detections(sensor: SensorLog) -> Unlabelled:
     """The detections of a sensor whose boxes were found, with 95 % intervals over blocks of time."""
     log, config = sensor.log, sensor.config
     near, others, ones = _counts(log.scans, log.time), _counts(log.scans, log.alarm_time), np.ones(len(log.scans))
-    distance = np.hypot(*_position(config, log.alarm_measurement))
-    bands = []
-    for low, high in pairwise(EDGES):
-        own = (distance >= low) & (distance < high)
-        if own.any():
-            rate = _ratio(log.scans, _counts(log.scans, log.alarm_time[own]), ones)
-            bands.append(Band(low, min(high, float(distance.max())), int(own.sum()), rate))
     _, density = stated_detection(config)
     return Unlabelled(
         scans=len(log.scans),
@@ -343,7 +319,6 @@ def unlabelled_detections(sensor: SensorLog) -> Unlabelled:
         near=_ratio(log.scans, near, near + others),
         others=_ratio(log.scans, others, ones),
         stated_others=density * config.volume() if density else 0.0,
-        bands=tuple(bands),
     )
 
 

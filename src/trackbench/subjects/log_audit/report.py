@@ -21,25 +21,19 @@ _METHOD = (
     "bootstrap over time, and over objects where there are eight. A finding moves a measurement by at least a tenth of "
     "a sigma, and a log without errors has one in at most 5 % of cases."
 )
-_ALIKE = (
-    "What the motion in this log does not show cannot be estimated: drive so that objects cross, turn and brake, and "
-    "so that the car that carries the sensors turns."
-)
 
 
 def log_audit_document(audit: LogAudit) -> Document:
     """The whole report."""
-    titles = "; ".join(finding.title for finding in audit.findings)
     blocks: list[Block] = [
-        Paragraph(f"{titles}." if titles else "Nothing is found wrong with this log.", strong=True),
-        *_verdict(audit),
-        *_findings(audit),
-        Section("Noise", (noise_table(audit),)),
-        Section("Detections", (rates_table(audit), *_unlabelled(audit))),
+        *log_audit_summary(audit).blocks,
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
-        Section("Truth and clocks", (clocks_table(audit), velocities_table(audit))),
-        Section("The scenario with the findings put in", (Code(corrected(audit.scenario, audit.findings), "yaml"),)),
+        Section("Clocks", (clocks_table(audit),)),
+        Section("How it is estimated", (Paragraph(_METHOD),), folded=True),
     ]
+    if not audit.unexplained:
+        text = corrected(audit.scenario, audit.findings)
+        blocks.append(Section("The scenario with the findings put in", (Code(text, "yaml"),)))
     facts = (
         f"{audit.duration_s:.1f} s",
         counted(len(audit.sensors), "recorded sensor"),
@@ -77,14 +71,9 @@ def _verdict(audit: LogAudit) -> Iterator[Block]:
             f"{name}: mean square of measurement minus truth over the stated sigmas {item.square_before:.3g}{after}; 1 "
             "is right."
         )
-
-
-def _findings(audit: LogAudit) -> Iterator[Block]:
-    for number, finding in enumerate(audit.findings, 1):
-        items = Items((Item(finding.evidence, "Evidence"), Item(finding.fix, "Fix")))
-        yield Section(f"{number}. {finding.title}", (items,))
-    if audit.findings:
-        yield Section("How it is estimated", (Paragraph(_METHOD),), folded=True)
+    for reason in audit.unexplained:
+        advice = "put the log right first. Check frames, the sign of the observer's yaw, and the names of objects."
+        yield Paragraph(f"{reason} No scenario.yaml is written: {advice}", strong=True)
 
 
 def _sensor(item: SensorAudit) -> Iterator[Block]:
@@ -96,17 +85,6 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     yield Paragraph(f"{counted(rows, 'measurement')}, {counted(outliers, 'outlier')} beyond four sigma.")
     yield Row(tuple(band_figures(item)))
     yield errors_table(item)
-    hidden = tuple(_hidden(item))
-    if hidden:
-        yield Items(tuple(Item(text) for text in hidden))
-        yield Paragraph(_ALIKE)
-    yield measured_covariance_table(item)
-    if item.detections.narrower:
-        azimuth, distance = np.rad2deg(item.detections.seen_half_angle), item.detections.seen_range_m
-        yield Paragraph(
-            f"No object is detected beyond {azimuth:.1f}° to either side of the boresight and {distance:.4g} m, and "
-            "only those within are counted: state fov_deg and max_range_m."
-        )
 
 
 def _hidden(item: SensorAudit) -> Iterator[str]:
@@ -120,15 +98,8 @@ def _hidden(item: SensorAudit) -> Iterator[str]:
             yield f"{spelt(name)}: not to be told from {named}, so taken as zero."
         else:
             yield f"{spelt(name)}: it changes none of these measurements."
-    for estimate in item.fit.estimates.values():
-        if estimate.correlated is not None and abs(estimate.correlated[1]) > STRONG:
-            other, correlation = estimate.correlated
-            name = spelt(estimate.name)
-            yield f"{name}: correlated with {spelt(other)} by {correlation:+.3f}, so its interval is wide."
 
 
-#: Two estimates are called correlated from here on.
-STRONG = 0.95
 _INTERVAL = "95 % interval"
 
 
@@ -178,9 +149,6 @@ def unlabelled_table(audit: LogAudit) -> Table:
             continue
         shares = [_number(item.per_scan), _percents(item.near), _number(item.others)]
         rows.append([Cell(name), Cell(str(item.scans)), Cell(gaps[name]), *shares, Cell(f"{item.stated_others:.3g}")])
-        for band in item.bands:
-            where = Cell(f"{band.from_m:.0f} to {band.to_m:.0f} m")
-            rows.append([where, *[Cell("")] * 4, _number(band.interval), Cell("")])
     columns = (
         Column("sensor", left=True),
         Column("scans"),
@@ -202,33 +170,17 @@ def errors_table(item: SensorAudit) -> Table:
     """The errors that were estimated together."""
     assert item.fit is not None
     estimates = item.fit.estimates.values()
-    correlations = [
-        Cell(f"{spelt(estimate.correlated[0])} ({estimate.correlated[1]:+.2f})" if estimate.correlated else "")
-        for estimate in estimates
-    ]
-    others = [Cell(", ".join(map(spelt, (*estimate.or_else, *estimate.same_as)))) for estimate in estimates]
     effect = Column("effect, sigma", "RMS of what it does to a measurement")
     columns = [
         (Column("error", left=True), [Cell(spelt(estimate.name)) for estimate in estimates]),
-        (Column("estimate", details=_INTERVAL), [_interval(item.interval, item.unit) for item in estimates]),
+        (
+            Column("estimate", details=_INTERVAL),
+            [_interval(estimate.interval, estimate.unit) for estimate in estimates],
+        ),
         (effect, [Cell(f"{estimate.effect:.2g}") for estimate in estimates]),
-        (Column("most correlated with", left=True), correlations),
-        (Column("holds if there is no", left=True), others),
     ]
-    caption = f"Errors of time, mount and bias, estimated together (condition number {item.fit.condition:.3g})"
+    caption = "Errors of time, mount and bias, estimated together"
     return Table.of_columns(f"errors-{item.log.name}", columns, caption)
-
-
-def measured_covariance_table(item: SensorAudit) -> Table:
-    """The suggested covariance of a measurement."""
-    names = [name.replace("_", " ") for name in item.log.components]
-    units = item.log.config.units
-    columns = (Column("R", left=True), *(Column(f"{name}, {unit}") for name, unit in zip(names, units, strict=True)))
-    rows = [
-        (Cell(name), *(Cell(f"{value:.3g}") for value in row))
-        for name, row in zip(names, item.covariance.tolist(), strict=True)
-    ]
-    return Table("covariance", columns, tuple(rows), "Suggested covariance of a measurement, SI units and radians")
 
 
 def clocks_table(audit: LogAudit) -> Table:
@@ -245,23 +197,6 @@ def clocks_table(audit: LogAudit) -> Table:
         (Column("outside the truth"), [Cell(str(clock.outside)) for clock in audit.clocks]),
     ]
     return Table.of_columns("clocks", columns, "Times")
-
-
-def velocities_table(audit: LogAudit) -> Table:
-    """The velocity of the truth beside its displacement."""
-    checks = audit.velocities
-    differences = [Cell(f"{check.difference:.2g}", tone="bad" if check.contradicts else "") for check in checks]
-    columns = [
-        (Column("object", left=True), [Cell(check.name) for check in checks]),
-        (Column("noise, m", "of the positions, row to row"), [Cell(f"{check.noise:.2g}") for check in checks]),
-        (
-            Column("difference, m/s", "median over windows of half a second, or of more where the noise is large"),
-            differences,
-        ),
-        (Column("displacement over velocity"), [Cell(f"{check.scale:.3f}") for check in checks]),
-        (Column("jumps"), [Cell(str(check.jumps)) for check in checks]),
-    ]
-    return Table.of_columns("velocities", columns, "The truth's velocity against its displacement")
 
 
 def _interval(interval: BlockInterval, unit: str) -> Cell:

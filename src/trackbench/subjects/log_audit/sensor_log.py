@@ -14,7 +14,7 @@ from trackbench.base.types import Array, Indices, Observer
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.sensing.view import sensor_motion
-from trackbench.truth.config.columns import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
+from trackbench.truth.config.columns import CARTESIAN, COMPONENT_QUANTITIES, UNITS, MeasurementColumns
 from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Log, Motion, RowOrder, carrier
@@ -188,8 +188,12 @@ class SensorLog:
 
     @property
     def errors(self) -> dict[str, str]:
-        """All errors that are looked for, with their units: of time, mounting, components and the measured point."""
-        biases = {f"bias_{name}": unit for name, unit in zip(self.components, self.config.units, strict=True)}
+        """All errors that are looked for, with their units: of time, mounting, components and the measured point.
+
+        A bias of the azimuth is in any log the same as a turned mount, and one of a position as a mount elsewhere.
+        """
+        units = zip(self.components, self.config.units, strict=True)
+        biases = {f"bias_{name}": unit for name, unit in units if name not in (*CARTESIAN, "azimuth")}
         return {**POSE_ERRORS, **biases, BODY_POINT: "m"}
 
     @property
