@@ -70,8 +70,6 @@ class JudgedGate(NamedTuple):
     metric: str
     limit: float | None
     """What the value is held against; None where the first file has no value."""
-    percent: float | None
-    """How much worse than the first file's it may be; None where the limit was given as a value."""
     value: float | None
     unit: str
     ci95: tuple[float, float] | None
@@ -106,7 +104,6 @@ def judged_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
             if metric.value is not None and limit is not None:
                 passed = sign * (metric.value - limit) <= 0
                 found = f"{metric.value:.4g} {metric.unit}" + (f", the first {first:.4g}" if gate.relative else "")
-            percent = gate.limit if gate.relative else None
             value = (metric.value, metric.unit, metric.ci95)
-            judgements.append(JudgedGate(tracker.name, gate.metric, limit, percent, *value, passed, gate.text, found))
+            judgements.append(JudgedGate(tracker.name, gate.metric, limit, *value, passed, gate.text, found))
     return judgements

@@ -45,11 +45,6 @@ class FileOptions(NamedTuple):
     truth_format: str | None = None
     """Of the boxes, where it is not that of the tracks."""
 
-    @property
-    def of_truth(self) -> FileOptions:
-        """The options of the file of boxes."""
-        return self._replace(format=self.truth_format or self.format)
-
 
 def scoring_scenario(
     tracks: Sequence[Path],
@@ -73,10 +68,12 @@ def scoring_scenario(
     Raises:
         InputError: a file cannot be read or has no partner, or it is not known what its columns are.
     """
-    sequences = paired_sequences(tracks, truth, options.format, options.of_truth.format)
+    of_truth = options._replace(format=options.truth_format or options.format)
+    sequences = paired_sequences(tracks, truth, options.format, of_truth.format)
     number = len(sequences.truth)
-    _require_known([*chain(*sequences.tracks)], sequences.truth, options)
-    boxes = _entry_of_sequences(sequences.truth, options.of_truth, folder)
+    forms = [(file, _format(file, options)) for file in chain(*sequences.tracks)]
+    _require_known([*forms, *((file, _format(file, of_truth)) for file in sequences.truth)], options.columns)
+    boxes = _entry_of_sequences(sequences.truth, of_truth, folder)
     form = TRAFFIC_FORMATS[boxes["format"]]
     options_of_form = form.model_validate({k: v for k, v in boxes.items() if k in form.model_fields})
     every = [read_rows(options_of_form, file) for file in sequences.truth]
@@ -188,17 +185,11 @@ def _column(text: str, names: Sequence[str]) -> str:
     return text if text in names else text.rpartition(":")[0] or text
 
 
-def _require_known(tracks: Sequence[Path], truth: Sequence[Path], options: FileOptions) -> None:
-    """Make sure that each column that is named is in one of the files.
-
-    Raises:
-        InputError: it is in none, or the key is none.
-    """
-    forms = [(file, _format(file, options)) for file in tracks]
-    forms += [(file, _format(file, options.of_truth)) for file in truth]
+def _require_known(forms: Iterable[tuple[Path, str]], columns: Iterable[tuple[str, str]]) -> None:
+    """Make sure that each column that is named is in one of the files; ``forms``: the files, with their formats."""
     tables = [(file, form) for file, form in forms if form in TABLES]
     names = list(dict.fromkeys(name for file, form in tables for name in read_header(file, form)))
-    for key, text in options.columns:
+    for key, text in columns:
         if key not in QUANTITIES:
             raise InputError(f"no column is called {key!r}; {nearest_choices(key, QUANTITIES)}", key="--map")
         if _column(text, names) not in names:
