@@ -31,7 +31,7 @@ HEADINGS: dict[str, str] = _EXAMPLES["headings"]
 #: Key, type, default and meaning of a key.
 Row = tuple[str, str, str, str]
 #: So many rows that another table of the page has are named, with a link to it, and not listed again.
-FEWEST_REPEATED = 3
+FEWEST_REPEATED = 2
 #: Bounds from here on, and below its inverse, keep out nonsense; nobody looks them up.
 VAST = 1e4
 #: Keys whose classes stand on the page of another key, by that key.
@@ -97,10 +97,11 @@ def _described(
         # A heading such as `type: bias` says what the row of that key would say.
         rows = [row for row in _rows(part) if heading != f"`{row[0].strip('`')}: {row[1].strip('`')}`"]
         repeated = _repeated(rows, listed)
-        yield _table([row for row in rows if row not in repeated])
+        own = [row for row in rows if row not in repeated]
+        yield _table(own)
         for earlier in dict.fromkeys(repeated.values()):
             keys = ", ".join(row[0] for row, place in repeated.items() if place == earlier)
-            yield f"Further keys, as in [{earlier}](#{_anchor(earlier)}): {keys}."
+            yield f"{'Further keys' if own else 'Keys'}, as in [{earlier}](#{_anchor(earlier)}): {keys}."
         listed |= {row: heading for row in rows if row not in listed}
         for inner, value in part["properties"].items():
             if "$comment" not in value and HOMES.get(inner, page) == page:
