@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -362,15 +361,21 @@ def _read(loaded: Scenario) -> Recorded:
 
 
 def _with_squares(audit: LogAudit, recorded: Recorded) -> LogAudit:
-    """Add the errors of the measurements before and after the findings are put in.
-
-    A scenario that cannot be read with the findings leaves the errors as they are.
-    """
+    """Add the errors of the measurements before and after the findings are put in, as far as a sensor can be so."""
+    findings = audit.findings
+    if audit.changes and _refused(audit.scenario, findings):
+        none = "No sensor is so: look for what else is wrong with the log first."
+        findings = tuple(
+            replace(finding, changes={}, fix=none)
+            if finding.changes and _refused(audit.scenario, (finding,))
+            else finding
+            for finding in findings
+        )
+        audit = replace(audit, findings=findings)
     before = after = _squares(audit.scenario, recorded, audit.scenario)
     if audit.changes:
-        with suppress(InputError):
-            fixed = _with_findings(audit.scenario, audit.findings)
-            after = _squares(fixed, _read(fixed), audit.scenario)
+        fixed = _with_findings(audit.scenario, findings)
+        after = _squares(fixed, _read(fixed), audit.scenario)
     sensors = {
         name: replace(
             item,
@@ -385,6 +390,15 @@ def _with_squares(audit: LogAudit, recorded: Recorded) -> LogAudit:
 
 def _with_findings(loaded: Scenario, findings: Iterable[LogFinding]) -> Scenario:
     return scenario_of(corrected(loaded, findings), loaded.path)
+
+
+def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
+    """Return whether the scenario with findings put in is not valid."""
+    try:
+        _with_findings(loaded, findings)
+    except InputError:
+        return True
+    return False
 
 
 class Squares(NamedTuple):
