@@ -49,7 +49,6 @@ _EFFECTS = ",".join(
         "quantised": '"steps":{{"range_m":0.2}}',
     }.items()
 )
-_INSPECT = "inspect {out}/run/*/recording.rrd --json"
 #: The commands beside `run` of a shipped scenario, by name: one after the other in one folder. What they print as JSON,
 #: and every JSON file and table that they write, is compared. Those with ``{engine}`` are run with each engine.
 COMMANDS: dict[str, list[str]] = {
@@ -77,18 +76,6 @@ COMMANDS: dict[str, list[str]] = {
         f" --set sensors.radar.max_range_m=150 --set sensors.radar.effects=[{_EFFECTS}]",
         f"{_RUN_HIDDEN} --engine numpy --out {{out}}/hidden --set sensors.front_radar.effects=[{_EFFECTS}]",
         f"{_RUN_HIDDEN} --engine numpy --out {{out}}/typical --set sensors.roof_lidar.effects=typical",
-    ],
-    "inspect": [
-        "run {scenarios}/fusion.yaml --runs 2 --scenes 2 --out {out}/run --engine numpy",
-        _INSPECT,
-        f"{_INSPECT} --at 5",
-        f"{_INSPECT} --worst 5",
-    ],
-    "inspect_hidden": [
-        "run {scenarios}/traffic/truck_hides_car.yaml --runs 2 --out {out}/run --engine numpy",
-        _INSPECT,
-        f"{_INSPECT} --at 5",
-        f"{_INSPECT} --worst 5",
     ],
     "run_workers": [f"{_RUN.replace('--runs 3', '--runs 40 --workers 2')} --out {{out}} --engine {{engine}}"],
 }

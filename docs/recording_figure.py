@@ -13,12 +13,12 @@ from trackbench.subjects.recording.focus import Opening
 from trackbench.subjects.recording.viewer import pictures, playable
 
 IMAGES = Path(__file__).parent / "images"
-#: Pixels of the window, and tenths by which everything in it is larger.
-SIZE, ZOOM = (1600, 1000), 3
+#: Pixels of the window.
+SIZE = (1230, 770)
 #: Seconds before and after the moment, and pictures in a second.
 BEFORE_S, AFTER_S, RATE = 2.5, 4.5, 10
 #: The part of the window that has the scene, and the size of the animation, pixels.
-SCENE, SMALL = (0, 48, 1200, 453), (1000, 338)
+SCENE, SMALL = (0, 37, 922, 348), (922, 311)
 
 
 def main(folder: Path) -> None:
@@ -30,7 +30,7 @@ def main(folder: Path) -> None:
         result = trackbench.run(scenario, out=folder)
         with playable(folder / result.name, opening) as (file, moment):
             times = [moment, *(moment + np.arange(-BEFORE_S, AFTER_S, 1 / RATE) if name == "recording" else ())]
-            shown = pictures(file, times, SIZE, ZOOM)
+            shown = pictures(file, times, SIZE)
             still, *frames = (Image.open(io.BytesIO(png)).convert("RGB") for png in shown)
         still.save(IMAGES / f"{name}.png", optimize=True)
         if frames:

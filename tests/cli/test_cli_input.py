@@ -32,7 +32,10 @@ BAD_USAGE = [
     (["doctor", "own.py"], "own.py: name the class in it: own:Class"),
     (["doctor", "own"], "own.py: name the class in it: own:Class"),
     (["doctor", "tiny.yaml"], "tiny.yaml: name the tracker in it: tiny.yaml#raw or tiny.yaml#ekf"),
-    (["inspect", "exam"], "exam: this is an examination, not a run; `trackbench report` shows it"),
+    (
+        ["inspect", "exam"],
+        "exam: no result.json in this folder: it is that of an examination, which `trackbench report` shows",
+    ),
     (["compare", "exam"], "exam: an examination is not compared; `trackbench report` shows it"),
     (["report", "tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json; a scenario is run first"),
     (["inspect", "tiny.yaml"], "tiny.yaml: not a Rerun recording (.rrd); a scenario is run first: `trackbench run`"),

@@ -73,10 +73,10 @@ def _commands(chance: random.Random, damaged: Path) -> list[list[str]]:
     if damaged.parts[0] == "examination":
         return [["report", "damaged/examination", *form], ["snapshot", "damaged/examination", "--at", "1", "out.png"]]
     run = "damaged/tiny"
-    moment = chance.choice([[], ["--worst"], ["--at", "1"], ["--worst", "2", "--json"]])
+    moment = chance.choice([[], ["--worst"], ["--at", "1"], ["--worst", "2"]])
     whole = ["--vehicle", "v1"] if chance.random() < 0.3 else []
     if damaged.suffix == ".rrd":
-        return [["inspect", run, *moment], ["snapshot", run, "--worst", *whole, "out.png"]]
+        return [["inspect", run, *moment], ["snapshot", run, "--worst", "1", *whole, "out.png"]]
     others = chance.choice(
         [["other/tiny"], [run], [run, "--metric", "nees.mean"], ["other", "--metric", "velocity_rmse"]]
     )

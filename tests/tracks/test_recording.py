@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 from collections.abc import Callable
@@ -19,7 +18,7 @@ from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import events_of
 from trackbench.results import Result
 from trackbench.subjects.recording.data import read
-from trackbench.subjects.recording.focus import Opening, focus_of, moment_of
+from trackbench.subjects.recording.focus import Opening, focus_of, moment_of, worst_moments
 from trackbench.subjects.recording.writer import costs
 
 
@@ -35,7 +34,7 @@ def lengths(recording: ReadRecording, entity: str, component: str) -> list[int]:
 
 def test_the_tables_come_back(traffic_folder: Path, traffic_result: Result) -> None:
     tables = read(traffic_folder / "recording.rrd").result.tables
-    for name in ("truth", "measurements", "tracks", "due", "objects"):
+    for name in ("truth", "tracks", "due", "objects"):
         ours, theirs = (source[name].to_pandas() for source in (traffic_result.tables, tables))
         assert len(ours) == len(theirs), name
         for column in ours.select_dtypes("number"):
@@ -65,7 +64,7 @@ def test_a_due_object_without_a_track_is_ringed(recording: ReadRecording, traffi
     assert sum(lengths(recording, "/world/misses/gnn", "Ellipses2D:half_sizes")) == instants > 0
 
 
-def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Result) -> None:
+def test_events_are_listed_by_cost_and_starts_of_tracks_last(traffic_result: Result) -> None:
     rows = traffic_result.tables.events.to_pylist()
     own = [row for row in rows if (row["tracker"], row["run"]) == ("pmb", 0)]
     for row, kind, cost, time in zip(
@@ -73,9 +72,8 @@ def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Re
     ):
         row.update(kind=kind, cost_m2=cost, time_s=time)
     changed = with_tables(traffic_result, events=pa.Table.from_pylist(own[:3]))
-    events, starts = costs(changed, ["pmb"]).split("## Track starts")
-    assert [line.split("|")[1] for line in events.splitlines() if "| pmb |" in line] == [" 80 ", " 50 "]
-    assert "| 99 |" in starts
+    rows = [line.split("|")[1:7] for line in costs(changed, ["pmb"]).splitlines() if "pmb" in line]
+    assert [row[5].strip() for row in rows] == ["80.00", "50.00", "99.00"]
     assert moment_of(changed).time_s == 2.0
 
 
@@ -85,36 +83,32 @@ def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
         focus = focus_of(traffic_result, Opening(worst=number, tracker="naive"))
         assert (focus.time_s, focus.tracker) == (events[number - 1].time_s, "naive")
         assert focus.vehicle in ("slow", "fast", "leaving", "observer")
-    with pytest.raises(InputError, match=f"only {len(events)} such events"):
+    with pytest.raises(InputError, match=f"has {len(events)} such moments"):
         focus_of(traffic_result, Opening(worst=len(events) + 1, tracker="naive"))
     with pytest.raises(InputError, match="did you mean 'naive'"):
         focus_of(traffic_result, Opening(worst=1, tracker="naiv"))
 
 
 def test_inspect_names_the_worst_events(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
-    done = cli("inspect", traffic_folder, "--worst", "2", "--json")
-    assert done.status == 0
-    worst = json.loads(done.out)["worst"]
     # The oracle is no competitor.
     expected = [event for event in events_of(traffic_result, run=0) if event.tracker != "oracle"][:2]
-    assert [(event["tracker"], event["kind"], event["time_s"]) for event in worst] == [
-        (event.tracker, event.kind, event.time_s) for event in expected
-    ]
-    printed = cli("inspect", traffic_folder, "--worst", "2").out
-    assert expected[0].kind in printed
-    assert f"--worst --tracker {expected[0].tracker}" in printed
+    assert worst_moments(traffic_result, Opening(worst=2)) == expected
+    done = cli("inspect", traffic_folder, "--worst", "2")
+    assert done.status == 0
+    assert expected[0].kind in done.out
+    assert f"trackbench view {traffic_folder} --worst\n" in done.out
 
 
 def test_inspect_shows_a_moment(cli: Callable[..., Any], traffic_folder: Path) -> None:
-    moment = json.loads(cli("inspect", traffic_folder, "--at", "0", "--json").out)["at"]
-    assert [vehicle["name"] for vehicle in moment["vehicles"]] == ["slow", "fast", "leaving"]
+    missed, tracks = cli("inspect", traffic_folder, "--at", "0").out.split("Tracks:")
+    states = [line.split() for line in missed.splitlines() if line.startswith("slow")]
+    assert {("slow", name, "waiting") for name in ("gnn", "pmb", "naive")} <= {tuple(state) for state in states}
     # The oracle alone confirms at once.
-    assert {track["tracker"] for track in moment["tracks"]} == {"oracle"}
-    states = moment["vehicles"][0]["states"]
-    assert {name: states[name] for name in ("gnn", "pmb", "naive")} == dict.fromkeys(("gnn", "pmb", "naive"), "waiting")
-    later = json.loads(cli("inspect", traffic_folder, "--at", "5.04", "--json").out)["at"]
-    assert later["time_s"] == pytest.approx(5.0)
-    assert {track["tracker"] for track in later["tracks"]} == {"gnn", "pmb", "oracle", "naive"}
+    assert {line.split()[0] for line in tracks.splitlines()[2:] if line.strip()} == {"oracle"}
+    later = cli("inspect", traffic_folder, "--at", "5.04").out
+    assert "At 5.000 s" in later
+    tracks = later.partition("Tracks:")[2]
+    assert {line.split()[0] for line in tracks.splitlines()[2:] if line.strip()} == {"gnn", "pmb", "oracle", "naive"}
     done = cli("inspect", traffic_folder, "--at", "99")
     assert (done.status, done.err) == (2, "--at: 99 s is not in the recording, which goes from 0 s to 6 s\n")
 
@@ -143,7 +137,7 @@ def test_inspect_reads_a_folder_without_a_recording(
 @pytest.mark.viewer
 @pytest.mark.slow
 def test_a_picture_of_the_worst(cli: Callable[..., Any], traffic_folder: Path, tmp_path: Path) -> None:
-    done = cli("snapshot", traffic_folder, "--worst", tmp_path / "worst.png")
+    done = cli("snapshot", traffic_folder, tmp_path / "worst.png", "--worst")
     assert done.status == 0
     assert (tmp_path / "worst.png").stat().st_size > 20_000
 

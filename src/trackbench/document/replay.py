@@ -65,12 +65,6 @@ class Chart:
             return -side, side
         return 0.0, max(self._top(), 1.15 * shown) or 1.0
 
-    @property
-    def beyond(self) -> list[str]:
-        """The names of the lines that are more above the axis than on it."""
-        top = self.span()[1]
-        return [line.name for line in self.lines if np.sum(line.value > top) > len(_finite([line])) / 2]
-
     def _top(self) -> float:
         values, limits = _finite(self.lines), _finite(self.bounds)
         top = 1.2 * float(np.percentile(values, 97)) if len(values) else 1.0
@@ -86,8 +80,6 @@ class NamedColour(NamedTuple):
     name: str
     colour: str
     mark: Literal["line", "dot", "mark", "ring"] = "line"
-    others: tuple[str, ...] = ()
-    """Colours of more dots beside the first."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -136,6 +136,7 @@ def _estimates(rng: np.random.Generator, tracker: str, sigma: float, truth: dict
         "tracker": [tracker] * number,
         "object": list(np.array(truth["object"])[alive]),
         "time_s": TIME[alive],
+        "due": np.ones(number),
         "px_m": (truth["px_m"] + error[0])[alive],
         "py_m": (truth["py_m"] + error[1])[alive],
         "p_00": np.full(number, p_00),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Callable
@@ -12,8 +11,10 @@ from typing import Any
 import pytest
 from tests.support.commands import run_command
 
+from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.results import Result
 from trackbench.subjects.recording import viewer
+from trackbench.subjects.recording.focus import Opening, worst_moments
 
 Cli = Callable[..., Any]
 
@@ -49,19 +50,10 @@ def test_inspect_prints_what_is_in_a_recording(cli: Cli, folder: Path) -> None:
     assert of_folder.out == done.out
 
 
-def test_inspect_prints_json_and_nothing_else(cli: Cli, folder: Path) -> None:
-    done = cli("inspect", "results/tiny", "--json", "--at", "1", "--worst", "2")
-    inspected = json.loads(done.out, parse_constant=pytest.fail)
-    assert done.err == ""
-    assert inspected["at"]["time_s"] == 1.0
-    assert {name: len(moments) for name, moments in inspected["worst"].items()} == {"raw": 2, "ekf": 2}
-    assert inspected["fingerprint"] == Result.load(folder).summary.fingerprint
-
-
 def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
     at = cli("inspect", "results/tiny", "--at", "1.23")
     assert "At 1.200 s" in at.out
-    assert any(line.split()[:2] == ["v1", "ekf"] for line in at.out.splitlines())
+    assert [line.split()[:2] for line in at.out.splitlines() if line.startswith("v1")] == [["v1", "raw"], ["v1", "ekf"]]
     worst = cli("inspect", "results/tiny", "--worst", "2", "--tracker", "ekf")
     assert "raw" not in worst.out
     assert "ekf" in worst.out
@@ -76,14 +68,17 @@ def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
         (["snapshot", "tiny.yaml", "--at", "1", "a.png"], "tiny.yaml: not a Rerun recording (.rrd)"),
         (["snapshot", "results/tiny", "--at", "9", "a.png"], "--at: 9 s is not in the recording"),
         (["snapshot", "results/tiny", "--at", "1", "a.jpg"], "name it a.png, not a.jpg"),
-        (["snapshot", "results/tiny", "--at", "1", "--worst", "a.png"], "--at and --worst are two times"),
+        (["snapshot", "results/tiny", "--at", "1", "a.png", "--worst"], "--at and --worst are two times"),
         (["snapshot", "results/tiny", "--worst", "--vehicle", "v9", "a.png"], "--vehicle: no vehicle 'v9' in this"),
         (["snapshot", "results/tiny", "--worst", "--tracker", "efk", "a.png"], "did you mean 'ekf'?"),
-        (["snapshot", "results/tiny", "--worst", "999", "a.png"], "--worst: only "),
+        (["snapshot", "results/tiny", "--worst", "999", "a.png"], "--worst: run 0, which is recorded, has "),
         (["view", "results/tiny", "--tracker", "ekf"], "give --worst with it"),
         (["view", "results/tiny", "--vehicle", "vv1"], "did you mean 'v1'?"),
         (["inspect", "results/tiny", "--worst", "--vehicle", "v9"], "--vehicle: no vehicle 'v9' in this"),
         (["inspect", "results/tiny", "--vehicle", "v1"], "give --worst with it"),
+        (["inspect", "results/tiny", "--worst", "1", "--at", "1"], "--at and --worst are two times"),
+        (["inspect", "results/tiny", "--function", "fcw"], "give --worst with it"),
+        (["snapshot", "results/tiny", "--worst", "a.png"], "'a.png' is not a whole number from 1 on"),
         (["inspect", "results/tiny", "--tracker", "ekf"], "give --worst with it"),
         (["inspect", "results/tiny", "--worst", "1", "--tracker", "efk"], "did you mean 'ekf'?"),
     ],
@@ -120,8 +115,7 @@ def test_without_a_driver_it_says_what_to_install(cli: Cli, folder: Path, monkey
     assert not (folder.parents[1] / "a.png").exists()
 
 
-def test_the_report_and_inspect_name_the_same_worst_moments(cli: Cli, folder: Path) -> None:
-    worst = json.loads(cli("inspect", "results/tiny", "--worst", "--json").out)["worst"]
+def test_the_report_and_inspect_name_the_same_worst_moments(folder: Path) -> None:
     report = (folder / "report.md").read_text(encoding="utf-8")
     section = report.partition("## Worst moments")[2].partition("\n## ")[0]
     # The best and the last of the ranking have a row.
@@ -130,9 +124,10 @@ def test_the_report_and_inspect_name_the_same_worst_moments(cli: Cli, folder: Pa
     ]
     assert rows
     for name, text in rows:
-        (moment,) = worst[name]
-        assert text.endswith(f" m, {moment['object']} at {moment['time_s']:.2f} s")
-        assert float(text.split()[0]) == pytest.approx(moment["position_error_m"], abs=0.01)
+        (moment,) = worst_moments(Result.load(folder), Opening(worst=1, tracker=name))
+        assert isinstance(moment, EstimateMoment)
+        assert text.endswith(f" m, {moment.object} at {moment.time_s:.2f} s")
+        assert float(text.split()[0]) == pytest.approx(moment.position_error_m, abs=0.01)
     assert "trackbench view . --worst --tracker ekf" in report
 
 
@@ -142,10 +137,9 @@ def test_the_viewer_opens_at_the_worst_moment(cli: Cli, folder: Path, monkeypatc
     started = headless_viewers(monkeypatch)
     try:
         assert cli("view", "results/tiny", "--worst", "1").status == 0
-        worst = json.loads(cli("inspect", "results/tiny", "--worst", "1", "--json").out)["worst"]
         (recording,) = started[0].wait().get_state().recordings
-        expected = worst["ekf"][0]
-        assert recording.current_time == round(expected["time_s"] * 1e9)
+        (expected,) = worst_moments(Result.load(folder), Opening(worst=1))
+        assert recording.current_time == round(expected.time_s * 1e9)
         assert recording.store_id.startswith("Recording:")
     finally:
         for each in started:

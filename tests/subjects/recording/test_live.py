@@ -20,8 +20,7 @@ from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.subjects.recording import live
-from trackbench.subjects.recording.live import Live, LiveRun
-from trackbench.subjects.recording.live_scene import LiveRuns
+from trackbench.subjects.recording.live import Live, LiveRun, LiveRuns
 from trackbench.truth import LoadedTruth
 
 
@@ -43,7 +42,7 @@ ABSENT = "rerun+http://127.0.0.1:9/proxy"
 
 def stop(viewer: Live) -> None:
     viewer._process.kill()
-    viewer._process.wait()
+    viewer._process.join()
 
 
 @pytest.mark.parametrize("url", [None, ABSENT])
@@ -89,7 +88,7 @@ def test_a_viewer_that_takes_nothing_is_given_up(
     viewer.end(run_scenario(scene[0], [scene[1]]))
     viewer.close()
     assert viewer.lost
-    assert viewer._process.poll() is not None
+    assert not viewer._process.is_alive()
 
 
 def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(

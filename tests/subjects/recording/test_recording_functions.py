@@ -1,4 +1,4 @@
-"""Functions in a recording: lanes, a log, rings in the scene, and the tables to read back."""
+"""Functions in a recording: lanes, and the tables to read back."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import FunctionEvent
 from trackbench.results import Result
 from trackbench.subjects.recording.data import read
-from trackbench.subjects.recording.focus import Opening, focus_of
+from trackbench.subjects.recording.focus import Opening, focus_of, worst_moments
 from trackbench.subjects.recording.functions import lane
-from trackbench.subjects.recording.inspection import inspect
 from trackbench.subjects.recording.writer import write
 
 HIDDEN = BRAKING.replace("_mps2: 8}", "_mps2: 8, associate: {method: gnn}}").replace(
@@ -47,30 +46,26 @@ def test_a_lane_says_what_is_late_missed_and_false() -> None:
     assert lane(rows, events).tolist() == ["", "late", "lead", "lead", "", "missed", "missed", "", "false", ""]
 
 
-def test_lanes_log_and_rings_are_in_the_file(result: Result, file: Path) -> None:
+def test_lanes_are_in_the_file(file: Path) -> None:
     chunks = [chunk for chunk in RrdReader(file).stream() if not chunk.is_static]
     rows = {str(chunk.entity_path): chunk.to_record_batch() for chunk in chunks}
     assert {f"/functions/fcw/{name}" for name in ("_truth", "ekf", "slow")} <= {*rows}
-    assert {"/world/warned/slow", "/function_events/slow"} <= {*rows}
     (name,) = [name for name in rows["/functions/fcw/_truth"].schema.names if "state" in name]
     states = [values[0] for values in rows["/functions/fcw/_truth"][name].to_pylist()]
     assert states == ["", "lead", ""]
-    (name,) = [name for name in rows["/world/warned/slow"].schema.names if "centers" in name]
-    ringed = [len(values or ()) for values in rows["/world/warned/slow"][name].to_pylist()]
-    active = result.tables.decisions.to_pandas().query("tracker == 'slow' and active > 0 and object == 'lead'")
-    assert sum(ringed) == len(active)
 
 
 def test_events_are_read_back_from_the_file(result: Result, file: Path) -> None:
-    recorded = read(file)
-    from_file = inspect(recorded, Opening(worst=5, function="fcw")).worst
-    assert from_file
+    recorded = read(file).result
+    from_file = worst_moments(recorded, Opening(worst=5, function="fcw"))
+    assert from_file == worst_moments(result, Opening(worst=5, function="fcw"))
+    assert isinstance(from_file[0], FunctionEvent)
     assert from_file[0].word == "late"
-    assert inspect(recorded, Opening(worst=5, function="fcw", tracker="ekf")).worst != from_file
+    assert worst_moments(recorded, Opening(worst=5, function="fcw", tracker="ekf")) != from_file
 
 
 def test_a_recording_opens_at_the_worst_event(result: Result) -> None:
     focus = focus_of(result, Opening(worst=1, function="fcw", tracker="slow"))
     assert (focus.vehicle, focus.time_s) == ("lead", pytest.approx(5.0))
-    with pytest.raises(InputError, match="1 event of fcw went wrong"):
+    with pytest.raises(InputError, match="run 0, which is recorded, has 1 such moment"):
         focus_of(result, Opening(worst=2, function="fcw", tracker="slow"))

@@ -29,7 +29,7 @@ LINE_WIDTHS = {"reference": 3.0, "tracker": 1.5}
 MARGIN_M = 6.0
 IN_THE_PICTURES = (
     "## In the pictures\n\n"
-    "Grey: the truth. Orange: the tracker. Blue: the reference. Dots: measurements of the last 0.5 s. Ellipses: 95 % of"
+    "Grey: the truth. Orange: the tracker. Blue: the reference. Dots: measurements of the last 0.3 s. Ellipses: 95 % of"
     " the position by the estimate's covariance. Innovations: orange, applied by the tracker; blue, expected from the"
     " same prediction by the right measurement model; grey, two standard deviations of the noise."
 )

@@ -178,8 +178,7 @@ def _worst(events: Sequence[FunctionEvent], label: str) -> Table:
         Column("what", left=True): lambda event: event.word,
         Column("by, s"): lambda event: rounded(event.wrong_s, 2),
     }
-    caption = f"The worst events of all runs; trackbench inspect . --worst {label} lists more"
-    return text_table(f"{label}-events", events, columns, caption)
+    return text_table(f"{label}-events", events, columns, "The worst events of all runs")
 
 
 #: Points of a row, and of what is around the rows.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,66 +15,47 @@ from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import Finite, OptionValues, RunOptions, Whole
-from trackbench.results import json_text
 
 if TYPE_CHECKING:
     from trackbench.scenario import Scenario
+    from trackbench.subjects.recording.focus import Opening
     from trackbench.subjects.recording.live import Live
-
-#: Events of a function that `inspect` lists unless a number is given.
-LISTED = 10
-_FUNCTION = re.compile(r"[A-Za-z][\w-]{0,63}")
-
-
-class MomentCommand(click.Command):
-    """A command whose ``--worst`` may stand without a number, which is 1 then, or with the name of a function."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        filled: list[str] = []
-        rest = list(args)
-        while rest:
-            arg = rest.pop(0)
-            filled.append(arg)
-            if arg != "--worst" or (rest and rest[0].isdigit()):
-                continue
-            if rest and _FUNCTION.fullmatch(rest[0]) and not Path(rest[0]).exists():
-                filled += [str(LISTED if self.name == "inspect" else 1), "--function", rest.pop(0)]
-            else:
-                filled.append("1")
-        return super().parse_args(ctx, filled)
-
-
-def worst_option(help: str) -> Callable[[Any], Any]:
-    return click.option("--worst", type=Whole(1), metavar="[N|FUNCTION]", help=help)
-
-
-TRACKER = click.option(
-    "--tracker",
-    metavar="NAME",
-    help="With --worst: of this tracker alone. With hidden identities also at a time: its tracks.",
-)
-FUNCTION = click.option(
-    "--function", metavar="NAME", help="With --worst: the worst events of this function, missed, late, false or early."
-)
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--at``, ``--worst``, ``--vehicle``, ``--tracker`` and ``--function`` to a command."""
-    for option in (
-        FUNCTION,
-        TRACKER,
-        click.option("--vehicle", metavar="NAME", help="Scene and plots of this vehicle; with --worst: its moments."),
-        worst_option("Stop at the moment of the largest position error, or of the Nth largest, at its vehicle."),
-        click.option("--at", "at_s", type=Finite(0), metavar="T", help="Stop at this time, in seconds."),
-    ):
-        command = option(command)
-    return command
+    """Add ``--at``, ``--worst``, ``--vehicle``, ``--tracker`` and ``--function``; the command gets an ``opening``."""
+
+    @click.option("--at", "at_s", type=Finite(0), metavar="T", help="At this time, in seconds.")
+    @click.option(
+        "--worst",
+        type=Whole(1),
+        is_flag=False,
+        flag_value="1",
+        metavar="[N]",
+        help="At the largest position error, or the Nth largest; with hidden identities at the costliest event.",
+    )
+    @click.option("--vehicle", metavar="NAME", help="Of this vehicle; its scene and plots in a picture.")
+    @click.option("--tracker", metavar="NAME", help="Of this tracker.")
+    @click.option("--function", metavar="NAME", help="With --worst: of the events of this function.")
+    @functools.wraps(command)
+    def wrapped(*arguments: Any, **options: Any) -> None:
+        from trackbench.subjects.recording.focus import Opening
+
+        names = Opening.__dataclass_fields__
+        opening = Opening(**{name: options.pop(name) for name in names})
+        if opening.at_s is not None and opening.worst is not None:
+            raise click.UsageError("--at and --worst are two times: give one of them")
+        if opening.function is not None and opening.worst is None:
+            raise click.UsageError("--function names whose worst events are meant: give --worst with it")
+        command(*arguments, opening=opening, **options)
+
+    return wrapped
 
 
-@click.command("view", cls=MomentCommand)
+@click.command("view")
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
 @opening_options
-def view_command(run: Path, **opening: Any) -> None:
+def view_command(run: Path, opening: Opening) -> None:
     """Open a run in the Rerun viewer.
 
     RUN is the folder of a run or a recording (.rrd). The viewer centres on a vehicle only with the folder.
@@ -87,32 +68,15 @@ def view_command(run: Path, **opening: Any) -> None:
     """
     from trackbench.subjects.recording import viewer
 
-    with _playable(run, **opening) as (file, time_s):
+    with viewer.playable(run, opening) as (file, time_s):
         viewer.start_viewer().open(file, time_s)
 
 
-@contextmanager
-def _playable(run: Path, **options: Any) -> Iterator[tuple[Path, float | None]]:
-    if options["at_s"] is not None and options["worst"] is not None:
-        raise click.UsageError("--at and --worst are two times: give one of them")
-    from trackbench.subjects.recording.focus import Opening
-    from trackbench.subjects.recording.viewer import playable
-
-    _require_worst(options["worst"], options["function"])
-    with playable(run, Opening(**options)) as ready:
-        yield ready
-
-
-def _require_worst(worst: int | None, function: str | None) -> None:
-    if function is not None and worst is None:
-        raise click.UsageError("--function names whose worst events are meant: give --worst with it")
-
-
-@click.command("snapshot", cls=MomentCommand)
+@click.command("snapshot")
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
 @click.argument("out", type=click.Path(path_type=Path), metavar="OUT.png")
 @opening_options
-def snapshot_command(run: Path, out: Path, **opening: Any) -> None:
+def snapshot_command(run: Path, out: Path, opening: Opening) -> None:
     """Save a picture of a run, at a time or at its worst moment.
 
     Without --at and --worst it shows the moment at which `view` opens. It needs no screen, but a Vulkan driver. RUN is
@@ -120,51 +84,38 @@ def snapshot_command(run: Path, out: Path, **opening: Any) -> None:
 
     \b
     Examples:
-      trackbench snapshot results/highway --at 12.4 highway.png
-      trackbench snapshot results/highway --worst --vehicle v5 worst.png
+      trackbench snapshot results/highway highway.png --at 12.4
+      trackbench snapshot results/highway worst.png --worst --vehicle v5
     """
     if out.suffix.lower() != ".png":
         raise click.UsageError(f"the picture is a PNG: name it {out.stem}.png, not {out.name}")
     from trackbench.subjects.recording import viewer
 
-    with _playable(run, **opening) as (file, time_s):
+    with viewer.playable(run, opening) as (file, time_s):
         if time_s is None:
             raise click.UsageError("a picture needs a time: give --at or --worst")
         results.write_bytes(out, *viewer.pictures(file, [time_s]))
     print_answer(str(out))
 
 
-@click.command("inspect", cls=MomentCommand)
+@click.command("inspect")
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--at", "at_s", type=Finite(0), metavar="T", help="The scene at this time, in seconds.")
-@worst_option("The worst moment of each tracker, or the N worst; with hidden identities the N costliest events.")
-@click.option("--vehicle", metavar="NAME", help="With --worst: of this vehicle alone.")
-@TRACKER
-@FUNCTION
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
-def inspect_command(run: Path, as_json: bool, **options: Any) -> None:
+@opening_options
+def inspect_command(run: Path, opening: Opening) -> None:
     """Read a recorded run without a viewer.
 
-    RUN is the folder of a run or a recording (.rrd).
+    RUN is the folder of a run or a recording (.rrd). --worst N lists the N worst moments, at which `view` opens.
 
     \b
     Examples:
       trackbench inspect results/highway
       trackbench inspect results/highway/recording.rrd --at 12.4
       trackbench inspect results/highway --worst 5 --tracker raw
-      trackbench inspect results/nhtsa_braking --worst fcw
+      trackbench inspect results/nhtsa_braking --worst 10 --function fcw
     """
-    if options["vehicle"] is not None and options["worst"] is None:
-        raise click.UsageError("--vehicle names whose worst moments are meant: give --worst with it")
-    _require_worst(options["worst"], options["function"])
-    from trackbench.subjects.recording.focus import Opening
-    from trackbench.subjects.recording.inspection import inspect, print_inspection
+    from trackbench.subjects.recording.inspection import inspect
 
-    inspection = inspect(run, Opening(**options))
-    if as_json:
-        print_answer(json_text(inspection.json()), nl=False)
-    else:
-        print_inspection(inspection, Console(file=answer(), highlight=False, markup=False, emoji=False))
+    inspect(run, opening, Console(file=answer(), highlight=False, markup=False, emoji=False))
 
 
 def _add(command: Callable[..., Any]) -> Callable[..., Any]:

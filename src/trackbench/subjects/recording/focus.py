@@ -11,7 +11,7 @@ from trackbench.base.errors import InputError, counted, nearest_choices
 from trackbench.metrics.function_events import FunctionEvent, TrackEvent, events_of, function_events
 from trackbench.metrics.recorded_run import EstimateMoment, recorded_estimates, worst
 from trackbench.results import Result
-from trackbench.results.columns import Columns, split
+from trackbench.results.columns import split
 
 Moment = EstimateMoment | TrackEvent | FunctionEvent
 
@@ -59,16 +59,17 @@ def focus_of(result: Result, opening: Opening) -> Focus:
     moments = worst_moments(result, opening)
     if opening.worst is not None:
         if len(moments) < opening.worst:
-            raise _too_few(result, opening, len(moments))
+            run, number = result.summary.recorded_run, counted(len(moments), "such moment")
+            raise InputError(f"run {run}, which is recorded, has {number}", key="--worst")
         return _focus_on(result, moments[opening.worst - 1])
     if opening.at_s is not None:
-        require_time(0.0, result.summary.truth.duration_s, opening.at_s)
+        require_time(result, opening.at_s)
         if opening.vehicle is not None:
             _require_present(result, opening.vehicle, opening.at_s)
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
 
 
-def worst_moments(result: Result, opening: Opening, *, each: bool = False) -> Sequence[Moment]:
+def worst_moments(result: Result, opening: Opening) -> Sequence[Moment]:
     """Return as many of the worst moments as an opening asks for, the worst first.
 
     They are events of its function; else with hidden identities what costs most; else the largest position errors.
@@ -76,7 +77,6 @@ def worst_moments(result: Result, opening: Opening, *, each: bool = False) -> Se
     Args:
         result: of the run.
         opening: with the tracker and the vehicle of the moments.
-        each: as many of each tracker, contenders first, and the events of a function of all runs.
 
     Raises:
         InputError: the run has no such tracker, vehicle or function.
@@ -89,20 +89,15 @@ def worst_moments(result: Result, opening: Opening, *, each: bool = False) -> Se
     if opening.worst is None:
         return []
     if opening.function is not None:
-        run = None if each else result.summary.recorded_run
+        run = result.summary.recorded_run
         return function_events(result, opening.function, tracker, run, vehicle)[: opening.worst]
     if hidden:
         return costly_events(result, tracker, vehicle)[: opening.worst]
     estimates = recorded_estimates(result)
     names = list(estimates["tracker"].unique())
     filtering = [item.name for item in result.filtering if item.name in names]
-    if tracker is not None:
-        groups = [[require_name(tracker, names, "tracker")]]
-    elif each:
-        groups = [[name] for name in dict.fromkeys([*filtering, *names])]
-    else:
-        groups = [filtering or names]
-    return [moment for group in groups for moment in worst(estimates, group, opening.worst, vehicle)]
+    trackers = filtering or names if tracker is None else [require_name(tracker, names, "tracker")]
+    return worst(estimates, trackers, opening.worst, vehicle)
 
 
 def _focus_on(result: Result, moment: Moment) -> Focus:
@@ -115,25 +110,16 @@ def _focus_on(result: Result, moment: Moment) -> Focus:
     return Focus(vehicle, moment.time_s, tracker=tracker, beside=beside)
 
 
-def _too_few(result: Result, opening: Opening, number: int) -> InputError:
-    if opening.function is not None:
-        run, wrong = result.summary.recorded_run, counted(number, "event")
-        message = f"in run {run}, the recorded one, {wrong} of {opening.function} went wrong"
-        return InputError(f"{message}; trackbench inspect has all runs", key="--worst")
-    if result.summary.identities == "hidden":
-        return InputError(f"only {number} such events: no other costs anything", key="--worst")
-    return InputError(f"only {number} such moments: no other estimate counts", key="--worst")
-
-
-def require_time(first: float, last: float, time: float) -> None:
-    """Make sure that a time is one of a recording's.
+def require_time(result: Result, time: float) -> None:
+    """Make sure that a time, s, is one of a recording's.
 
     Raises:
         InputError: it is not.
     """
+    last = result.summary.truth.duration_s
     # The last instant may not be a round number.
-    if not first - 1e-9 <= time <= last + 1e-9:
-        raise InputError(f"{time:g} s is not in the recording, which goes from {first:g} s to {last:g} s", key="--at")
+    if not -1e-9 <= time <= last + 1e-9:
+        raise InputError(f"{time:g} s is not in the recording, which goes from 0 s to {last:g} s", key="--at")
 
 
 def require_name(name: str, known: Iterable[str], what: str) -> str:
@@ -161,47 +147,20 @@ def _require_present(result: Result, vehicle: str, time_s: float) -> None:
         raise InputError(f"{vehicle} is not there at {time_s:g} s: it is there {when}", key="--at")
 
 
-#: Over so long a time the difference of two trackers is averaged, and so far it is from the ends of a track, s.
-SMOOTH_S, MARGIN_S = 0.5, 1.0
-
-
 def moment_of(result: Result) -> Focus:
     """Return a moment of the recorded run that is worth seeing first.
 
-    Where identities are hidden, the costliest event of the best contender that is no start of a track. With functions,
-    where the first is due. Else where the errors of two contenders differ most for half a second.
+    With functions, it is where the first is due. Else it is the largest error of any contender; with hidden identities
+    the costliest event of the best one.
     """
-    if result.summary.identities == "hidden":
-        best = result.contenders[0].name if result.scored else None
-        events = [event for event in costly_events(result, best, None) if event.kind != "confirmed"]
-        return Focus(_vehicle_at(result, events[0])[0], events[0].time_s) if events else Focus()
     for rows in split(result.tables.if_there("decisions"), "function").values():
         due = np.flatnonzero(rows["true_active"] > 0)
         if due.size:
             return Focus(str(rows["true_object"][due[0]]), float(rows["time_s"][due[0]]))
-    filtering = {tracker.name for tracker in result.filtering}
-    of_objects: dict[str, list[Columns]] = {}
-    for (name, tracker), rows in split(result.tables.if_there("estimates"), "object", "tracker").items():
-        if tracker in filtering:
-            of_objects.setdefault(name, []).append(rows)
-    moments = [(*_most_apart(tracks), name) for name, tracks in of_objects.items()]
-    difference, time, vehicle = max(moments, default=(0.0, 0.0, ""))
-    return Focus(vehicle, time) if difference > 0 else Focus()
-
-
-def _most_apart(tracks: Sequence[Columns]) -> tuple[float, float]:
-    """Return by how much the position errors of an object's tracks differ at most, m, and when, s."""
-    time = np.unique(np.concatenate([rows["time_s"] for rows in tracks]))
-    if not len(time):
-        return 0.0, 0.0
-    errors = np.full((len(tracks), len(time)), np.nan)
-    for own, rows in zip(errors, tracks, strict=True):
-        own[np.searchsorted(time, rows["time_s"])] = rows["position_error_m"]
-    differ = np.fmax.reduce(errors) - (np.fmin.reduce(errors) if len(errors) > 1 else 0.0)
-    inside = (time > time[0] + MARGIN_S) & (time < time[-1] - MARGIN_S)
-    width = max(1, round(SMOOTH_S * len(time) / max(float(np.ptp(time)), SMOOTH_S)))
-    smooth = np.convolve(np.nan_to_num(differ) * inside, np.full(width, 1 / width), "same")
-    return float(smooth.max()), float(time[smooth.argmax()])
+    hidden = result.summary.identities == "hidden"
+    best = result.contenders[0].name if hidden and result.scored else None
+    moments = worst_moments(result, Opening(worst=1, tracker=best))
+    return _focus_on(result, moments[0]) if moments else Focus()
 
 
 def _require_use_of_tracker(result: Result, opening: Opening, tracker: str) -> None:

@@ -1,8 +1,8 @@
-"""What functions decide in the recorded run: a lane for the truth and each tracker, a log, and rings in the scene."""
+"""What functions decide in the recorded run: a lane for the truth and each tracker."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pyarrow as pa
@@ -15,34 +15,28 @@ from trackbench.document.palette import ERROR_COLOURS, TRUTH_COLOUR
 from trackbench.metrics.function_events import FunctionEvent
 from trackbench.results.columns import Columns, split
 from trackbench.subjects.recording.stream import Stream, path, rgba_of
-from trackbench.subjects.recording.tracks import WARNED, send_rings
 
 LANES = "functions"
-LOG = "function_events"
 #: No tracker is called so, and it comes before all.
 TRUTH = "_truth"
 #: Of a lane in which something is wrong.
 WRONG = {"missed": ERROR_COLOURS[4], "late": ERROR_COLOURS[2], "false": ERROR_COLOURS[3]}
 #: In a lane, nothing is decided.
 NOTHING = ""
-#: Radius of the ring of the first tracker, and by how much that of each other one is larger, m.
-RING, WIDER = 2.8, 0.35
 
 
 def send_functions(
     stream: Stream,
     decisions: pa.Table,
     events: Iterable[FunctionEvent],
-    truth: pa.Table,
     colours: Mapping[str, str],
 ) -> None:
-    """Send the lanes, the log and the rings of functions.
+    """Send the lanes of functions.
 
     Args:
         stream: the recording.
         decisions: the table.
         events: those of the recorded run in which something was wrong.
-        truth: the table.
         colours: by tracker.
     """
     by_function: dict[str, dict[str, Columns]] = {}
@@ -56,13 +50,6 @@ def send_functions(
         for tracker, rows in of_trackers.items():
             own = [event for event in wrong if (event.function, event.tracker) == (function, tracker)]
             _send_lane(stream, (function, tracker), rows["time_s"], lane(rows, own), colours[tracker])
-    for tracker in colours:
-        _send_log(stream, tracker, [event for event in wrong if event.tracker == tracker])
-    warned = {tracker: [own[tracker] for own in by_function.values() if tracker in own] for tracker in colours}
-    for number, (tracker, rows_of) in enumerate(warned.items()):
-        if rows_of:
-            entity, radius = path(*WARNED, tracker), RING + WIDER * number
-            send_rings(stream, entity, rows_of[0]["time_s"], _warned(rows_of), truth, colours[tracker], radius)
 
 
 def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
@@ -84,11 +71,6 @@ def lanes_view() -> rrb.StateTimelineView:
     )
 
 
-def log_view() -> rrb.TextLogView:
-    """Return a view of the events of all functions."""
-    return rrb.TextLogView(origin=path(LOG), name="Missed, late, false, early")
-
-
 def _named(objects: Array) -> Array:
     """Return the names of objects, with a text for tracks on no object."""
     names = objects.astype(str)
@@ -103,19 +85,3 @@ def _send_lane(stream: Stream, place: tuple[str, ...], time: Array, states: Arra
     colours = rgba_of(WRONG.get(value, colour) for value in values)
     visible = [value != NOTHING for value in values]
     stream.static(entity, rr.StateConfiguration(values=values, labels=values, colors=colours, visible=visible))
-
-
-def _send_log(stream: Stream, tracker: str, events: Sequence[FunctionEvent]) -> None:
-    ordered = sorted(events, key=lambda event: event.time_s)
-    texts = [f"{tracker}: {e.function} {e.word} by {e.wrong_s:.2f} s, {e.object or 'no object'}" for e in ordered]
-    warnings = [event.word in WRONG for event in ordered]
-    stream.log(path(LOG, tracker), [event.time_s for event in ordered], texts, warnings)
-
-
-def _warned(rows: Sequence[Columns]) -> Iterator[tuple[str, Array]]:
-    """Yield the objects that functions are active about, with the times of it, s."""
-    times = np.concatenate([of["time_s"][of["active"] > 0] for of in rows])
-    objects = np.concatenate([of["object"][of["active"] > 0] for of in rows])
-    for name in np.unique(objects.astype(str)):
-        if name:
-            yield str(name), np.unique(times[objects == name])

@@ -10,15 +10,15 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
+from trackbench.base.errors import counted
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
 from trackbench.document.replay import Chart, NamedColour
-from trackbench.report.numbers import joined_names
 from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.scene import MEASUREMENTS, TRAIL_S, TRUE_TRAILS
 from trackbench.subjects.recording.series import NOTHING, AllCharts, Charts, recorded_run
-from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, rgba_of, send_line
+from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, send_line
 from trackbench.subjects.recording.tracks import (
     ASSOCIATION_COLOUR,
     ASSOCIATIONS,
@@ -30,8 +30,6 @@ from trackbench.subjects.recording.tracks import (
 from trackbench.subjects.recording.views import BACKGROUND, RECENT_S, Window, scene_view, scene_views
 
 LEGEND = "legend"
-#: The first identity's on the dark ground, at an existence probability of 0.4.
-FAINT_COLOUR = "#85863F"
 #: Pixels of the view, of a letter and of the room around a name.
 WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
 ROW, MARK, RING = 40.0, 22.0, 6.0
@@ -43,8 +41,7 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
     With ``hidden`` identities the colours of the trackers are those of the plots alone.
     """
     tracks = [
-        NamedColour("tracks", IDENTITY_COLOURS[0], "dot", IDENTITY_COLOURS[1:]),
-        NamedColour("faint: unsure", FAINT_COLOUR, "dot"),
+        NamedColour("tracks", IDENTITY_COLOURS[0], "dot"),
         NamedColour("due, no track", MISSED, "ring"),
         NamedColour("false track", MARKED["false"], "mark"),
         NamedColour("lost, merged", MARKED["lost"], "mark"),
@@ -63,8 +60,7 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
 def entries_of(contents: Contents) -> list[NamedColour]:
     """Return the entries of the legend of a recording."""
     shown = entries(contents.colours, list(contents.sensors), contents.hidden)
-    active = [NamedColour("function active", BOUND_COLOUR, "ring")] if contents.decisions.num_rows else []
-    return [*shown, *active, *(contents.errors.legend if contents.errors else [])]
+    return [*shown, *(contents.errors.legend if contents.errors else [])]
 
 
 def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
@@ -82,10 +78,6 @@ def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
         else:
             mark = rr.Points2D([(x, y)], radii=pixels(5.0 if entry.mark == "mark" else 3.0), **style)
         stream.static(path(LEGEND, str(number)), mark)
-        if entry.others:
-            beside = [(x + (MARK / 2) * (-1) ** i * (i // 2 + 1), y) for i in range(len(entry.others))]
-            colours = rgba_of(entry.others)
-            stream.static(path(LEGEND, str(number), "others"), rr.Points2D(beside, colors=colours, radii=pixels(3.0)))
 
 
 def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
@@ -138,16 +130,6 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
     )
 
 
-def left_out(charts: Iterable[Chart], baselines: Iterable[str] = ()) -> str:
-    """Say which lines are in no plot, or beyond its axis: "Left out of plots: raw; div (Position RMSE, m)"."""
-    titles: dict[str, dict[str, None]] = {}
-    for chart in charts:
-        for name in chart.beyond:
-            titles.setdefault(name, {})[chart.title] = None
-    texts = [*sorted(baselines), *(f"{name} ({joined_names([*of])})" for name, of in titles.items())]
-    return f"Left out of plots: {'; '.join(texts)}." if texts else ""
-
-
 def plot(chart: Chart, shown: float = 0.0, *, whole: bool = False) -> rrb.TimeSeriesView:
     """Return the view of a chart, whose time axis is that of all others; a value ``shown`` is on its other axis.
 
@@ -168,14 +150,14 @@ MOST_VEHICLES = 6
 #: Pixels of a window for what is beside the scene.
 BESIDE = 850.0
 WHOLE = Focus()
-EVENTS, COSTS = "events", "costs"
+COSTS = "costs"
 
 
 def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus = WHOLE) -> rrb.Blueprint:
     """Return the layout of a recording: a tab for all runs, one for the recorded run, and one for each vehicle."""
     vehicles = _shown(contents.vehicles, focus)
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus, contents.moment.vehicle)
-    runs = _page(charts.all_runs, contents.runs)
+    runs = _page(charts.all_runs, counted(contents.result.summary.runs, "run"))
     recorded = _page(charts.recorded, f"Run {contents.result.summary.recorded_run}, all vehicles")
     own: list[rrb.Container] = [
         _page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles
@@ -183,8 +165,7 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     own += [contents.errors.view()] if contents.errors else []
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
     if contents.decisions.num_rows:
-        lanes = functions.lanes_view()
-        own.append(rrb.Horizontal(lanes, functions.log_view(), column_shares=[2, 1], name="Functions"))
+        own.append(rrb.Horizontal(functions.lanes_view(), name="Functions"))
         tab = len(own) + 1 if focus.vehicle is None or focus.function is not None else tab
     main = rrb.Vertical(scene, rrb.Tabs(runs, recorded, *own, active_tab=tab), row_shares=[4, 5])
     return _opened(main, contents, focus)
@@ -198,7 +179,8 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         window = wide.around(focus.vehicle)
         near = window.closer(focus.beside)
     trackers = list(contents.colours)
-    front = focus.tracker if focus.tracker in trackers else contents.best
+    best = next((tracker.name for tracker in contents.result.contenders), None)
+    front = focus.tracker if focus.tracker in trackers else best
     tabs = rrb.Tabs(
         *(
             rrb.Horizontal(
@@ -212,16 +194,9 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         active_tab=trackers.index(front) if front in trackers else 0,
     )
     parts = [plot(chart, chart.largest) for chart in charts]
-    lanes = list[rrb.View]()
-    logs: list[rrb.View] = [
-        rrb.TextDocumentView(origin=COSTS, name="Events by cost"),
-        rrb.TextLogView(origin=EVENTS, name="Over time"),
-    ]
-    if contents.decisions.num_rows:
-        logs, lanes = [*logs, functions.log_view()], [functions.lanes_view()]
-    below = rrb.Horizontal(
-        rrb.Tabs(*lanes, *parts[:-1], active_tab=0), rrb.Tabs(*logs, parts[-1], active_tab=0), column_shares=[1, 1]
-    )
+    lanes = [functions.lanes_view()] if contents.decisions.num_rows else []
+    costs = rrb.TextDocumentView(origin=COSTS, name="Events by cost")
+    below = rrb.Horizontal(rrb.Tabs(*lanes, *parts, active_tab=0), costs)
     main = rrb.Vertical(tabs, below, row_shares=[3, 2]) if trackers else below
     return _opened(main, contents, focus)
 
@@ -231,7 +206,7 @@ def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bo
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in contents.sensors}
     own = entities(tracker)
     if gates:
-        own |= {path(*ASSOCIATIONS, tracker, *part): 0.0 for part in ((), ("detections",), ("gates",))}
+        own |= {path(*ASSOCIATIONS, tracker, *part): 0.0 for part in ((), ("gates",))}
     shown |= {path(*TRUE_TRAILS): TRAIL_S, **own}
     left_out = (f"- {family}/**" for family in families())
     return scene_view(window, name, shown, *left_out, *(f"+ {entity}" for entity in own))

@@ -1,35 +1,46 @@
 """A run shown while it goes on: its recorded run is sent to another process, which draws it in the viewer.
 
 Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it is in another
-process, to which a thread of this one writes. The run only appends to a queue of limited length: it never waits.
+process, which reads from a queue: the run never waits.
 """
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import pickle
-import subprocess
-import sys
-import threading
-from collections import deque
-from collections.abc import Mapping
-from contextlib import suppress
+import queue
+import signal
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import rerun as rr
 
 from trackbench.api.plan import Listener, Prepared
 from trackbench.base.types import Scan, Truth
-from trackbench.document.palette import tracker_colours
+from trackbench.document.palette import sensor_colours, tracker_colours
 from trackbench.results import Result
-from trackbench.runner.recorded import RecordedInstant
+from trackbench.results.columns import split
+from trackbench.results.declared import LABELLED
+from trackbench.runner.estimate_records import estimate_records, measurement_records
+from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
+from trackbench.runner.shared_records import road_records, truth_records
+from trackbench.subjects.recording import layout, scene, series, views
+from trackbench.subjects.recording.stream import Stream
+from trackbench.subjects.recording.tracks import send_tracks
+from trackbench.subjects.recording.writer import application, send
 
 if TYPE_CHECKING:
+    from multiprocessing.queues import Queue
+
     from trackbench.runner.recorded import OnRecordedRun
 
-#: Instants that wait to be sent at most; what comes later is in the whole recording alone, which is sent at the end.
-WAITING = 10_000
-#: Pause between two deliveries, s.
-PERIOD = 0.05
 #: How long :meth:`Live.close` waits until everything is drawn, and the drawing process for the viewer, s.
 PATIENCE = 20
 
@@ -59,16 +70,10 @@ class Live(Listener):
 
     def __init__(self, url: str) -> None:
         self.lost = False
-        self._waiting: deque[Part] = deque()
-        self._closing = threading.Event()
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "trackbench.subjects.recording.live_scene", url],
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
-        )  # fmt: skip
-        assert self._process.stdin is not None
-        self._pipe: IO[bytes] = self._process.stdin
-        self._thread = threading.Thread(target=self._deliver, daemon=True)
-        self._thread.start()
+        context = multiprocessing.get_context("spawn")
+        self._parts: Queue[bytes | None] = context.Queue()
+        self._process = context.Process(target=draw_runs, args=(url, self._parts), daemon=True)
+        self._process.start()
 
     @property
     def observes(self) -> bool:
@@ -80,42 +85,30 @@ class Live(Listener):
         scenario = item.scenario.config
         colours = tracker_colours({name: item.scenario.places[name] for name in scenario.trackers})
         truth = truth_of_run(item.truths[scenario.recording.scene].truth, scenario.recording.run)
-        self._waiting.append(LiveRun(scenario.name, colours, list(scenario.sensors), truth))
+        self._send(LiveRun(scenario.name, colours, list(scenario.sensors), truth))
         return self.observe
 
     def observe(self, observed: list[Scan] | RecordedInstant) -> None:
-        """Send a part of the recorded run, unless too much waits already."""
-        if len(self._waiting) < WAITING:
-            self._waiting.append(observed)
+        """Send a part of the recorded run."""
+        self._send(observed)
 
     def end(self, result: Result, folder: Path | None = None) -> None:
         """Send the whole recording of a run."""
-        self._waiting.append(result)
+        self._send(result)
+
+    def _send(self, part: Part) -> None:
+        # A queue pickles in a thread of its own, when the part may be another already.
+        self._parts.put(pickle.dumps(part))
 
     def close(self) -> None:
         """Wait until everything is drawn, or give the viewer up."""
-        self._closing.set()
-        self._thread.join(PATIENCE)
-        try:
-            self.lost |= self._process.wait(0 if self._thread.is_alive() else PATIENCE) != 0
-        except subprocess.TimeoutExpired:
-            self.lost = True
-            self._process.kill()
-            self._process.wait()
-
-    def _deliver(self) -> None:
-        try:
-            is_last = False
-            while not is_last:
-                # Before the parts are taken, so that none that came before the end is left behind.
-                is_last = self._closing.wait(PERIOD)
-                if parts := [self._waiting.popleft() for _ in range(len(self._waiting))]:
-                    pickle.dump(parts, self._pipe)
-                    self._pipe.flush()
-        except OSError:
-            self.lost = True
-        with suppress(OSError):
-            self._pipe.close()
+        self._parts.put(None)
+        self._process.join(PATIENCE)
+        self.lost = self._process.exitcode != 0
+        self._process.kill()
+        self._process.join()
+        # What nobody takes must not keep this process from its end.
+        self._parts.cancel_join_thread()
 
 
 def truth_of_run(truth: Truth, run: int) -> Truth:
@@ -123,3 +116,124 @@ def truth_of_run(truth: Truth, run: int) -> Truth:
     motion = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate")
     whole = {name: getattr(truth, name) for name in motion}
     return replace(truth, **{name: values[..., min(run, values.shape[-1] - 1), None] for name, values in whole.items()})
+
+
+class LiveScene:
+    """One run on the viewer, as far as it has gone."""
+
+    def __init__(self, url: str, live: LiveRun) -> None:
+        self._live = live
+        self._motion = LABELLED["truth"].written(truth_records(live.truth, 0))
+        self._measurements = pa.table({})
+        self._steps = np.empty(0, dtype=np.intp)
+        self._drawn = -np.inf
+        self._recording = rr.RecordingStream(application(live.name))
+        self._recording.connect_grpc(url)
+        self._wide, vehicles = views.wide_window(self._motion), list(live.truth.ids)
+        self._recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, live.sensors, dict(live.colours)))
+        self._recording.send_recording_name(live.name)
+        self._stream = Stream(self._recording)
+        scene.send_roads(self._stream, LABELLED["roads"].written(road_records(live.truth)))
+        views.send_scales(self._stream, self._wide, vehicles)
+        layout.send_legend(self._stream, layout.entries(live.colours, live.sensors))
+
+    def finish(self) -> None:
+        """Wait until the viewer has everything."""
+        self._recording.disconnect()
+
+    def draw_whole(self, result: Result) -> None:
+        """Draw the whole recording."""
+        send(self._recording, result)
+
+    def take_measurements(self, scans: list[Scan]) -> None:
+        """Keep the measurements, which are drawn as far as the trackers have come."""
+        truth = self._live.truth
+        self._measurements = LABELLED["measurements"].written(measurement_records(scans, truth.ids))
+        self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
+
+    def draw_estimates(self, instants: list[RecordedInstant]) -> None:
+        """Draw the estimates of trackers at some instants; one that has failed has none from then on."""
+        if not len(self._steps):
+            return
+        truth, nothing, records = self._live.truth, pa.table({}), []
+        self._draw_truth(float(truth.time[self._steps[max(item.number for item in instants)]]))
+        for tracker in self._live.colours:
+            numbers = [item.number for item in instants if tracker in item.estimates]
+            own = [item.estimates[tracker] for item in instants if tracker in item.estimates]
+            if own:
+                mean = np.stack([belief.mean for belief in own], axis=1)
+                covariance = np.stack([belief.covariance for belief in own], axis=2)
+                recorded = {tracker: RecordedEstimates(mean, covariance, np.isfinite(mean[0]))}
+                records += estimate_records(recorded, truth, self._steps[numbers], 0)
+        estimates = LABELLED["estimates"].written(records)
+        for (tracker,), rows in split(estimates, "tracker").items():
+            send_tracks(self._stream, tracker, rows, np.unique(rows["time_s"]), self._live.colours[tracker])
+        for chart in series.recorded_run(estimates, nothing, nothing, nothing, self._live.colours).all:
+            layout.send_chart(self._stream, chart)
+
+    def _draw_truth(self, time: float) -> None:
+        """Draw vehicles and measurements up to a time, s."""
+        if time <= self._drawn:
+            return
+        vehicles, measurements = (
+            table.filter(pc.and_(pc.greater(table["time_s"], self._drawn), pc.less_equal(table["time_s"], time)))
+            for table in (self._motion, self._measurements)
+        )
+        scene.send_vehicles(self._stream, vehicles, self._wide.metres_per_pixel)
+        scene.send_measurements(self._stream, measurements, sensor_colours(self._live.sensors))
+        self._drawn = time
+
+
+class LiveRuns:
+    """One viewer, to which one run after another is drawn."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._scene: LiveScene | None = None
+
+    def draw(self, parts: Iterable[Part]) -> None:
+        """Draw parts of runs in their order; what comes before the start of a run is left out."""
+        for _, group in groupby(parts, key=type):
+            instants = []
+            for part in group:
+                if isinstance(part, LiveRun):
+                    self.finish()
+                    self._scene = LiveScene(self._url, part)
+                elif self._scene is None:
+                    continue
+                elif isinstance(part, RecordedInstant):
+                    instants.append(part)
+                elif isinstance(part, Result):
+                    self._scene.draw_whole(part)
+                else:
+                    self._scene.take_measurements(part)
+            if instants and self._scene is not None:
+                self._scene.draw_estimates(instants)
+
+    def finish(self) -> None:
+        """Wait until the viewer has everything."""
+        if self._scene is not None:
+            self._scene.finish()
+            self._scene = None
+
+
+def draw_runs(url: str, source: Queue[bytes | None]) -> None:
+    """Draw what comes until None does; a viewer that takes nothing for long ends this process."""
+    # Ctrl-C is for the run, whose end ends this process.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+    runs = LiveRuns(url)
+    parts: list[bytes | None] = []
+    while None not in parts:
+        parts = [source.get()]
+        try:
+            while True:
+                parts.append(source.get_nowait())
+        except queue.Empty:
+            pass
+        # Rerun's calls cannot be interrupted otherwise.
+        signal.alarm(PATIENCE)
+        runs.draw(pickle.loads(part) for part in parts if part is not None)
+        signal.alarm(0)
+    signal.alarm(PATIENCE)
+    runs.finish()

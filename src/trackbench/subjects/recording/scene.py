@@ -56,11 +56,10 @@ def send_roads(stream: Stream, roads: pa.Table) -> None:
     stream.static(path(*ROADS), edges)
 
 
-def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float, names_above: bool = False) -> None:
+def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
     """Send the observer and the targets as oriented boxes with an arrow for the heading, and their names.
 
-    ``metres_per_pixel`` is the scale of the view that shows the names, which stand below the vehicles unless
-    ``names_above``.
+    ``metres_per_pixel`` is the scale of the view that shows the names, which stand above the vehicles.
     """
     if not truth.num_rows:
         return
@@ -85,7 +84,7 @@ def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float, name
         box = rr.Boxes2D.from_fields(colors=rgba(colour), radii=pixels(1.5))
         arrow = rr.Arrows2D.from_fields(colors=rgba(colour), radii=pixels(1.0))
         stream.static(entity, box, arrow)
-    _labels(stream, truth, metres_per_pixel, names_above)
+    _labels(stream, truth, metres_per_pixel)
 
 
 def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[str, str]) -> None:
@@ -97,19 +96,17 @@ def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[s
         send_points(stream, path(*MEASUREMENTS, sensor), time, at, colours[sensor], 1.5, 20.0, count)
 
 
-def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float, above: bool) -> None:
+def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
     # Rerun 0.41 draws the labels of boxes and ellipses where they would be without transforms; those of points follow.
-    vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
-    alive = np.stack([rows["alive"].astype(bool) for rows in vehicles.values()], axis=1)
-    at = np.stack([np.stack([rows["px_m"], rows["py_m"]], axis=1) for rows in vehicles.values()], axis=1)
+    rows = table_columns(truth)
+    there = np.flatnonzero(rows["alive"])
+    there = there[np.argsort(rows["time_s"][there], kind="stable")]
+    rows, time = {name: values[there] for name, values in rows.items()}, np.unique(rows["time_s"])
     # A name is drawn below its point.
-    reach = np.stack([_reach(rows) for rows in vehicles.values()], axis=1)
-    at[..., 1] += reach + NAME_HEIGHT * metres_per_pixel if above else -reach
-    names = np.broadcast_to(np.array(list(vehicles)), alive.shape)
-    shown = rr.Points2D.columns(positions=at[alive], labels=[str(name) for name in names[alive]])
-    time = next(iter(vehicles.values()))["time_s"]
+    at = np.stack([rows["px_m"], rows["py_m"] + _reach(rows) + NAME_HEIGHT * metres_per_pixel], axis=1)
+    shown = rr.Points2D.columns(positions=at, labels=rows["object"].tolist())
     style = rr.Points2D.from_fields(colors=rgba(LABEL_COLOUR), radii=0.0, show_labels=True, draw_order=40.0)
-    stream.draw(path(*LABELS), time, style, shown, count=alive.sum(axis=1))
+    stream.draw(path(*LABELS), time, style, shown, count=counts(rows["time_s"], time))
 
 
 def _reach(vehicle: Columns) -> Array:

@@ -9,11 +9,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.base.types import COMMON_STATE, DUE, Array
+from trackbench.base.types import COMMON_STATE, Array
 from trackbench.document.palette import BOUND_COLOUR, mode_colours
 from trackbench.document.replay import Chart, ChartLine
-from trackbench.metrics.consistency import mean_bounds, point95
-from trackbench.metrics.function_events import drawn_instants
+from trackbench.metrics.consistency import mean_bounds
 from trackbench.results.columns import Columns, mean_over_objects, split
 from trackbench.subjects.recording.contents import Contents
 
@@ -30,8 +29,6 @@ PARTS = {
     "gospa_false_m": "False part",
 }
 
-#: What the line means under which the NIS of a consistent tracker is 95 % of the time.
-SINGLE = "95 % of single innovations"
 BOUNDS = "95 % bounds"
 
 #: Of the lines of a single run, which are less smooth than means, pixels.
@@ -75,40 +72,20 @@ class AllCharts(NamedTuple):
 def charts_of(contents: Contents) -> AllCharts:
     """Return every chart of a recording, without baselines."""
     tables, colours = contents.tables, contents.plotted
-    recorded_modes = tables.if_there("recorded_modes")
-    recorded = recorded_run(tables.estimates, tables.recorded_nis, recorded_modes, tables.nis, colours)
-    estimates, nis, modes = map(_by_object, (tables.estimates, tables.recorded_nis, recorded_modes))
+    parts = (tables.estimates, tables.recorded_nis, tables.if_there("recorded_modes"))
     vehicles = {}
     for name in contents.vehicles:
-        estimate, own_nis, own_modes = (of.get(name, NOTHING) for of in (estimates, nis, modes))
-        vehicles[name] = recorded_run(estimate, own_nis, own_modes, tables.nis, colours, name)
-    return AllCharts(_all_runs(contents), recorded, vehicles)
+        estimates, nis, modes = (_of_object(table, name) for table in parts)
+        vehicles[name] = recorded_run(estimates, nis, modes, tables.nis, colours, name)
+    return AllCharts(_all_runs(contents), recorded_run(*parts, tables.nis, colours), vehicles)
 
 
 def _all_runs(contents: Contents) -> Charts:
     """Return RMSE with that of the reference, and mean NEES and NIS with their 95 % bounds."""
-    tables, colours = contents.tables, contents.plotted
-    reference = contents.result.summary.reference
+    tables, reference = contents.tables, contents.result.summary.reference
     label = "" if reference is None else reference.label
-    rows = _by_tracker(tables.steps)
-    errors = tuple(
-        Chart(
-            (ALL_RUNS, f"{quantity.lower()}_rmse"),
-            f"{quantity} RMSE",
-            unit,
-            _lines(rows, f"{quantity.lower()}_rmse_{suffix}", colours),
-            _bounds(label, rows, (f"{quantity.lower()}_reference_{suffix}",), colours),
-        )
-        for quantity, unit, suffix in QUANTITIES
-    )
-    bounds = _bounds(BOUNDS, rows, ("nees_low", "nees_high"), colours)
-    nees = Chart((ALL_RUNS, "nees"), "NEES", "", _lines(rows, "nees_mean", colours), bounds)
-    dof = _degrees_of_freedom(tables.nis)
-    sensors = tuple(
-        _nis((ALL_RUNS,), sensor, of_sensor, ("nis_mean", "nis_low", "nis_high"), dof, colours)
-        for sensor, of_sensor in _by_sensor(tables.nis).items()
-    )
-    return Charts(errors, nees, sensors, _mode_charts((ALL_RUNS,), tables.if_there("modes"), colours))
+    charts = _charts((ALL_RUNS,), "RMSE", _by_tracker(tables.steps), _by_sensor(tables.nis), contents.plotted, label)
+    return charts._replace(modes=_mode_charts((ALL_RUNS,), tables.if_there("modes"), contents.plotted))
 
 
 def recorded_run(
@@ -125,51 +102,63 @@ def recorded_run(
     less of a measurement than its sensor gives, so the degrees of freedom are its own.
     """
     place = (RECORDED_RUN,) if vehicle is None else (VEHICLES, vehicle)
-    rows = _by_tracker(estimates)
+    steps = {tracker: _recorded_steps(rows) for tracker, rows in _by_tracker(estimates).items()}
+    dof = {key: int(rows["dof"][0]) for key, rows in split(nis, "sensor", "tracker").items()}
+    sensors = {
+        sensor: {
+            tracker: _mean_with_bounds(rows, "nis", dof[sensor, tracker])
+            for tracker, rows in by_tracker.items()
+            if (sensor, tracker) in dof
+        }
+        for sensor, by_tracker in _by_sensor(recorded_nis).items()
+    }
+    charts = _charts(place, "error", steps, sensors, colours, width=SINGLE_WIDTH)
+    return charts._replace(modes=_mode_charts(place, modes, colours))
+
+
+def _recorded_steps(rows: Columns) -> Columns:
+    """Return the means over the vehicles of the recorded run, in the columns of the table ``steps``."""
+    errors = {
+        f"{quantity.lower()}_rmse_{suffix}": np.sqrt(
+            mean_over_objects(rows["time_s"], rows[f"{quantity.lower()}_error_{suffix}"] ** 2)[1]
+        )
+        for quantity, _, suffix in QUANTITIES
+    }
+    return {**_mean_with_bounds(rows, "nees", len(COMMON_STATE)), **errors}
+
+
+def _charts(
+    place: tuple[str, ...],
+    kind: str,
+    steps: ByTracker,
+    nis: Mapping[str, ByTracker],
+    colours: Mapping[str, str],
+    reference: str = "",
+    width: float = 1.5,
+) -> Charts:
+    """Return the charts of rows with the columns of the tables ``steps`` and ``nis``."""
     errors = tuple(
         Chart(
-            (*place, f"{quantity.lower()}_error"),
-            f"{quantity} error",
+            (*place, f"{quantity.lower()}_{kind.lower()}"),
+            f"{quantity} {kind}",
             unit,
-            _lines(_rms(rows, f"{quantity.lower()}_error_{suffix}"), "value", colours, SINGLE_WIDTH),
+            _lines(steps, f"{quantity.lower()}_rmse_{suffix}", colours, width),
+            _bounds(reference, steps, (f"{quantity.lower()}_reference_{suffix}",), colours),
         )
         for quantity, unit, suffix in QUANTITIES
     )
-    dof = _degrees_of_freedom(nis)
-    means = {name: _mean_with_bounds(of, "nees", len(COMMON_STATE)) for name, of in rows.items()}
-    bounds = _bounds(BOUNDS, means, ("low", "high"), colours)
-    nees = Chart((*place, "nees"), "NEES", "", _lines(means, "value", colours, SINGLE_WIDTH), bounds)
+    bounds = _bounds(BOUNDS, steps, ("nees_low", "nees_high"), colours)
+    nees = Chart((*place, "nees"), "NEES", "", _lines(steps, "nees_mean", colours, width), bounds)
     sensors = []
-    for sensor, by_tracker in _by_sensor(recorded_nis).items():
-        own = {name: of for name, of in by_tracker.items() if (name, sensor) in dof}
-        of_sensor = {name: _mean_with_bounds(of, "nis", dof[name, sensor]) for name, of in own.items()}
-        sensors.append(_nis(place, sensor, of_sensor, ("value", "low", "high"), dof, colours))
-    return Charts(errors, nees, tuple(sensors), _mode_charts(place, modes, colours))
+    for sensor, rows in nis.items():
+        bounds = _bounds(BOUNDS, rows, ("nis_low", "nis_high"), colours)
+        lines = _lines(rows, "nis_mean", colours)
+        sensors.append(Chart((*place, "nis", sensor), f"NIS {sensor}", "", lines, bounds))
+    return Charts(errors, nees, tuple(sensors))
 
 
-def _nis(
-    place: tuple[str, ...],
-    sensor: str,
-    rows: ByTracker,
-    columns: tuple[str, str, str],
-    dof: Mapping[tuple[str, ...], int],
-    colours: Mapping[str, str],
-) -> Chart:
-    """Return the NIS with bounds of its mean, or with the line of single innovations where none is a mean."""
-    value, *limits = columns
-    if rows and max(float(np.nanmax(of["count"], initial=0.0)) for of in rows.values()) <= 1:
-        lined: ByTracker = {
-            name: {**of, "line": np.full(len(of["time_s"]), point95(dof[name, sensor]))} for name, of in rows.items()
-        }
-        bounds = _bounds(SINGLE, lined, ("line",), colours)
-    else:
-        bounds = _bounds(BOUNDS, rows, tuple(limits), colours)
-    return Chart((*place, "nis", sensor), f"NIS {sensor}", "", _lines(rows, value, colours), bounds)
-
-
-def _by_object(table: pa.Table) -> dict[str, pa.Table]:
-    names = pc.unique(table["object"]).to_pylist() if table.num_rows else []
-    return {name: table.filter(pc.equal(table["object"], name)) for name in names}
+def _of_object(table: pa.Table, name: str) -> pa.Table:
+    return table.filter(pc.equal(table["object"], name)) if table.num_rows else table
 
 
 def _by_tracker(table: pa.Table) -> ByTracker:
@@ -183,19 +172,10 @@ def _by_sensor(table: pa.Table) -> dict[str, ByTracker]:
     return grouped
 
 
-def _degrees_of_freedom(nis: pa.Table) -> dict[tuple[str, ...], int]:
-    return {key: int(rows["dof"][0]) for key, rows in split(nis, "tracker", "sensor").items()}
-
-
-def _rms(rows: ByTracker, name: str) -> ByTracker:
-    means = {tracker: mean_over_objects(of["time_s"], of[name] ** 2) for tracker, of in rows.items()}
-    return {tracker: {"time_s": time, "value": np.sqrt(square)} for tracker, (time, square, _) in means.items()}
-
-
 def _mean_with_bounds(rows: Columns, name: str, dof: int) -> Columns:
     instants, mean, count = mean_over_objects(rows["time_s"], rows[name])
     low, high = mean_bounds(dof, count)
-    return {"time_s": instants, "value": mean, "low": low, "high": high, "count": count}
+    return {"time_s": instants, f"{name}_mean": mean, f"{name}_low": low, f"{name}_high": high}
 
 
 def _lines(
@@ -216,23 +196,16 @@ def _broken(rows: Columns, value: str, gap: float = GAP_S) -> tuple[Array, Array
 
 
 def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
-    """Return one line for all trackers that share a bound, in the colour of a tracker that has its own."""
+    """Return a grey line of each bound that trackers share, and one in the colour of each tracker that has its own."""
     lines = []
     for field in fields:
-        shared: list[list[str]] = []
-        for tracker, tracker_rows in rows.items():
-            if tracker in colours and np.isfinite(tracker_rows[field]).any():
-                group = next((group for group in shared if _same(rows[group[0]], tracker_rows, field)), None)
-                if group is None:
-                    shared.append([tracker])
-                else:
-                    group.append(tracker)
-        for i, group in enumerate(shared, start=1):
-            longest = max((rows[tracker] for tracker in group), key=lambda each: np.isfinite(each[field]).sum())
-            alone = len(shared) > 1 and len(group) == 1
-            colour = colours[group[0]] if alone else BOUND_COLOUR
-            label = name if len(shared) == 1 else f"{name}: {', '.join(group)}"
-            lines.append(ChartLine(("bounds", f"{field}_{i}"), label, colour, *_broken(longest, field), 2.0))
+        shown = {tracker: of for tracker, of in rows.items() if tracker in colours and field in of}
+        own = {tracker: of for tracker, of in shown.items() if np.isfinite(of[field]).any()}
+        longest = max(own, key=lambda tracker: np.isfinite(own[tracker][field]).sum(), default="")
+        for tracker, bound in own.items():
+            if tracker == longest or not _same(own[longest], bound, field):
+                colour = BOUND_COLOUR if tracker == longest else colours[tracker]
+                lines.append(ChartLine(("bounds", field, tracker), name, colour, *_broken(bound, field), 2.0))
     return tuple(lines)
 
 
@@ -260,23 +233,9 @@ def _mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str
 
 
 def charts_of_tracks(contents: Contents) -> list[Chart]:
-    """Return GOSPA and its parts over all runs, and the numbers of tracks and due objects in the recorded run."""
-    tables, colours = contents.tables, contents.colours
-    steps = _by_tracker(tables.steps)
-    parts = [
-        Chart((ALL_RUNS, name), title, "m", _lines(steps, name, colours, gap=np.inf)) for name, title in PARTS.items()
+    """Return GOSPA and its parts over all runs."""
+    steps = _by_tracker(contents.tables.steps)
+    return [
+        Chart((ALL_RUNS, name), title, "m", _lines(steps, name, contents.colours, gap=np.inf))
+        for name, title in PARTS.items()
     ]
-    time = drawn_instants(tables)
-    tracks = {tracker: rows["time_s"] for tracker, rows in _by_tracker(tables.tracks).items()}
-    lines = tuple(
-        ChartLine((tracker,), tracker, colour, time, _count(tracks.get(tracker, np.empty(0)), time))
-        for tracker, colour in colours.items()
-    )
-    due = tables.due
-    when = due["time_s"].to_numpy()[due["status"].to_numpy() == DUE] if due.num_rows else np.empty(0)
-    bound = ChartLine(("due",), "due objects", BOUND_COLOUR, time, _count(when, time), 2.0)
-    return [*parts, Chart((RECORDED_RUN, "tracks"), "Tracks, and objects due", "", lines, (bound,))]
-
-
-def _count(when: Array, time: Array) -> Array:
-    return np.bincount(np.searchsorted(time, when - 1e-9), minlength=len(time)).astype(float)

@@ -77,12 +77,6 @@ class Stream:
         """Make an entity a frame whose y is down, as Rerun's 2D views have it, so that a left turn goes left."""
         self.static(entity, rr.Transform3D(mat3x3=Y_DOWN))
 
-    def log(self, entity: str, time: list[float], texts: list[str], warnings: list[bool]) -> None:
-        """Send a log: a text at each time (s), as a warning or as information."""
-        if texts:
-            levels = ["WARN" if warning else "INFO" for warning in warnings]
-            self.columns(entity, np.array(time), rr.TextLog.columns(text=texts, level=levels))
-
     def markdown(self, entity: str, text: str) -> None:
         """Send a text in Markdown."""
         self.static(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

@@ -24,7 +24,6 @@ TRACKS = (*WORLD, "tracks")
 COVARIANCES = (*WORLD, "covariances")
 TRACK_TRAILS = (*TRAILS, "tracks")
 MISSES = (*WORLD, "misses")
-WARNED = (*WORLD, "warned")
 MARKS = (*WORLD, "marks")
 ASSOCIATIONS = (*WORLD, "associations")
 #: How long an event is marked, s.
@@ -37,8 +36,6 @@ MISS_RADIUS = 3.0
 ASSOCIATION_COLOUR = "#FFFFFF"
 #: Opacity of a track that surely does not exist.
 FAINTEST = 0.2
-#: Height of the number of a track, pixels.
-NUMBER_HEIGHT = 22.0
 
 
 def trails(trackers: Iterable[str]) -> dict[str, float]:
@@ -54,14 +51,12 @@ def entities(tracker: str) -> dict[str, float]:
         path(*TRACK_TRAILS, tracker): TRAIL_S,
         path(*MISSES, tracker): 0.0,
         path(*MARKS, tracker): MARKED_S,
-        path(*MARKS, tracker, "labels"): MARKED_S,
-        path(*WARNED, tracker): 0.0,
     }
 
 
 def families() -> list[str]:
     """Return the entities below which each tracker has one of its own; a view of one tracker leaves the others out."""
-    return [path(*family) for family in (TRACKS, COVARIANCES, TRACK_TRAILS, MISSES, MARKS, ASSOCIATIONS, WARNED)]
+    return [path(*family) for family in (TRACKS, COVARIANCES, TRACK_TRAILS, MISSES, MARKS, ASSOCIATIONS)]
 
 
 def send_tracks(stream: Stream, tracker: str, tracks: Columns, time: Array, colour: str | None = None) -> None:
@@ -91,52 +86,28 @@ def send_tracks(stream: Stream, tracker: str, tracks: Columns, time: Array, colo
     send_trail(stream, path(*TRACK_TRAILS, tracker), time, rows, identity, colours, 1.2 if hidden else 0.5)
 
 
-def send_rings(
-    stream: Stream,
-    entity: str,
-    time: Array,
-    marked: Iterable[tuple[str, Array]],
-    truth: pa.Table,
-    colour: str,
-    radius: float,
-) -> None:
-    """Send rings around vehicles at some of the instants.
+def send_misses(stream: Stream, tracker: str, objects: pa.Table, truth: pa.Table, time: Array) -> None:
+    """Send a ring around each due vehicle without a track, at all instants (s).
 
-    Args:
-        stream: the recording.
-        entity: of the rings.
-        time: ``(instants,)`` s.
-        marked: names of vehicles, each with the times of its rings, s.
-        truth: the table.
-        colour: of the rings.
-        radius: of the rings, m.
+    ``objects`` has the states of the objects of this tracker.
     """
     vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
     parts = [np.empty((0, 3))]
-    for name, times in marked:
-        rows = vehicles[name]
-        step = np.searchsorted(rows["time_s"], times - 1e-9)
-        parts.append(np.stack([times, rows["px_m"][step], rows["py_m"][step]], axis=1))
+    for (name, state), states in split(objects, "object", "state").items():
+        if state in ("waiting", "lost"):
+            start, until = states["time_s"][:, None], states["until_s"][:, None]
+            times = time[((time >= start - 1e-9) & (time < until - 1e-9)).any(axis=0)]
+            step = np.searchsorted(vehicles[name]["time_s"], times - 1e-9)
+            parts.append(np.stack([times, vehicles[name]["px_m"][step], vehicles[name]["py_m"][step]], axis=1))
     places = np.concatenate(parts)
     places = places[np.argsort(places[:, 0], kind="stable")]
-    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(places), 2), radius), centers=places[:, 1:])
-    style = rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(1.5), draw_order=35.0)
-    stream.draw(entity, time, style, rings, count=counts(places[:, 0], time))
+    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(places), 2), MISS_RADIUS), centers=places[:, 1:])
+    style = rr.Ellipses2D.from_fields(colors=rgba(MISSED), line_radii=pixels(1.5), draw_order=35.0)
+    stream.draw(path(*MISSES, tracker), time, style, rings, count=counts(places[:, 0], time))
 
 
-def misses(objects: pa.Table, time: Array) -> Iterable[tuple[str, Array]]:
-    """Yield the due vehicles without a track, with the instants (s) of it, from the states of objects."""
-    for (name, state), rows in split(objects, "object", "state").items():
-        if state in ("waiting", "lost"):
-            start, until = rows["time_s"][:, None], rows["until_s"][:, None]
-            yield name, time[((time >= start - 1e-9) & (time < until - 1e-9)).any(axis=0)]
-
-
-def send_marks(stream: Stream, tracker: str, events: Iterable[TrackEvent], metres_per_pixel: float) -> None:
-    """Send switches, losses and the beginnings of false tracks, where and when they happened.
-
-    ``metres_per_pixel`` is the scale of the view: what they are is written below the numbers of the tracks.
-    """
+def send_marks(stream: Stream, tracker: str, events: Iterable[TrackEvent]) -> None:
+    """Send switches, losses and the beginnings of false tracks, where and when they happened."""
     shown = [event for event in events if event.kind in MARKED]
     if not shown:
         return
@@ -146,16 +117,12 @@ def send_marks(stream: Stream, tracker: str, events: Iterable[TrackEvent], metre
     style = rr.Points2D.from_fields(radii=pixels(5.0), draw_order=38.0)
     points = rr.Points2D.columns(positions=at, colors=colours)
     stream.draw(path(*MARKS, tracker), time, style, points, count=count)
-    below = at - (0.0, NUMBER_HEIGHT * metres_per_pixel)
-    texts = rr.Points2D.columns(positions=below, colors=colours, labels=[_label(event) for event in shown])
-    style = rr.Points2D.from_fields(radii=0.0, draw_order=38.0, show_labels=True)
-    stream.draw(path(*MARKS, tracker, "labels"), time, style, texts, count=count)
 
 
 def send_associations(
     stream: Stream, tracker: str, taken: pa.Table, tracks: pa.Table, measurements: pa.Table, time: Array
 ) -> None:
-    """Send a line from each track to the detection that it took, which has a ring, at all instants (s).
+    """Send a line from each track to the detection that it took, at all instants (s).
 
     ``taken`` and ``tracks`` are rows of the tracker; ``measurements`` are all detections of the recorded run.
     """
@@ -167,10 +134,6 @@ def send_associations(
     entity = path(*ASSOCIATIONS, tracker)
     style = rr.LineStrips2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(1.0), draw_order=33.0)
     stream.draw(entity, time, style, rr.LineStrips2D.columns(strips=strips), count=count)
-    # Behind the dot of the detection, as a ring around it.
-    ring = rr.Points2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(3.0), draw_order=19.0)
-    used = path(*ASSOCIATIONS, tracker, "detections")
-    stream.draw(used, time, ring, rr.Points2D.columns(positions=strips[:, 1]), count=count)
 
 
 def send_gates(stream: Stream, tracker: str, rows: Columns, time: Array) -> None:
@@ -193,9 +156,3 @@ def _identity_colours(rows: Columns) -> Colours:
     existence = np.nan_to_num(rows["existence"], nan=1.0)
     alpha = np.round(255 * (FAINTEST + (1 - FAINTEST) * existence)).astype(np.uint32)
     return np.asarray((_plain_colours(rows["track"]) & 0xFFFFFF00) | alpha)
-
-
-def _label(event: TrackEvent) -> str:
-    if event.kind == "switched":
-        return f"switched {event.other_track} to {event.track}"
-    return f"{event.kind} {event.track}" if event.track is not None else event.kind

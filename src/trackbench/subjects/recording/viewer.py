@@ -93,7 +93,7 @@ class Viewer:
         self.process.wait()
         self.log.close()
 
-    def patiently(self, ask: Callable[[], Answer | None], verb: str = "answer") -> Answer:
+    def patiently(self, ask: Callable[[], Answer | None]) -> Answer:
         """Ask until there is an answer: a viewer that starts or loads does not answer at once."""
         limit = time.monotonic() + PATIENCE
         while True:
@@ -108,7 +108,7 @@ class Viewer:
                 raise ended(self.log)
             if time.monotonic() > limit:
                 self.stop()
-                raise TrackbenchError(f"the viewer did not {verb} within {PATIENCE:g} s{cause}")
+                raise TrackbenchError(f"the viewer did not answer within {PATIENCE:g} s{cause}")
             time.sleep(0.1)
 
 
@@ -116,16 +116,16 @@ def start_viewer(*options: str) -> Viewer:
     """Start a viewer that listens on a port of this machine alone; with ``--headless`` it needs no screen.
 
     It goes on when this process ends, unless it is stopped.
-
-    Raises:
-        InputError: it cannot start here.
     """
-    port = free_port()
+    with socket.create_server((LOOPBACK, 0)) as probe:
+        port = int(probe.getsockname()[1])
     log = tempfile.TemporaryFile()  # noqa: SIM115 (the viewer writes to it, and may outlive this process)
     command = [
         sys.executable,
+        # Without -P a module in the working directory comes before the library.
+        "-P",
         "-m",
-        "rerun",
+        "rerun_cli",
         "--bind",
         LOOPBACK,
         "--port",
@@ -138,19 +138,16 @@ def start_viewer(*options: str) -> Viewer:
         env={"XDG_RUNTIME_DIR": tempfile.gettempdir(), **os.environ},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True,
     )  # fmt: skip
-    viewer = Viewer(process, port, log)
-    viewer.patiently(lambda: listens(port) or None, "start")
-    return viewer
+    return Viewer(process, port, log)
 
 
-def pictures(file: Path, times: Sequence[float], size: tuple[int, int] = SIZE, zoom: int = 0) -> Iterator[bytes]:
+def pictures(file: Path, times: Sequence[float], size: tuple[int, int] = SIZE) -> Iterator[bytes]:
     """Yield what the viewer shows of a recording at some times (s), as PNGs, drawn without a screen.
 
     Args:
         file: the recording.
         times: s.
         size: pixels.
-        zoom: by how many tenths everything is larger.
 
     Raises:
         InputError: there is no Vulkan driver.
@@ -159,8 +156,6 @@ def pictures(file: Path, times: Sequence[float], size: tuple[int, int] = SIZE, z
     viewer = start_viewer("--headless", "--window-size", f"{size[0]}x{size[1]}")
     try:
         client = viewer.open(file)
-        for _ in range(zoom):
-            client.run_command("ui.zoom_in_ui")
         for at in times:
             client.set_time(TIMELINE, duration=at, play_state="paused")
             limit = time.monotonic() + PATIENCE
@@ -189,21 +184,6 @@ def ended(log: IO[bytes]) -> InputError:
     return InputError(f"the viewer ended: {causes[0] if causes else 'it gave no reason'}")
 
 
-def listens(port: int) -> bool:
-    """Return whether anything takes connections at a port of this machine."""
-    try:
-        socket.create_connection((LOOPBACK, port), timeout=1.0).close()
-    except OSError:
-        return False
-    return True
-
-
-def free_port() -> int:
-    """Return a port of this machine that nothing uses."""
-    with socket.create_server((LOOPBACK, 0)) as probe:
-        return int(probe.getsockname()[1])
-
-
 @contextmanager
 def playable(path: Path, opening: Opening) -> Iterator[tuple[Path, float | None]]:
     """Yield a file for the viewer, which is deleted at the end if it had to be written, and where it stops, s.
@@ -224,10 +204,11 @@ def playable(path: Path, opening: Opening) -> Iterator[tuple[Path, float | None]
         return
     run = read(path)
     focus = focus_of(run.result, opening)
-    if not run.is_whole and opening.worst is None and (focus.vehicle is not None or focus.tracker is not None):
+    is_centred, is_alone = focus.vehicle is not None or focus.tracker is not None, not path.is_dir()
+    if is_alone and is_centred and opening.worst is None:
         raise InputError("a recording without its folder is shown as it is: name the folder of the run", file=path)
     time_s = moment_of(run.result).time_s if focus == Focus() else focus.time_s
-    if run.recording is not None and (not run.is_whole or (focus.vehicle is None and focus.tracker is None)):
+    if run.recording is not None and (is_alone or not is_centred):
         yield run.recording, time_s
         return
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:

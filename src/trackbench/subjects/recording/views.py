@@ -20,7 +20,7 @@ from trackbench.document.replay import NamedColour
 from trackbench.results import Tables
 from trackbench.results.columns import Columns, split
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.scene import FRAMES, LABELS, MEASUREMENTS, ROADS, WORLD
+from trackbench.subjects.recording.scene import FRAMES, LABEL_COLOUR, LABELS, MEASUREMENTS, ROADS, WORLD
 from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, rgba_of
 from trackbench.subjects.recording.tracks import trails
 
@@ -35,7 +35,6 @@ NEAR = 9.0
 #: About the size of the wide view on a screen, pixels.
 WIDE_PIXELS = (750.0, 360.0)
 BACKGROUND = (16, 18, 22)
-SCALE_COLOUR = "#C8CDD4"
 
 
 class Window(NamedTuple):
@@ -99,7 +98,7 @@ def send_scales(stream: Stream, wide: Window, vehicles: Iterable[str]) -> None:
         x, y = window.across[0] + window.scale / 2, bottom - 0.08 * (bottom - top)
         bar = rr.LineStrips2D(
             [[(x, y), (x + window.scale, y)]],
-            colors=rgba(SCALE_COLOUR),
+            colors=rgba(LABEL_COLOUR),
             radii=pixels(1.0),
             labels=f"{window.scale:g} m",
             show_labels=True,
@@ -171,6 +170,8 @@ def from_above(
 
 
 ERRORS, FRAME = "errors", "errors_frame"
+#: Pieces of a path end this far apart at most, s.
+GAP_S = 3.0
 #: A map this many times as wide as high has the whole width.
 ELONGATED = 4.0
 
@@ -181,15 +182,14 @@ class ErrorMap:
     Args:
         tables: of the recorded run, whose identities are known.
         trackers: the contenders.
-        hold: pieces of a path end this far apart at most, s.
     """
 
-    def __init__(self, tables: Tables, trackers: list[str], hold: float) -> None:
+    def __init__(self, tables: Tables, trackers: list[str]) -> None:
         truth = {name: rows for (name,), rows in split(tables.truth, "object").items()}
         self._pieces: dict[str, list[tuple[Array, Array]]] = {}
         for (tracker, name), rows in split(tables.if_there("estimates"), "tracker", "object").items():
             if tracker in trackers:
-                self._pieces.setdefault(tracker, []).append(_pieces(truth[name], rows, hold))
+                self._pieces.setdefault(tracker, []).append(_pieces(truth[name], rows))
 
     @cached_property
     def limits(self) -> Array:
@@ -234,10 +234,10 @@ class ErrorMap:
         return bool(len(self.limits))
 
 
-def _pieces(truth: Columns, rows: Mapping[str, Array], hold: float) -> tuple[Array, Array]:
+def _pieces(truth: Columns, rows: Mapping[str, Array]) -> tuple[Array, Array]:
     """Return the pieces from each estimate to the next, ``(pieces, 2, 2)`` m, and the larger error at their ends, m."""
     time, error = rows["time_s"], rows["position_error_m"]
     step = np.searchsorted(truth["time_s"], time - 1e-9)
     at = np.stack([truth["px_m"][step], truth["py_m"][step]], axis=1)
-    joined = np.isfinite(error[1:] + error[:-1]) & (np.diff(time) <= hold + 1e-9)
+    joined = np.isfinite(error[1:] + error[:-1]) & (np.diff(time) <= GAP_S + 1e-9)
     return np.stack([at[:-1], at[1:]], axis=1)[joined], np.maximum(error[1:], error[:-1])[joined]

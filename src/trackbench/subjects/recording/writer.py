@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from trackbench.base.errors import InputError
+from trackbench.document import Document, Paragraph
+from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import sensor_colours
 from trackbench.document.replay import Replay, ReplayScene
-from trackbench.metrics.function_events import TrackEvent, drawn_instants, events_of
+from trackbench.metrics.function_events import drawn_instants, events_of
 from trackbench.results import Result, write_bytes
 from trackbench.results.columns import split
 from trackbench.subjects.recording import functions, layout, scene, tracks, views
@@ -22,9 +24,10 @@ from trackbench.subjects.recording.contents import Contents, about_text, content
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import opened, plot, send_chart, send_legend, with_legend
+from trackbench.subjects.recording.moments import moments_table
 from trackbench.subjects.recording.series import charts_of, charts_of_tracks
 from trackbench.subjects.recording.stream import Stream, outlines, path, pixels, rgba, send_points
-from trackbench.subjects.recording.views import from_above
+from trackbench.subjects.recording.views import RECENT_S, from_above
 
 
 def write(result: Result, path: Path, focus: Focus = layout.WHOLE) -> None:
@@ -73,17 +76,16 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     recording.send_recording_name(result.name)
     kept = {name: getattr(result.summary, name) for name in ("seed", "recorded_run", "fingerprint", "engine")}
     recording.send_property("trackbench", rr.AnyValues(scenario=result.summary.scenario.name, **kept))
-    baselines = () if contents.hidden else contents.baselines
-    stream.markdown("ranking", "\n\n".join(filter(None, [ranking_text(result), layout.left_out(charts, baselines)])))
+    stream.markdown("ranking", ranking_text(result))
     stream.markdown("about", about_text(result))
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
     layout.send_legend(stream, layout.entries_of(contents))
-    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=contents.hidden)
+    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     scene.send_true_trail(stream, tables.truth)
     if contents.hidden:
-        _send_hidden(stream, contents, wide.metres_per_pixel)
+        _send_hidden(stream, contents)
         stream.markdown(layout.COSTS, costs(result, colours))
     else:
         estimates = split(tables.if_there("estimates"), "tracker")
@@ -94,11 +96,11 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
         contents.errors.send(stream)
     for chart in charts:
         send_chart(stream, chart)
-    functions.send_functions(stream, contents.decisions, contents.function_events, tables.truth, colours)
+    functions.send_functions(stream, contents.decisions, contents.function_events, colours)
     send_data(stream, result)
 
 
-def _send_hidden(stream: Stream, contents: Contents, metres_per_pixel: float) -> None:
+def _send_hidden(stream: Stream, contents: Contents) -> None:
     """Send the tracks, gates, associations, misses and events of each tracker."""
     result, tables, time = contents.result, contents.tables, drawn_instants(contents.tables)
     for (tracker,), rows in split(tables.tracks, "tracker").items():
@@ -108,33 +110,15 @@ def _send_hidden(stream: Stream, contents: Contents, metres_per_pixel: float) ->
     for tracker in contents.colours:
         taken, own, objects = (_of(tables.if_there(name), tracker) for name in ("taken", "tracks", "objects"))
         if objects.num_rows:
-            missed, radius = tracks.misses(objects, time), tracks.MISS_RADIUS
-            tracks.send_rings(stream, path(*tracks.MISSES, tracker), time, missed, tables.truth, tracks.MISSED, radius)
+            tracks.send_misses(stream, tracker, objects, tables.truth, time)
         if taken.num_rows and own.num_rows:
             tracks.send_associations(stream, tracker, taken, own, tables.measurements, time)
         events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
-        tracks.send_marks(stream, tracker, events, metres_per_pixel)
-        _send_log(stream, tracker, events)
+        tracks.send_marks(stream, tracker, events)
 
 
 def _of(table: pa.Table, tracker: str) -> pa.Table:
     return table.filter(pc.equal(table["tracker"], tracker)) if table.num_rows else table
-
-
-def _send_log(stream: Stream, tracker: str, events: Sequence[TrackEvent]) -> None:
-    parts = (
-        (
-            event.kind,
-            f"vehicle {event.object}" if event.object else "",
-            "" if event.track is None else f"track {event.track}",
-            event.reason,
-            f"{event.cost_m2:.3g} m²" if event.cost_m2 else "",
-        )
-        for event in events
-    )
-    texts = [f"{tracker}: {', '.join(filter(None, of_event))}" for of_event in parts]
-    warnings = [event.kind in tracks.MARKED for event in events]
-    stream.log(path(layout.EVENTS, tracker), [event.time_s for event in events], texts, warnings)
 
 
 #: In a table of events, rows.
@@ -142,24 +126,13 @@ MOST_EVENTS = 40
 
 
 def costs(result: Result, trackers: Collection[str]) -> str:
-    """Return the events of the recorded run that cost anything as Markdown, the costliest first, track starts apart."""
-    shown = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
-    lines = []
-    for title, starts in (("Events by cost", False), ("Track starts", True)):
-        events = [event for event in shown if event.cost_m2 and (event.kind == "confirmed") == starts][:MOST_EVENTS]
-        lines += ["", f"## {title}", ""]
-        rows = [
-            f"| {event.cost_m2:.4g} | {event.time_s:.2f} | {event.tracker} | {event.kind} | {event.object}"
-            f" | {event.reason} |"
-            for event in events
-        ]
-        head = ["| cost, m² | time, s | tracker | event | vehicle | why |", "| --: | --: | :-- | :-- | :-- | :-- |"]
-        lines += [*head, *rows] if rows else ["None."]
-    return "\n".join(lines[1:])
+    """Return the events of the recorded run that cost anything as Markdown, the costliest first, track starts last."""
+    events = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
+    costly = [event for event in events if event.cost_m2][:MOST_EVENTS]
+    parts = [moments_table(costly)] if costly else [Paragraph("None.")]
+    return to_markdown(Document("recording", "Events by cost", tuple(parts)))
 
 
-#: How long a measurement is shown, s.
-RECENT_S = 0.5
 #: The entity that turns y down, as Rerun's 2D views have it, so that a left turn goes left.
 FRAME = "frame"
 
