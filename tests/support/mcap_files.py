@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from trackbench.subjects.export.mcap import SCHEMAS, STAMP, mcap_messages, schema_of, stamp_of
 from trackbench.truth.formats.mcap import TRACKS
 from trackbench.truth.tracks import TrackRows
 
-SCHEMAS[TRACKS] = schema_of(
-    {
-        "time_s": float,
-        "tracks": [{"id": str, "mean": [float] * 4, "covariance?": [[float] * 4] * 4, "existence?": float}],
-        "timestamp?": STAMP,
-        "scene?": str,
-        "run?": str,
-        "fingerprint?": str,
-    }
-)
+
+@contextmanager
+def mcap_messages(path: Path) -> Iterator[Callable[[str, str, float, Any], None]]:
+    """Open a new file, and yield what writes a message: ``(topic, name of its schema, log time s, message)``."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(library="trackbench")
+        channels: dict[str, int] = {}
+
+        def write(topic: str, schema: str, time: float, message: Any) -> None:
+            if topic not in channels:
+                number = writer.register_schema(schema, "jsonschema", b'{"type":"object"}')
+                channels[topic] = writer.register_channel(topic, "json", number)
+            nanoseconds = round(time * 1e9)
+            writer.add_message(channels[topic], nanoseconds, json.dumps(message).encode(), nanoseconds)
+
+        yield write
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def write_tracks(rows: TrackRows, path: Path) -> None:
@@ -35,7 +47,6 @@ def write_tracks(rows: TrackRows, path: Path) -> None:
             message = {
                 **dict(zip(keys, of_run, strict=True)),
                 "time_s": time,
-                "timestamp": stamp_of(time),
                 "tracks": tracks,
             }
             write("/tracks", TRACKS, time, message)

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.mcap_files import write_tracks
+from tests.support.mcap_files import mcap_messages, write_tracks
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.export.mcap import mcap_messages
 from trackbench.truth.formats.mcap import Mcap
 from trackbench.truth.tracks import TrackRows
 

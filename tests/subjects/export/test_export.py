@@ -122,9 +122,7 @@ def test_the_manifest_states_what_a_program_needs(tmp_path: Path) -> None:
     assert [part["column"] for part in radar["components"]] == COMPONENTS["radar"]
     assert (manifest["seed"], manifest["runs"], manifest["identities"]) == (7, 2, "hidden")
     assert manifest["scenario"]["sha256"] == hashlib.sha256(HIDDEN.encode()).hexdigest()
-    file = tmp_path / "scans" / "scans.csv"
-    assert manifest["files"]["scans.csv"]["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest()
-    assert [*manifest["columns"]] == file.read_text().splitlines()[0].split(",")
+    assert [*manifest["columns"]] == (tmp_path / "scans" / "scans.csv").read_text().splitlines()[0].split(",")
     stated = {(entry["run"], entry["fingerprint"]) for entry in manifest["fingerprints"]}
     rows = read(tmp_path / "scans", "scans")
     assert stated == set(zip(rows["run"], rows["fingerprint"], strict=True))

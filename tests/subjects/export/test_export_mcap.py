@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import subprocess
 import sys
@@ -10,15 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import numpy as np
 import pytest
 from tests.support.exported import HIDDEN, SCENARIO
 
-from trackbench.api.scenario import load, sense, truth
+from trackbench.api.scenario import load, sense
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.subjects.export.api import export
-from trackbench.truth.formats.mcap import Mcap
 
 make_reader = pytest.importorskip("mcap.reader").make_reader
 RERUN = Path(sys.executable).with_name("rerun")
@@ -63,54 +60,14 @@ def test_scans_have_the_bits_that_trackers_get(tmp_path: Path, text: str) -> Non
             assert message["clutter_density"] == scan.clutter_density
 
 
-def test_point_clouds_are_the_detections_in_the_frame_of_the_sensor(tmp_path: Path) -> None:
-    export(HIDDEN, tmp_path / "scans", format="mcap")
-    clouds = [item for item in messages_in(tmp_path / "scans" / "scene0_run1.mcap") if item[1] == "foxglove.PointCloud"]
-    for (topic, _, cloud), scan in zip(clouds, arrived(HIDDEN), strict=True):
-        assert (topic, cloud["frame_id"]) == (f"/{scan.sensor}/detections", scan.sensor)
-        names = [field["name"] for field in cloud["fields"]]
-        points = np.frombuffer(base64.b64decode(cloud["data"]), "<f8").reshape(-1, len(names))
-        assert cloud["point_stride"] == 8 * len(names)
-        rows = dict(zip(names, points.T, strict=True))
-        if scan.sensor == "lidar":
-            np.testing.assert_array_equal([rows["x"], rows["y"]], scan.measurement)
-        else:
-            np.testing.assert_array_equal(rows["azimuth"], scan.measurement[1])
-            np.testing.assert_allclose(np.hypot(rows["x"], rows["y"]), scan.measurement[0], rtol=1e-3)
-            np.testing.assert_allclose(np.arctan2(rows["y"], rows["x"]), scan.measurement[1], atol=1e-12)
-
-
-def test_transforms_are_the_poses_of_the_sensors(tmp_path: Path) -> None:
-    export(SCENARIO, tmp_path / "scans", format="mcap")
-    found = [value for topic, _, value in messages_in(tmp_path / "scans" / "scene0_run1.mcap") if topic == "/tf"]
-    for message, scan in zip(found, arrived(SCENARIO), strict=True):
-        carried, move = message["transforms"]
-        assert [item["parent_frame_id"] for item in (carried, move)] == ["world", "observer"]
-        assert [item["child_frame_id"] for item in (carried, move)] == ["observer", scan.sensor]
-        yaws = [2 * np.arctan2(item["rotation"]["z"], item["rotation"]["w"]) for item in (carried, move)]
-        assert sum(yaws) == pytest.approx(scan.sensor_pose[2], abs=1e-12)
-        assert [carried["translation"][key] for key in "xy"] == scan.sensor_pose[:2].tolist()
-        assert move["translation"] == {"x": 0, "y": 0, "z": 0}
-
-
-def test_the_truth_comes_back_from_its_boxes(tmp_path: Path) -> None:
+def test_the_truth_is_a_table(tmp_path: Path) -> None:
     export(SCENARIO, tmp_path / "scans", tmp_path / "truth", format="mcap")
-    moved = truth(load(SCENARIO))
-    rows = Mcap().rows(tmp_path / "truth" / "scene0.mcap")
-    for number, name in enumerate(moved.ids):
-        own = rows.rows(np.flatnonzero(np.array(rows.id) == name))
-        assert own.vx is not None
-        assert own.heading is not None
-        np.testing.assert_allclose(own.time, moved.time, atol=1e-9)
-        np.testing.assert_array_equal(own.px, moved.px[:, number, 0])
-        np.testing.assert_array_equal(own.vx, moved.vx[:, number, 0])
-        np.testing.assert_allclose(own.heading, moved.heading[:, number, 0], atol=1e-12)
-    assert [track.id for track in Mcap().read(tmp_path / "truth" / "scene0.mcap")] == ["car", "cyclist"]
+    assert sorted(file.name for file in (tmp_path / "truth").iterdir()) == ["manifest.json", "truth.parquet"]
 
 
-@pytest.mark.parametrize("place", ["scans/scene0_run0.mcap", "truth/scene0.mcap"])
-def test_reruns_own_reader_finds_nothing_wrong(tmp_path: Path, place: str) -> None:
-    export(HIDDEN, tmp_path / "scans", tmp_path / "truth", format="mcap")
+def test_reruns_own_reader_finds_nothing_wrong(tmp_path: Path) -> None:
+    export(HIDDEN, tmp_path / "scans", format="mcap")
+    place = "scans/scene0_run0.mcap"
     checked = subprocess.run(
         [RERUN, "mcap", "check", "--full", tmp_path / place], capture_output=True, text=True, check=True
     )

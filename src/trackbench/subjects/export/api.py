@@ -4,36 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import pyarrow as pa
 
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Progress, no_progress
-from trackbench.results import require_replaceable, require_writable
+from trackbench.results import json_text, require_replaceable, require_writable, write_text
 from trackbench.results.folder import save_files
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.export.manifest import MANIFEST, manifest_writer, scan_manifest, truth_manifest
-from trackbench.subjects.export.mcap import mcap_scan_files, mcap_truth_files
+from trackbench.subjects.export.manifest import MANIFEST, scan_manifest, truth_manifest
+from trackbench.subjects.export.mcap import mcap_scan_files
 from trackbench.subjects.export.scans import ScanSource, scan_table, truth_table
 
 #: By the name of a file in the folder, what writes it.
 Files = dict[str, Callable[[Path], object]]
 
 
-class ExportFormat(NamedTuple):
-    """A format."""
-
-    scans: Callable[[ScanSource], Files]
-    """The files of all scans; each run is made when its file is written."""
-    truth: Callable[[ScanSource], Files]
-
-
 def _scan_tables(source: ScanSource) -> Iterable[pa.Table]:
     sensors = source.loaded.config.sensors
-    return (scan_table(of_run, sensors, source.hidden) for of_run in source.runs())
+    return (scan_table(of_run, sensors, source.hidden) for of_run in map(source.scans, source.keys))
 
 
 def _truth_tables(source: ScanSource) -> Iterable[pa.Table]:
@@ -65,18 +57,20 @@ def _write_parquet(tables: Iterable[pa.Table], path: Path) -> None:
         writer.close()
 
 
-def _tables_in(ending: str, write: Callable[[Iterable[pa.Table], Path], None]) -> ExportFormat:
-    return ExportFormat(
-        lambda source: {f"scans.{ending}": lambda path: write(_scan_tables(source), path)},
-        lambda source: {f"truth.{ending}": lambda path: write(_truth_tables(source), path)},
-    )
+TABLES = {"csv": _write_csv, "parquet": _write_parquet}
+FORMATS = (*TABLES, "mcap")
 
 
-FORMATS = {
-    "csv": _tables_in("csv", _write_csv),
-    "parquet": _tables_in("parquet", _write_parquet),
-    "mcap": ExportFormat(mcap_scan_files, mcap_truth_files),
-}
+def _scan_files(source: ScanSource, form: str) -> Files:
+    """Return what writes the files of all scans; each run is made when its file is written."""
+    if form == "mcap":
+        return mcap_scan_files(source)
+    return {f"scans.{form}": lambda path: TABLES[form](_scan_tables(source), path)}
+
+
+def _truth_files(source: ScanSource, form: str) -> Files:
+    ending = form if form in TABLES else "parquet"
+    return {f"truth.{ending}": lambda path: TABLES[ending](_truth_tables(source), path)}
 
 
 def export(
@@ -96,7 +90,7 @@ def export(
         scenario: what :func:`load` gave or takes.
         scans: the folder of the scans.
         truth: the folder of the truth; it is not written unless given.
-        format: ``csv``, ``parquet`` or ``mcap``.
+        format: ``csv``, ``parquet`` or ``mcap``, whose truth is a table in Parquet.
         progress: called with the number of steps simulated and of all.
 
     Raises:
@@ -110,15 +104,18 @@ def export(
     for folder in folders:
         require_replaceable(folder, MANIFEST)
         require_writable(folder.parent)
-    loaded, written = loaded_scenario(scenario), FORMATS[format]
+    loaded = loaded_scenario(scenario)
     source = ScanSource(loaded, truths_of(loaded, progress))
     if truth is not None and not source.work.has_truth:
         raise InputError("this recording has no truth to write", key="--truth", file=loaded.path)
-    files: Files = written.scans(source) | {MANIFEST: manifest_writer(lambda: scan_manifest(source))}
-    save_files(files, Path(scans), MANIFEST)
+    save_files({**_scan_files(source, format), MANIFEST: _writer(scan_manifest, source)}, Path(scans), MANIFEST)
     if truth is not None:
-        files = written.truth(source) | {MANIFEST: manifest_writer(lambda: truth_manifest(source))}
-        save_files(files, Path(truth), MANIFEST)
+        save_files({**_truth_files(source, format), MANIFEST: _writer(truth_manifest, source)}, Path(truth), MANIFEST)
+
+
+def _writer(manifest: Callable[[ScanSource], dict[str, Any]], source: ScanSource) -> Callable[[Path], object]:
+    """Return what writes a manifest, which has the fingerprints of the runs that were written before."""
+    return lambda path: write_text(path, json_text(manifest(source)))
 
 
 def _require_apart(folders: list[Path]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
@@ -76,7 +75,6 @@ def export_command(
         return
     for folder in (scans, truth):
         if folder is not None:
-            manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-            names = [*manifest["files"]]
+            names = sorted(file.name for file in folder.iterdir() if file.name != MANIFEST)
             shown = ", ".join(names) if len(names) <= 4 else f"{names[0]} to {names[-1]}, {counted(len(names), 'file')}"
             print_answer(f"{folder}/: {shown}, {MANIFEST}")

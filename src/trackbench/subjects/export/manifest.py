@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Callable, Mapping
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +13,7 @@ from trackbench.scenario import Scenario
 from trackbench.sensing.detections import stated_detection
 from trackbench.sensing.scans import IdealSensor, scan_rate
 from trackbench.sensing.view import field_of_view
-from trackbench.subjects.export.scans import TRUTH, ExportColumn, ScanSource, component_columns, scan_columns
+from trackbench.subjects.export.scans import TRUTH, ScanSource, component_columns, scan_columns
 
 MANIFEST = "manifest.json"
 #: Of the manifest and of the tables that it describes.
@@ -27,12 +24,12 @@ FRAME = (
 
 
 def scan_manifest(source: ScanSource) -> dict[str, Any]:
-    """Return the manifest of a folder of scans, without its files."""
+    """Return the manifest of a folder of scans."""
     config, hidden = source.loaded.config, source.hidden
     scenes = [_scene(source, number) for number in range(len(source.truths))]
     if not hidden:
         for number, scene in enumerate(scenes):
-            scene["objects"] = list(source.truth(number).ids)
+            scene["objects"] = list(source.truths[number].truth.ids)
     return {
         **_head("scans", source.loaded),
         "seed": config.monte_carlo.seed,
@@ -42,33 +39,14 @@ def scan_manifest(source: ScanSource) -> dict[str, Any]:
         "scenes": scenes,
         "sensors": {sensor.name: _sensor(sensor, hidden) for sensor in source.work.scenes[0].sensors},
         "fingerprints": [{**key._asdict(), "fingerprint": text} for key, text in source.fingerprints.items()],
-        "columns": _columns(scan_columns(config.sensors, hidden)),
+        "columns": scan_columns(config.sensors, hidden),
     }
 
 
 def truth_manifest(source: ScanSource) -> dict[str, Any]:
-    """Return the manifest of a folder of truths, without its files."""
+    """Return the manifest of a folder of truths."""
     scenes = [_scene(source, number) for number in range(len(source.truths))]
-    return {**_head("truth", source.loaded), "frame": FRAME, "scenes": scenes, "columns": _columns(TRUTH)}
-
-
-def manifest_writer(made: Callable[[], Mapping[str, Any]]) -> Callable[[Path], None]:
-    """Return what writes the manifest after all other files of its folder, with the hash of each.
-
-    Args:
-        made: gives the manifest without its files.
-    """
-
-    def write(path: Path) -> None:
-        files = {
-            file.name: {"bytes": file.stat().st_size, "sha256": _hash(file)}
-            for file in sorted(path.parent.iterdir())
-            if file != path
-        }
-        text = json.dumps({**made(), "files": files}, indent=2, allow_nan=False, ensure_ascii=False)
-        path.write_text(text + "\n", encoding="utf-8")
-
-    return write
+    return {**_head("truth", source.loaded), "frame": FRAME, "scenes": scenes, "columns": TRUTH}
 
 
 def _head(content: str, loaded: Scenario) -> dict[str, Any]:
@@ -86,7 +64,7 @@ def _head(content: str, loaded: Scenario) -> dict[str, Any]:
 
 
 def _scene(source: ScanSource, number: int) -> dict[str, Any]:
-    truth = source.truth(number)
+    truth = source.truths[number].truth
     return {
         "scene": number,
         "name": source.scene_names[number],
@@ -119,12 +97,3 @@ def _sensor(sensor: IdealSensor, hidden: bool) -> dict[str, Any]:
         entry["detection_probability"], entry["clutter_density"] = stated_detection(config)
         entry["half_range_m"] = config.states.half_range_m
     return entry
-
-
-def _columns(columns: Mapping[str, ExportColumn]) -> dict[str, dict[str, str]]:
-    return {name: {"unit": column.unit, "meaning": column.meaning} for name, column in columns.items()}
-
-
-def _hash(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

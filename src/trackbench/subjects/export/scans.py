@@ -5,7 +5,7 @@ A table has a row a measurement, and a row a scan that has none.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -80,17 +80,6 @@ class ScanSource:
         """Every run of every scene."""
         return [RunKey(scene, run) for scene in range(len(self.truths)) for run in range(self.work.runs)]
 
-    def truth(self, scene: int) -> Truth:
-        """Return the truth of a scene: with hidden identities of all objects, else of the targets."""
-        return self.truths[scene].truth
-
-    def truth_runs(self) -> Iterator[tuple[str, Truth, int]]:
-        """Yield a file's stem, the truth and the number of the run, once where motion is the same in every run."""
-        for scene, item in enumerate(self.truths):
-            runs = item.truth.px.shape[-1]
-            for run in range(runs):
-                yield f"scene{scene}" if runs == 1 else RunKey(scene, run).stem, item.truth, run
-
     @property
     def scene_names(self) -> list[str]:
         """What tells each scene from the others, such as ``seed 13``."""
@@ -111,56 +100,45 @@ class ScanSource:
         self.fingerprints[key] = digest.hex()[:16]
         return RunScans(key, self.fingerprints[key], arrived, objects)
 
-    def runs(self) -> Iterator[RunScans]:
-        """Yield the scans of every run."""
-        return map(self.scans, self.keys)
 
-
-class ExportColumn(NamedTuple):
-    """A column of an exported table."""
-
-    meaning: str
-    unit: str = ""
-    """Empty of names and of numbers without one."""
-
-
+#: Meaning of each column of the exported tables, whose unit is at the end of its name.
 OF_RUN = {
-    "scene": ExportColumn("number of the scene, from 0"),
-    "run": ExportColumn("number of the Monte-Carlo run within the scene, from 0"),
-    "fingerprint": ExportColumn("of all measurements of the run; goes back with the tracks"),
+    "scene": "number of the scene, from 0",
+    "run": "number of the Monte-Carlo run within the scene, from 0",
+    "fingerprint": "of all measurements of the run; goes back with the tracks",
 }
 OF_SCAN = {
-    "scan": ExportColumn("number of the scan within the run, from 0, in the order in which a tracker gets them"),
-    "sensor": ExportColumn("name of the sensor"),
-    "time_s": ExportColumn("when the measurement was taken", "s"),
-    "arrival_time_s": ExportColumn("when it reaches the tracker", "s"),
-    "sensor_x_m": ExportColumn("of the sensor in the fixed frame", "m"),
-    "sensor_y_m": ExportColumn("of the sensor in the fixed frame", "m"),
-    "sensor_yaw_rad": ExportColumn("direction of the boresight, counter-clockwise from the x axis", "rad"),
-    "sensor_vx_mps": ExportColumn("of the sensor in the fixed frame", "m/s"),
-    "sensor_vy_mps": ExportColumn("of the sensor in the fixed frame", "m/s"),
+    "scan": "number of the scan within the run, from 0, in the order in which a tracker gets them",
+    "sensor": "name of the sensor",
+    "time_s": "when the measurement was taken",
+    "arrival_time_s": "when it reaches the tracker",
+    "sensor_x_m": "of the sensor in the fixed frame",
+    "sensor_y_m": "of the sensor in the fixed frame",
+    "sensor_yaw_rad": "direction of the boresight, counter-clockwise from the x axis",
+    "sensor_vx_mps": "of the sensor in the fixed frame",
+    "sensor_vy_mps": "of the sensor in the fixed frame",
 }
 OF_HIDDEN = {
-    "detection_probability": ExportColumn("that the sensor states of an object in its field of view; 0 while silent"),
-    "clutter_density": ExportColumn("false alarms that it states, per scan and unit volume of the measurement space"),
-    "detection": ExportColumn("number of the detection within the scan, from 0; empty in a scan without one"),
+    "detection_probability": "that the sensor states of an object in its field of view; 0 while silent",
+    "clutter_density": "false alarms that it states, per scan and unit volume of the measurement space",
+    "detection": "number of the detection within the scan, from 0; empty in a scan without one",
 }
-OBJECT = {"object": ExportColumn("name of the object")}
-VALID = {"valid": ExportColumn("1: the row has a measurement; 0: the sensor looked and detected nothing")}
+OBJECT = {"object": "name of the object"}
+VALID = {"valid": "1: the row has a measurement; 0: the sensor looked and detected nothing"}
 
 TRUTH = {
     "scene": OF_RUN["scene"],
-    "run": ExportColumn("number of the run where motion is drawn anew in each; empty where it is the same in all"),
-    "time_s": ExportColumn("from the beginning of the scene", "s"),
+    "run": "number of the run where motion is drawn anew in each; empty where it is the same in all",
+    "time_s": "from the beginning of the scene",
     "object": OBJECT["object"],
-    "target": ExportColumn("1: tracks of it are wanted; 0: it may be tracked and need not be"),
-    "x_m": ExportColumn("of the centre in the fixed frame", "m"),
-    "y_m": ExportColumn("of the centre in the fixed frame", "m"),
-    "heading_rad": ExportColumn("of the body, counter-clockwise from the x axis", "rad"),
-    "vx_mps": ExportColumn("of the centre in the fixed frame", "m/s"),
-    "vy_mps": ExportColumn("of the centre in the fixed frame", "m/s"),
-    "length_m": ExportColumn("of the body", "m"),
-    "width_m": ExportColumn("of the body", "m"),
+    "target": "1: tracks of it are wanted; 0: it may be tracked and need not be",
+    "x_m": "of the centre in the fixed frame",
+    "y_m": "of the centre in the fixed frame",
+    "heading_rad": "of the body, counter-clockwise from the x axis",
+    "vx_mps": "of the centre in the fixed frame",
+    "vy_mps": "of the centre in the fixed frame",
+    "length_m": "of the body",
+    "width_m": "of the body",
 }
 
 
@@ -169,7 +147,7 @@ def component_columns(sensor: Sensor | type[Sensor]) -> list[str]:
     return [f"{name}_{SPELLINGS.get(unit, unit)}" for name, unit in zip(sensor.components, sensor.units, strict=True)]
 
 
-def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, ExportColumn]:
+def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, str]:
     """Return the columns of a table of scans.
 
     Args:
@@ -178,9 +156,9 @@ def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, Expor
     """
     columns = OF_RUN | OF_SCAN | (OF_HIDDEN if hidden else OBJECT) | VALID
     for sensor in sensors.values():
-        for column, name, unit in zip(component_columns(sensor), sensor.components, sensor.units, strict=True):
+        for column, name in zip(component_columns(sensor), sensor.components, strict=True):
             whose = "; empty of sensors that do not measure it" if len(sensors) > 1 else ""
-            columns[column] = ExportColumn(f"measured {name.replace('_', ' ')}{whose}", unit)
+            columns[column] = f"measured {name.replace('_', ' ')}{whose}"
     return columns
 
 
@@ -193,7 +171,9 @@ def scan_table(of_run: RunScans, sensors: Mapping[str, Sensor], hidden: bool) ->
     pose = np.array([scan.sensor_pose for scan in scans]).reshape(-1, 3)[number]
     velocity = np.array([scan.sensor_velocity for scan in scans]).reshape(-1, 2)[number]
     values: dict[str, Any] = {
-        **_of_run(of_run.key, of_run.fingerprint, rows),
+        "scene": np.full(rows, of_run.key.scene),
+        "run": np.full(rows, of_run.key.run),
+        "fingerprint": pa.repeat(of_run.fingerprint, rows),
         "scan": number,
         "sensor": pa.array([scan.sensor for scan in scans], pa.string()).take(number),
         "time_s": np.array([scan.time for scan in scans])[number],
@@ -243,14 +223,6 @@ def truth_table(scene: int, truth: Truth) -> pa.Table:
             }
         )
     return pa.concat_tables([pa.table(part) for part in parts])
-
-
-def _of_run(key: RunKey, fingerprint: str, rows: int) -> dict[str, Any]:
-    return {
-        "scene": np.full(rows, key.scene),
-        "run": np.full(rows, key.run),
-        "fingerprint": pa.repeat(fingerprint, rows),
-    }
 
 
 def _nulled(values: Any) -> Any:

@@ -23,7 +23,7 @@ from trackbench.truth.recorded.rows import rows_of_columns
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
 #: Names of schemas.
-BOXES, TRANSFORMS, POINTS = "foxglove.SceneUpdate", "foxglove.FrameTransforms", "foxglove.PointCloud"
+BOXES, TRANSFORMS = "foxglove.SceneUpdate", "foxglove.FrameTransforms"
 TRACKS, SCAN = "trackbench.Tracks", "trackbench.Scan"
 #: Metadata of a box, by the column that it is.
 VELOCITY = {"vx": "vx_mps", "vy": "vy_mps"}
