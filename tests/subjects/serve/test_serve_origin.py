@@ -23,8 +23,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 def test_a_program_is_let_in(server: Server) -> None:
     with connect(f"ws://127.0.0.1:{server.port}/", compression=None, open_timeout=SECONDS) as client:
-        client.send("2")
-        assert client.recv(timeout=SECONDS) == "3"
+        client.send('42["telemetry",null]')
+        assert client.recv(timeout=SECONDS) == '42["manual",{}]'
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "http://localhost:1", "null", "file://"])

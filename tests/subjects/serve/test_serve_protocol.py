@@ -16,13 +16,11 @@ from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.subjects.serve.protocol import (
     MANUAL,
-    Marker,
-    Telemetry,
     estimate_marker,
     parse,
 )
-from trackbench.subjects.serve.server import Client
-from trackbench.subjects.serve.session import TrackerFailed, served
+from trackbench.subjects.serve.session import Client, TrackerFailed, served
+from trackbench.truth.recorded.udacity import Measurement
 
 LINE = "L\t3.122427e-01\t5.803398e-01\t1477010443000000\t6e-01\t6e-01\t5.199937e+00\t0"
 LINES = synthetic_lines()
@@ -48,11 +46,11 @@ def test_the_frame_that_the_simulator_sends():
     # The simulator writes a tab as the two characters that are its escape in JSON.
     frame = '42["telemetry",{"sensor_measurement":"' + LINE.replace("\t", "\\t") + '"}]'
     said = parse(frame)
-    assert isinstance(said, Telemetry)
-    assert said.measurement.kind == "lidar"
-    assert said.measurement.measurement == (0.3122427, 0.5803398)
-    assert said.measurement.stamp == 1477010443000000
-    assert said.measurement.truth == (0.6, 0.6, 5.199937, 0.0)
+    assert isinstance(said, Measurement)
+    assert said.kind == "lidar"
+    assert said.measurement == (0.3122427, 0.5803398)
+    assert said.stamp == 1477010443000000
+    assert said.truth == (0.6, 0.6, 5.199937, 0.0)
 
 
 @pytest.mark.parametrize("event", ['["telemetry",null]', '["telemetry",{}]', '["telemetry"]', '["telemetry", null, 1]'])
@@ -60,34 +58,21 @@ def test_an_event_without_data(event):
     assert parse("42" + event) == MANUAL
 
 
-@pytest.mark.parametrize("frame", ['0{"sid":"x"}', "1", "3", "3probe", "5", "6", "40", "40/track", "41", "430[]"])
+@pytest.mark.parametrize("frame", ['0{"sid":"x"}', "1", "2", "2probe", "40", "41", "", "hello", b"\x00\xff"])
 def test_what_belongs_to_the_transport_needs_no_answer(frame, client):
     assert parse(frame) is None
     assert client("ekf").answer(frame) is None
 
 
-@pytest.mark.parametrize(("frame", "answer"), [("2", "3"), ("2probe", "3probe")])
-def test_pings_are_answered(frame, answer, client):
-    assert parse(frame) == answer
-    assert client("ekf").answer(frame) == answer
-
-
 BAD = {
-    "binary": (b"\x00\xff", "binary"),
-    "a binary event": (telemetry(LINE).encode(), "binary"),
-    "empty": ("", "no event"),
-    "words": ("hello", "no event"),
-    "a ping with a load": ("2" * 50, "no event"),
-    "no JSON": ("42", "not JSON"),
-    "half": (telemetry(LINE)[:-5], "not JSON"),
-    "deep": ("42" + "[" * 60000, "nested"),
-    "long number": ("42[" + "9" * 5000 + "]", "not JSON"),
-    "an object": ('42{"telemetry":1}', "array"),
-    "no name": ("42[]", "array"),
-    "another event": ('42["steer",{"angle":1}]', "'steer' is not known"),
-    "another key": ('42["telemetry",{"lidar":"L"}]', "sensor_measurement"),
-    "a list of data": ('42["telemetry",[1]]', "sensor_measurement"),
-    "a number as line": ('42["telemetry",{"sensor_measurement":1}]', "sensor_measurement"),
+    "no JSON": ("42", "an event is"),
+    "half": (telemetry(LINE)[:-5], "an event is"),
+    "deep": ("42" + "[" * 60000, "an event is"),
+    "long number": ("42[" + "9" * 5000 + "]", "an event is"),
+    "no name": ("42[]", "an event is"),
+    "another event": ('42["steer",{"angle":1}]', "an event is"),
+    "a list of data": ('42["telemetry",[1]]', "an event is"),
+    "a number as line": ('42["telemetry",{"sensor_measurement":1}]', "an event is"),
     "an empty line": (telemetry(""), "begins with L"),
     "an unknown letter": (telemetry("X" + LINE[1:]), "begins with L"),
     "NaN": (telemetry(LINE.replace("3.122427e-01", "nan")), "px is not a finite number"),
@@ -118,8 +103,8 @@ def test_a_bad_frame_is_answered_and_logged_in_one_line(frame, message, client, 
 
 
 def test_the_frame_that_the_simulator_reads():
-    assert estimate_marker(Marker(0.5, 1, 0.25, 2e-5, 3, 4)) == (
-        '42["estimate_marker",{"estimate_x":0.5,"estimate_y":1,"rmse_x":0.25,"rmse_y":2e-05,"rmse_vx":3,"rmse_vy":4}]'
+    assert estimate_marker(np.array([0.5, 1, 0, 0]), np.array([0.25, 2e-5, 3, 4])) == (
+        '42["estimate_marker",{"estimate_x":0.5,"estimate_y":1.0,"rmse_x":0.25,"rmse_y":2e-05,"rmse_vx":3.0,"rmse_vy":4.0}]'
     )
 
 
@@ -132,7 +117,7 @@ def test_the_running_rmse_is_that_of_the_marks_so_far(name, client):
         if answer == MANUAL:
             assert not squares
             continue
-        marker, truth = fields(answer), parse(telemetry(line)).measurement.truth
+        marker, truth = fields(answer), parse(telemetry(line)).truth
         squares.append([(marker["estimate_x"] - truth[0]) ** 2, (marker["estimate_y"] - truth[1]) ** 2])
         rmse = [marker["rmse_x"], marker["rmse_y"]]
         np.testing.assert_allclose(rmse, np.sqrt(np.mean(squares, axis=0)), rtol=1e-12)

@@ -20,12 +20,7 @@ if TYPE_CHECKING:
 
 @click.group("serve")
 def serve_command() -> None:
-    """Let a simulator drive a tracker of a scenario, live.
-
-    \b
-    Example:
-      trackbench serve udacity --tracker scripted/figure_eight#ekf
-    """
+    """Let a simulator drive a tracker of a scenario, live."""
 
 
 @serve_command.command("udacity")
@@ -60,9 +55,7 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, isol
         raise InputError("is empty; 127.0.0.1 is this machine alone, 0.0.0.0 opens the server to others", key="--host")
     try:
         from trackbench.subjects.serve.server import serve_udacity
-    except ModuleNotFoundError as error:
-        if not (error.name or "").startswith("websockets"):
-            raise
+    except ModuleNotFoundError:
         raise InputError("serving needs one more package: pip install 'trackbench[serve]'") from None
     from trackbench.subjects.serve.session import served
 

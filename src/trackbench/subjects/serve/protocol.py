@@ -8,78 +8,41 @@ which only asks it to go on.
 from __future__ import annotations
 
 import json
-import re
-from typing import NamedTuple
 
 from trackbench.base.errors import InputError
+from trackbench.base.types import Array
 from trackbench.truth.recorded.udacity import Measurement, parse_line
 
 EVENT = "42"
 MANUAL = EVENT + '["manual",{}]'
-#: Engine.IO's ping, and the one that probes a connection before it is upgraded.
-_PING = re.compile(r"2(probe)?")
-#: What Engine.IO and Socket.IO exchange beside events: open, close, pong, upgrade, no operation; connect, disconnect,
-#: acknowledgement, error.
-_CONTROL = re.compile(r"(0\{.*|1|3(probe)?|5|6|4[0134]([/{\[0-9\"].*)?)", re.DOTALL)
+#: What the simulator draws and shows: the estimate, and the RMSE of all estimates so far. SI units.
+MARKER = ("estimate_x", "estimate_y", "rmse_x", "rmse_y", "rmse_vx", "rmse_vy")
 
 
-class Telemetry(NamedTuple):
-    """A measurement."""
-
-    measurement: Measurement
-    line: str
-    """As it was sent."""
-
-
-class Marker(NamedTuple):
-    """What the simulator draws and shows: the estimate, and the RMSE of all estimates so far. SI units."""
-
-    estimate_x: float
-    estimate_y: float
-    rmse_x: float
-    rmse_y: float
-    rmse_vx: float
-    rmse_vy: float
-
-
-def parse(frame: str | bytes) -> Telemetry | str | None:
-    """Return the measurement of a frame, or the answer to a frame without one; None where no answer is due.
+def parse(frame: str | bytes) -> Measurement | str | None:
+    """Return the measurement of a frame, the answer to an event without one, or None for a frame that is no event.
 
     Raises:
-        InputError: it says nothing that a simulator would say.
+        InputError: an event says nothing that a simulator would say.
     """
-    if isinstance(frame, bytes):
-        raise InputError("it is binary, where text is spoken")
-    if frame.startswith(EVENT):
-        return _event(frame[len(EVENT) :])
-    if _PING.fullmatch(frame):
-        return "3" + frame[1:]
-    if _CONTROL.fullmatch(frame):
+    if not isinstance(frame, str) or not frame.startswith(EVENT):
+        # Pings and what else the transport says need no answer.
         return None
-    raise InputError(f'it is no event, which begins with {EVENT}["telemetry",')
-
-
-def estimate_marker(marker: Marker) -> str:
-    """Return the frame that carries an estimate; its numbers are finite."""
-    return EVENT + json.dumps(["estimate_marker", marker._asdict()], separators=(",", ":"), allow_nan=False)
-
-
-def _event(text: str) -> Telemetry | str:
     try:
-        event = json.loads(text)
-    except RecursionError:
-        raise InputError("its JSON is nested too deeply") from None
-    except ValueError as error:
-        raise InputError(f"it is not JSON after {EVENT}: {error}") from None
-    if not isinstance(event, list) or not event or not isinstance(event[0], str):
-        raise InputError('an event is an array that begins with its name: ["telemetry",{...}]')
-    name, data = event[0], event[1] if len(event) > 1 else None
-    if data is None or data == {}:
-        # The simulator is not running.
-        return MANUAL
-    if name != "telemetry":
-        raise InputError(f"the event {name[:40]!r} is not known, only telemetry is")
-    line = data.get("sensor_measurement") if isinstance(data, dict) else None
-    if not isinstance(line, str):
-        raise InputError('telemetry is {"sensor_measurement":"L\\t..."}')
-    return Telemetry(parse_line(line), line)
+        _, *data = json.loads(frame[len(EVENT) :])
+        if not data or not data[0]:
+            # The simulator is not running.
+            return MANUAL
+        return parse_line(data[0]["sensor_measurement"])
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        raise InputError(f'an event is {EVENT}["telemetry",{{"sensor_measurement":"L\\t..."}}]') from None
+
+
+def estimate_marker(mean: Array, rmse: Array) -> str:
+    """Return the frame that carries the mean ``(4,)`` of an estimate and the RMSE ``(4,)``.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    marker = dict(zip(MARKER, [*mean[:2].tolist(), *rmse.tolist()], strict=True))
+    return EVENT + json.dumps(["estimate_marker", marker], separators=(",", ":"), allow_nan=False)

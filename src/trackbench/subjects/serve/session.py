@@ -1,48 +1,43 @@
-"""One client's tracker, its truth and the running RMSE."""
+"""What one client is answered: its tracker, its truth and the running RMSE."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.types import Array, Observer, Scan
+from trackbench.base.types import Observer, Scan
 from trackbench.base.units import wrap_angle
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.driving.start import ending, start_stepper
 from trackbench.driving.steppers import ForeignTracker
-from trackbench.metrics.consistency import normalised_square
-from trackbench.metrics.sums import OVERFLOW
 from trackbench.models.sensors import Lidar, Radar, sensor_type
 from trackbench.scenario import Scenario
-from trackbench.sensing.view import sensor_motion, silent
-from trackbench.subjects.serve.protocol import Marker
-from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE, TrackerFault
+from trackbench.sensing.view import sensor_motion
+from trackbench.subjects.serve.protocol import MANUAL, estimate_marker, parse
+from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.late import LateScans
 from trackbench.truth.config import FixedObserver
 from trackbench.truth.recorded.udacity import Measurement
 
+log = logging.getLogger(__name__)
+
 #: In a second.
 MICROSECONDS = 1e6
+#: Characters of a frame that a log line shows.
+SHOWN = 60
 
 
 class TrackerFailed(Exception):
     """The tracker cannot go on; when and why."""
-
-
-class ServedSensor(NamedTuple):
-    """A sensor of the scenario."""
-
-    config: Lidar | Radar
-    scan: Scan
-    """At time 0, without a measurement; its pose is in the simulator's frame."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +47,12 @@ class Served:
     name: str
     config: FilterConfig | PluginConfig
     folder: Path
-    sensors: Mapping[str, ServedSensor]
-    """The scenario's lidar and radar by kind."""
+    sensors: Mapping[str, tuple[Lidar | Radar, Scan]]
+    """The scenario's lidar and radar by kind, each with a scan at time 0 that has no measurement."""
     isolation: Isolation
 
     def stepper(self) -> Any:
-        """Start a fresh tracker.
-
-        Raises:
-            InputError: it starts from the truth, or is a plug-in that does not start.
-        """
+        """Start a fresh tracker; raises as a plug-in does that does not start."""
         return start_stepper(self.config, self.folder, 1, _refuse_truth, self.isolation)
 
 
@@ -78,16 +69,14 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
     if config.sensing.identities == "hidden":
         message = "hidden, and the simulator's client asks for one object; serve a tracker of known identities"
         raise loaded.locate(InputError(message, key="sensing.identities"))
-    sensors: dict[str, ServedSensor] = {}
+    sensors: dict[str, tuple[Lidar | Radar, Scan]] = {}
     for sensor_name, sensor in config.sensors.items():
         kind = sensor_type(sensor.type)
         if kind in sensors:
-            message = f"a second {kind} beside {sensors[kind].scan.sensor}; the simulator has one lidar and one radar"
+            message = f"a second {kind} beside {sensors[kind][1].sensor}; the simulator has one lidar and one radar"
             raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
         if isinstance(sensor, Lidar | Radar):
-            sensors[kind] = _served_sensor(sensor_name, sensor, getattr(config.truth, "observer", None))
-    if not sensors:
-        raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
+            sensors[kind] = sensor, _empty_scan(sensor_name, sensor, getattr(config.truth, "observer", None))
     checked = Served(name, config.driven(name), loaded.folder, sensors, isolation)
     try:
         with ending(checked.stepper()):
@@ -98,17 +87,13 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
     return checked
 
 
-def _served_sensor(name: str, config: Lidar | Radar, observer: object) -> ServedSensor:
-    """Return a sensor at rest in the simulator's origin, unless the scenario puts it elsewhere."""
+def _empty_scan(name: str, config: Lidar | Radar, observer: object) -> Scan:
+    """Return a scan of a sensor at rest in the simulator's origin, unless the scenario puts it elsewhere."""
     at = observer if isinstance(observer, FixedObserver) else FixedObserver()
     x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
     pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
     noise, nothing = config.noise_covariance(), np.full((len(config.components), 1), np.nan)
-    scan = Scan(0.0, name, config.type, nothing, np.zeros(1, dtype=bool), noise, pose, np.zeros(2), 0.0)
-    for shared in (noise, pose, scan.sensor_velocity):
-        # One client's tracker must not change what another's reads.
-        shared.setflags(write=False)
-    return ServedSensor(config, scan)
+    return Scan(0.0, name, config.type, nothing, np.zeros(1, dtype=bool), noise, pose, np.zeros(2), 0.0)
 
 
 def _refuse_truth(tracker: LateScans) -> LateScans:
@@ -117,87 +102,93 @@ def _refuse_truth(tracker: LateScans) -> LateScans:
     return tracker
 
 
-class Session:
-    """One data set of one client. Every estimate counts in the RMSE, from the first on.
+class Client:
+    """One connection: a data set, and another when the simulator is restarted. Knows nothing of the network.
 
-    Attributes:
-        measurements: number of measurements so far.
-        estimates: number of estimates so far.
+    Every estimate counts in the RMSE, from the first on.
     """
 
-    def __init__(self, served: Served) -> None:
+    def __init__(self, served: Served, name: str) -> None:
         """Start a fresh tracker.
 
         Raises:
             TrackerFailed: a plug-in does not start again.
         """
         self._served = served
+        self._name = name
+        self._start()
+
+    def _start(self) -> None:
+        self._first: int | None = None
+        self._last: Measurement | None = None
+        self._last_answer = MANUAL
+        self._squares = np.zeros(4)
+        self._measurements = self._estimates = 0
         try:
-            self._stepper, self._state = served.stepper(), None
+            self._stepper, self._state = self._served.stepper(), None
         except (Exception, SystemExit) as error:
             raise TrackerFailed(f"to start: {fault_of(error)}") from error
-        self._first: int | None = None
-        self._squares = np.zeros(4)
-        self.measurements = 0
-        self.estimates = 0
 
-    @property
-    def rmse(self) -> Array:
-        """``(4,)`` px, py m, vx, vy m/s; NaN before the first estimate."""
-        return np.sqrt(self._squares / self.estimates) if self.estimates else np.full(4, np.nan)
-
-    def take(self, measurement: Measurement) -> Marker | None:
-        """Return the estimate after a measurement, or None while there is none.
-
-        Args:
-            measurement: not older than the one before; its kind is one that the scenario has.
+    def answer(self, frame: str | bytes) -> str | None:
+        """Return the frame to send back, or None where none is due; a bad event is logged and answered ``manual``.
 
         Raises:
             TrackerFailed: the tracker raised, or what it gave is not an estimate.
         """
-        self.measurements += 1
         try:
-            mean = self._estimate(self._scan(measurement))
-            if mean is None:
-                return None
-            self._squares += (mean - measurement.truth) ** 2
-            if not self._squares.max() < OVERFLOW:
-                raise TrackerFault(TOO_LARGE)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            raise TrackerFailed(f"at measurement {self.measurements}: {fault_of(error)}") from error
-        self.estimates += 1
-        return Marker(float(mean[0]), float(mean[1]), *map(float, self.rmse))
+            measurement = parse(frame)
+        except InputError as error:
+            log.warning("%s: bad frame, %s: %r", self._name, error, frame[:SHOWN])
+            return MANUAL
+        if not isinstance(measurement, Measurement):
+            return measurement
+        if measurement.kind not in self._served.sensors:
+            return MANUAL
+        if measurement == self._last:
+            # The simulator's clock does not wait for answers, nor run while it pauses: it may send a line twice.
+            return self._last_answer
+        if self._last is not None and measurement.stamp < self._last.stamp:
+            self.close()
+            log.info("%s: time goes backwards: starts afresh", self._name)
+            self._start()
+        self._last = measurement
+        self._measurements += 1
+        try:
+            self._last_answer = self._answer_to(measurement)
+        except (Exception, SystemExit) as error:
+            raise TrackerFailed(f"at measurement {self._measurements}: {fault_of(error)}") from error
+        return self._last_answer
 
     def close(self) -> None:
-        """End the tracker."""
+        """End the tracker, and log what the data set came to."""
         if isinstance(self._stepper, ForeignTracker):
             self._stepper.close()
+        if self._measurements:
+            px, py, vx, vy = np.sqrt(self._squares / self._estimates) if self._estimates else np.full(4, np.nan)
+            text = "%s: %d measurements, %d estimates, RMSE %.4f %.4f m, %.4f %.4f m/s"
+            log.info(text, self._name, self._measurements, self._estimates, px, py, vx, vy)
 
-    def _estimate(self, scan: Scan) -> Array | None:
-        """Return the mean of the tracker's estimate, checked as the runner checks estimates."""
+    def _answer_to(self, measurement: Measurement) -> str:
         with np.errstate(all="ignore"):
-            self._state, estimate = self._stepper.step(self._state, scan)
+            self._state, estimate = self._stepper.step(self._state, self._scan(measurement))
         if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
-            if self.estimates:
+            if self._estimates:
                 raise TrackerFault(GIVEN_UP if estimate is None else NOT_FINITE)
-            return None
-        if not normalised_square(estimate.mean, estimate.covariance)[2].all():
-            raise TrackerFault(NOT_DEFINITE)
-        return np.asarray(estimate.mean[:, 0])
+            return MANUAL
+        mean = np.asarray(estimate.mean[:, 0])
+        self._squares += (mean - measurement.truth) ** 2
+        self._estimates += 1
+        return estimate_marker(mean, np.sqrt(self._squares / self._estimates))
 
     def _scan(self, measurement: Measurement) -> Scan:
-        sensor = self._served.sensors[measurement.kind]
+        config, empty = self._served.sensors[measurement.kind]
         values = np.array(measurement.measurement)[:, None]
         if measurement.kind == "radar":
             values[1] = wrap_angle(values[1])
-            values = values[[Radar.components.index(name) for name in sensor.config.components]]
+            values = values[[Radar.components.index(name) for name in config.components]]
         if self._first is None:
             self._first = measurement.stamp
         time = (measurement.stamp - self._first) / MICROSECONDS
-        valid = ~silent(sensor.config, np.array([time]))
-        values = np.where(valid, values, np.nan)
-        scan = sensor.scan._replace(time=time, arrival_time=time, measurement=values, valid=valid)
+        scan = empty._replace(time=time, arrival_time=time, measurement=values, valid=np.ones(1, dtype=bool))
         named = self._served.config.sensors_used
         return scan if named is None or scan.sensor in named else empty_scan(scan)
