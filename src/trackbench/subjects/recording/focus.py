@@ -31,9 +31,6 @@ class Opening:
     """At the worst event of this one in the recorded run."""
 
 
-WHOLE = Opening()
-
-
 @dataclass(frozen=True)
 class Focus:
     """What is looked at first; unless stated, the whole scene from the start."""

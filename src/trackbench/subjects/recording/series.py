@@ -200,12 +200,15 @@ def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mappin
     lines = []
     for field in fields:
         shown = {tracker: of for tracker, of in rows.items() if tracker in colours and field in of}
-        own = {tracker: of for tracker, of in shown.items() if np.isfinite(of[field]).any()}
-        longest = max(own, key=lambda tracker: np.isfinite(own[tracker][field]).sum(), default="")
-        for tracker, bound in own.items():
-            if tracker == longest or not _same(own[longest], bound, field):
-                colour = BOUND_COLOUR if tracker == longest else colours[tracker]
-                lines.append(ChartLine(("bounds", field, tracker), name, colour, *_broken(bound, field), 2.0))
+        groups: dict[str, list[str]] = {}
+        for tracker, bound in shown.items():
+            if np.isfinite(bound[field]).any():
+                first = next((first for first in groups if _same(shown[first], bound, field)), tracker)
+                groups.setdefault(first, []).append(tracker)
+        for first, group in groups.items():
+            colour = BOUND_COLOUR if len(group) > 1 or len(groups) == 1 else colours[first]
+            label = name if len(groups) == 1 else f"{name}: {', '.join(group)}"
+            lines.append(ChartLine(("bounds", field, first), label, colour, *_broken(shown[first], field), 2.0))
     return tuple(lines)
 
 
