@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.support.udacity import telemetry
 
 from trackbench.driving.isolation import Isolation
 from trackbench.results import Result, json_text
 from trackbench.scenario import load_scenario
-from trackbench.subjects.serve.session import Session, TrackerFailed, served
-from trackbench.truth.recorded.udacity import Measurement
+from trackbench.subjects.serve.session import Client, TrackerFailed, served
 
 TIMEOUT = 3.0
 
@@ -273,9 +273,9 @@ def test_the_server(tmp_path: Path, write_module: Any) -> None:
     file.write_text(text, encoding="utf-8")
     loaded = load_scenario(file)
     for _ in range(2):
-        session = Session(served(loaded, "mine"))
+        client = Client(served(loaded, "mine"), "client 1")
         with pytest.raises(TrackerFailed, match=r"^at measurement 1: its process ended itself, with status 0 \("):
-            session.take(Measurement("lidar", (1.0, 1.0), 0, (1.0, 1.0, 0.0, 0.0)))
+            client.answer(telemetry("L\t1\t1\t0\t1\t1\t0\t0"))
 
 
 def test_in_process_for_a_debugger(cli: Any, tiny: Path, write_module: Any) -> None:
