@@ -8,7 +8,7 @@ import trackbench as tb
 from trackbench.api.plan import Listener
 from trackbench.base.execution import Executor
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
-from trackbench.subjects.tuning.objectives import OBJECTIVES
+from trackbench.subjects.tuning.objectives import objective_of
 from trackbench.subjects.tuning.tune import Tuning
 
 from .claim import Claim, rate
@@ -44,6 +44,6 @@ def claims() -> Iterator[Claim]:
 def _tuned(objective: str, seed: int) -> Tuning:
     """Seeds are two apart, since the noise that is tuned on has the next one."""
     scenario = tb.load(SCENARIO, runs=RUNS, seed=2 * seed)
-    plan = TunePlan(OBJECTIVES[objective], ("acceleration_sigma_mps2=0.3:20",), TRIALS)
+    plan = TunePlan(objective_of(objective, [scenario]), ("acceleration_sigma_mps2=0.3:20",), TRIALS)
     (found,) = tune_trackers([scenario], ["kf"], plan, Executor(), Listener())
     return found

@@ -11,7 +11,7 @@ from trackbench.api.plan import Listener
 from trackbench.base.execution import Executor as WorkExecutor
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.held_out import Split
-from trackbench.subjects.tuning.objectives import OBJECTIVES
+from trackbench.subjects.tuning.objectives import objective_of
 
 from .protocol import Protocol
 
@@ -27,9 +27,9 @@ def tuned(protocol: Protocol, tracker: str, scenarios: Sequence[str], storage: P
     """
     stated, budget = protocol.trackers[tracker], protocol.tuned_on
     split = Split(budget.scenes, 1, budget.runs, 1)
-    objective = OBJECTIVES[protocol.objective]
-    plan = TunePlan(objective, tuple(stated["ranges"]), protocol.trials, 0, storage, split, engine="fused")
     loaded = [protocol.loaded(name, {tracker: stated["entry"]}) for name in scenarios]
+    objective, ranges = objective_of(protocol.objective, loaded), tuple(stated["ranges"])
+    plan = TunePlan(objective, ranges, protocol.trials, 0, storage, split, engine="fused")
     (tuning,) = tune_trackers(loaded, [tracker], plan, WorkExecutor(), Listener())
     return dict(tuning.best.values)
 

@@ -58,7 +58,7 @@ def test_tuned_values_are_judged_by_what_they_reach(run):
         tb.load(run.path, {"expect": [], "trackers.mine.options.alpha": 0.05}),
         ["mine"],
         objective="position_rmse",
-        ranges={"options.alpha": (0.05, 0.9)},
+        ranges=["options.alpha=0.05:0.9"],
         trials=4,
         train_runs=2,
         test_runs=8,

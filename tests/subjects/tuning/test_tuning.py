@@ -23,7 +23,7 @@ from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
-from trackbench.subjects.tuning.objectives import OBJECTIVES
+from trackbench.subjects.tuning.objectives import objective_of
 from trackbench.subjects.tuning.parameters import Parameter, parse_range, start_values, usual_ranges
 from trackbench.subjects.tuning.study import Study, usual_trials
 from trackbench.subjects.tuning.trials import TuningTrial, best_trial
@@ -238,12 +238,14 @@ def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(tmp_path: Path) ->
     scenario = load("recorded/udacity_ukf_tuning")
     table = [name for name in scenario.config.trackers if name.startswith("tuned_")]
     assert len(table) == 8
-    plan = TunePlan(OBJECTIVES["position_rmse"])
+    plan = TunePlan(objective_of("position_rmse", [scenario]))
     (found,) = tune_trackers([scenario], ["ukf"], plan, Executor(), Listener())
     bench = Bench(scenario, truths_of(scenario), held_out=False)
     rows = [Evaluator([bench], name, Executor()).start[0].sums for name in table]
     best = min(sums.value("position_rmse") for sums in rows if sums is not None)
-    assert found.best.measures["position_rmse"] < best
+    (tuned,) = Evaluator([bench], "ukf", Executor())([found.best.values])[0]
+    assert tuned.sums is not None
+    assert tuned.sums.value("position_rmse") < best
     # Half of the log shows that the gain is none: on the other half it is gone.
     assert found.apart == ("other stretches of the same log",)
     assert found.held_out.of("position_rmse")[0].verdict == "undecided"
@@ -256,7 +258,7 @@ def test_a_program_tunes_as_the_command_does(tmp_path: Path, monkeypatch: pytest
     tuned = tb.tune(
         "two_cars.yaml",
         ["ekf"],
-        ranges={"acceleration_sigma_mps2": (0.5, 10.0)},
+        ranges=["acceleration_sigma_mps2=0.5:10"],
         trials=4,
         progress=lambda done, every: told.append(done / every),
     )

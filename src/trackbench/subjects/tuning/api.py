@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from trackbench.api.plan import Counter, Listener
 from trackbench.api.result import Report
 from trackbench.api.run import Several
 from trackbench.api.scenario import Named, listed, loaded_scenario
-from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.errors import InputError
 from trackbench.base.execution import Executor, executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
@@ -25,19 +25,16 @@ from trackbench.scenario.truth import PendingTruths
 from trackbench.subjects.tuning.evaluation import Bench
 from trackbench.subjects.tuning.files import default_out, require_tuning_files, save_tuning, tuning_content
 from trackbench.subjects.tuning.held_out import Split, halved, halved_in_time
-from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective, metric_objectives
+from trackbench.subjects.tuning.objectives import Objective, objective_of
 from trackbench.subjects.tuning.parameters import (
-    has_option,
-    option_text,
     parse_range,
     require_tunable,
     start_values,
     usual_ranges,
-    why_no_start,
 )
 from trackbench.subjects.tuning.report import tuning_document, tuning_summary
 from trackbench.subjects.tuning.study import require_optuna, usual_trials
-from trackbench.subjects.tuning.tune import Tuning, TuningTask, lacks_truth, require_objective, tune_tracker
+from trackbench.subjects.tuning.tune import Tuning, TuningTask, tune_tracker
 
 
 @dataclass(frozen=True)
@@ -58,17 +55,6 @@ class TunePlan:
         require_engine(self.engine)
 
 
-def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
-    """Return the objective of a name; unless given, T-GOSPA where there is one, and else the likelihood."""
-    if name is None:
-        hidden = any(item.config.sensing.identities == "hidden" and not lacks_truth(item) for item in scenarios)
-        name = "tgospa" if hidden else "likelihood"
-    objectives = {**metric_objectives(scenarios[0]), **OBJECTIVES} if scenarios else OBJECTIVES
-    if name not in objectives:
-        raise InputError(f"no objective {name!r}; {nearest_choices(name, objectives)}", key="--objective")
-    return objectives[name]
-
-
 def tune_trackers(
     scenarios: Sequence[Scenario], trackers: Iterable[str], plan: TunePlan, executor: Executor, listener: Listener
 ) -> list[Tuning]:
@@ -79,7 +65,6 @@ def tune_trackers(
         TrackbenchError: the processes that do the work died.
     """
     require_optuna()
-    require_objective(plan.objective, scenarios)
     names = [item.config.name for item in scenarios]
     for item in scenarios:
         if names.count(item.config.name) > 1:
@@ -92,7 +77,7 @@ def tune_trackers(
     for item in chosen:
         for note in check_plugins(item, plan.isolation):
             listener.note(note)
-    tasks = [_task(name, scenarios, tuned, plan) for name in tuned]
+    tasks = [_task(name, scenarios, plan) for name in tuned]
     halves = [halved(item, plan.split) for item in chosen]
     train = [_bench(item.train, executor, listener) for item in halves]
     benches = [
@@ -108,17 +93,10 @@ def tune_trackers(
     return tunings
 
 
-def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: TunePlan) -> TuningTask:
+def _task(name: str, scenarios: Sequence[Scenario], plan: TunePlan) -> TuningTask:
     """Return the task of one tracker; the first scenario says what its options are, and the others must take them."""
     first = scenarios[0]
-    # A range is for a tracker that has the option, or for all where none of those that are tuned has.
-    own = [
-        text
-        for text in plan.ranges
-        if has_option(first, name, text) or not any(has_option(first, other, text) for other in names)
-    ]
-    notes = [f"--range {text} is not for {name}, which lacks this option." for text in plan.ranges if text not in own]
-    parameters = [parse_range(text, first, name) for text in own] or usual_ranges(first, name)
+    parameters = [parse_range(text, first, name) for text in plan.ranges] or usual_ranges(first, name)
     keys = [item.key for item in parameters]
     for key in keys:
         if keys.count(key) > 1:
@@ -134,7 +112,6 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
         count=plan.trials or usual_trials(parameters),
         seed=plan.seed,
         storage=plan.storage,
-        notes=(*notes, *why_no_start(first, name, parameters)),
     )
 
 
@@ -193,7 +170,7 @@ def tune(
     scenario: Scenario | Named | Several,
     trackers: Iterable[str],
     *,
-    ranges: Mapping[str, Sequence[Any]] | Iterable[str] = (),
+    ranges: Iterable[str] = (),
     objective: str | None = None,
     trials: int | None = None,
     storage: Path | str | None = None,
@@ -211,8 +188,8 @@ def tune(
     Args:
         scenario: what :func:`load` gave or takes; a list or tuple of these gets one set of values for all.
         trackers: names of those that are tuned, each by itself.
-        ranges: by option the least and the largest value as a tuple, or a list of choices; or texts such as
-            ``"acceleration_sigma_mps2=0.1:30"``. The process noise, unless given.
+        ranges: such as ``"acceleration_sigma_mps2=0.1:30"`` or ``"initial.skip=0,2,5"``; unless given, the process
+            noise.
         objective: ``likelihood``, ``position_rmse``, ``tgospa`` or a metric of the scenario; unless given, ``tgospa``
             with hidden identities and a truth, else ``likelihood``.
         trials: how many sets of values are tried.
@@ -236,7 +213,7 @@ def tune(
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
     split = Split(train_scenes, test_scenes, train_runs, test_runs)
     kept = None if storage is None else Path(storage)
-    plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split, engine=engine)
+    plan = TunePlan(objective_of(objective, loaded), tuple(listed(ranges)), trials, seed, kept, split, engine=engine)
     names = listed(trackers)
     with executor(workers, None) as chosen:
         tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
@@ -247,26 +224,6 @@ def _require_numbers(least: int, **options: Any) -> None:
     for name, value in options.items():
         if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
             raise InputError(f"give a whole number, at least {least}, not {value!r}", key=name)
-
-
-def _texts(ranges: Any) -> tuple[str, ...]:
-    """Return ranges as the command line writes them."""
-    if isinstance(ranges, Mapping):
-        return tuple(_text(key, value) for key, value in ranges.items())
-    texts = tuple(listed(ranges)) if isinstance(ranges, Iterable) else (ranges,)
-    if not all(isinstance(text, str) for text in texts):
-        raise InputError(f"give a mapping from options to their ranges, or texts, not {ranges!r}", key="ranges")
-    return texts
-
-
-def _text(key: str, values: Any) -> str:
-    is_range = isinstance(values, tuple) and len(values) == 2
-    if not is_range and not isinstance(values, list):
-        problem = f"give the least and the largest value as a tuple, or a list of choices, not {values!r}"
-        raise InputError(problem, key=key)
-    # Numbers of NumPy have tolist().
-    plain = (value.tolist() if hasattr(value, "tolist") else value for value in values)
-    return f"{key}={(':' if is_range else ',').join(map(option_text, plain))}"
 
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:

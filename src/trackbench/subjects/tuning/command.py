@@ -93,9 +93,10 @@ def tune_command(
     Exit status: 0 tuned, 2 bad input, 4 cannot write
     """
     from trackbench.document.terminal import print_document
-    from trackbench.subjects.tuning.api import TunePlan, command_of_tuning, objective_of, tune_trackers
+    from trackbench.subjects.tuning.api import TunePlan, command_of_tuning, tune_trackers
     from trackbench.subjects.tuning.files import default_out, require_tuning_files, save_tuning, tuning_content
     from trackbench.subjects.tuning.held_out import Split
+    from trackbench.subjects.tuning.objectives import objective_of
     from trackbench.subjects.tuning.report import tuning_headline, tuning_summary
 
     loaded, notes = load_several(files_of_scenarios(scenarios), settings)

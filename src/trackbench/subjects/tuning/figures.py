@@ -32,6 +32,8 @@ def trials_figure(item: Tuning, parameter: Parameter, name: str = "") -> Figure:
     rises = [trial.loss - item.best.loss for trial in done]
     if relative:
         rises = [100 * math.expm1(min(rise, 1.0)) for rise in rises]
+    legend = [LegendEntry("trial", _TRIAL, "dot"), LegendEntry("tuned", _BEST), LegendEntry("start", INK, "dash")]
+    start = item.start[parameter.key]
     top = min(_HIGHEST, max(rises)) if relative else max(rises)
 
     def paint(canvas: Canvas) -> None:
@@ -42,13 +44,12 @@ def trials_figure(item: Tuning, parameter: Parameter, name: str = "") -> Figure:
             axes.set_xscale("logit")
         axes.plot(values, rises, linestyle="none", marker="o", markersize=4, color=_TRIAL)
         axes.axvline(float(item.best.values[parameter.key]), color=_BEST, linewidth=1.2)
-        if item.start is not None:
-            axes.axvline(float(item.start[parameter.key]), color=INK, linestyle=DASHED, linewidth=1.0)
+        if start is not None:
+            axes.axvline(start, color=INK, linestyle=DASHED, linewidth=1.0)
         axes.set_ylim(-0.1 * top - 1e-9, 1.1 * top + 1e-9)
         axes.set_ylabel("worse by, %" if relative else "log-likelihood lost")
         axes.set_xlabel(shortened_to_width(parameter.key, _WIDTH))
 
-    start = [LegendEntry("start", INK, "dash")] if item.start is not None else []
     return Figure(
         f"{name}trials-{parameter.key.replace('.', '-').replace('_', '-')}",
         parameter.key,
@@ -56,5 +57,5 @@ def trials_figure(item: Tuning, parameter: Parameter, name: str = "") -> Figure:
         f"The trials over {parameter.key}",
         paint,
         _HEIGHT,
-        legend=(LegendEntry("trial", _TRIAL, "dot"), LegendEntry("tuned", _BEST), *start),
+        legend=tuple(legend if start is not None else legend[:2]),
     )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from trackbench.scenario.load import WIDTH, own_modules
 from trackbench.scenario.overrides import with_moved_paths
 from trackbench.subjects.tuning.entry import Values, plain
 from trackbench.subjects.tuning.report import remarks, tuning_document, tuning_headline
-from trackbench.subjects.tuning.trials import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
 
 SCHEMA_VERSION = 1
@@ -53,7 +51,6 @@ def _tracker(item: Tuning) -> dict[str, Any]:
         "ranges": [parameter.as_json() for parameter in item.parameters],
         "start": item.start,
         "tuned": dict(item.best.values),
-        "at_edge": [parameter.key for parameter, _ in item.edges],
         "held_out": [
             {
                 "scenario": comparison.scenario,
@@ -69,16 +66,10 @@ def _tracker(item: Tuning) -> dict[str, Any]:
             }
             for comparison in item.held_out.comparisons
         ],
-        "trials": [_trial(trial) for trial in item.trials],
-    }
-
-
-def _trial(trial: TuningTrial) -> dict[str, Any]:
-    return {
-        "values": dict(trial.values),
-        "loss": None if trial.failed else trial.loss,
-        "failed": trial.failed or None,
-        "measures": dict(trial.measures),
+        "trials": [
+            {"values": dict(trial.values), "loss": None if trial.failed else trial.loss, "failed": trial.failed or None}
+            for trial in item.trials
+        ],
     }
 
 
@@ -146,13 +137,8 @@ def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: P
     return list(content)
 
 
-START, TUNED = "_start", "_tuned"
-
-
 def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: Path) -> str:
     """Return the text of the scenario with the tuned trackers under their names, and the start under NAME_start.
-
-    A point of a sweep keeps its name, and gets an entry NAME_tuned.
 
     Args:
         loaded: the scenario.
@@ -161,19 +147,13 @@ def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: P
     """
     trackers: dict[str, Any] = {}
     for name, entry in loaded.document.value["trackers"].items():
-        trackers[name] = entry
         if name in tuned:
-            swept = any(name in points for points in loaded.sweeps.values())
-            other = _free_name(name + (TUNED if swept else START), loaded.document.value["trackers"])
-            tuned_entry = plain(loaded, name, tuned[name])
-            trackers |= {other: tuned_entry} if swept else {name: tuned_entry, other: copy.deepcopy(entry)}
+            trackers |= {name: plain(loaded, name, tuned[name]), f"{name}_start": copy.deepcopy(entry)}
+        else:
+            # The start of a search before this one is not kept.
+            trackers.setdefault(name, entry)
     truth = loaded.document.value["truth"]
     if truth.get("source") == "recording":
         truth = with_moved_paths(truth, lambda path: path_from(path, loaded.folder, folder))
     content = {**loaded.document.value, "truth": truth, "trackers": trackers}
     return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=WIDTH, allow_unicode=True)
-
-
-def _free_name(name: str, taken: Iterable[str]) -> str:
-    numbered = (f"{name}_{number}" for number in itertools.count(2))
-    return next(each for each in itertools.chain([name], numbered) if each not in taken)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -153,15 +152,6 @@ class MeasureComparison:
     """Verdict on the tuned values: better, worse, larger, smaller, equivalent or undecided."""
 
 
-class LackingMeasure(NamedTuple):
-    """A measure by which start and tuned values are not compared in a scenario."""
-
-    scenario: str
-    measure: str
-    why: str
-    """Reason, in words."""
-
-
 @dataclass(frozen=True)
 class HeldOut:
     """Comparison of start and tuned values where the search has not looked."""
@@ -172,43 +162,40 @@ class HeldOut:
     runs: dict[str, int]
     failed: str = ""
     """Reason why there is no comparison."""
-    not_compared: tuple[LackingMeasure, ...] = ()
 
     def of(self, measure: str) -> list[MeasureComparison]:
         """Return the comparisons by one measure."""
         return [item for item in self.comparisons if item.measure == measure]
 
 
-def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
+def compare_held_out(evaluator: Evaluator, objective: Objective, tuned: Values) -> HeldOut:
     """Try the start's and the tuned values on other scenes and noise.
 
     Args:
         evaluator: on these.
+        objective: what the values were tuned for.
         tuned: the values that were found.
     """
     scenes = {bench.name: number_of_parts(bench.scenario.config) for bench in evaluator.benches}
     runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
-    sides: list[list[Sums]] = []
-    for word in ("start", "tuned"):
-        outcomes = evaluator.start if word == "start" else evaluator([tuned])[0]
-        failed = [outcome.failed for outcome in outcomes if outcome.sums is None]
-        if failed:
-            return HeldOut((), scenes, runs, f"the {word} values fail: {failed[0]}")
-        sides.append([outcome.sums for outcome in outcomes if outcome.sums is not None])
+    failed = [outcome.failed for outcome in evaluator.start if outcome.sums is None]
+    if failed:
+        return HeldOut((), scenes, runs, f"the start values fail: {failed[0]}")
+    start = [outcome.sums for outcome in evaluator.start if outcome.sums is not None]
+    outcomes = evaluator([tuned])[0]
+    loss = objective(outcomes, start)
+    if isinstance(loss, str):
+        return HeldOut((), scenes, runs, f"the tuned values fail: {loss}")
+    sides = list(zip([outcome.sums for outcome in outcomes if outcome.sums is not None], start, strict=True))
     comparisons: list[MeasureComparison] = []
-    without: list[LackingMeasure] = []
-    for measure, metric in sides[0][0].measures.items():
-        pairs = []
-        for number, (other, own) in enumerate(zip(*sides, strict=True)):
-            if not other.has(measure):
-                continue
-            lacking = own.lacking(other, measure)
-            if lacking is None:
-                pairs.append((number, own, other))
-            else:
-                without.append(LackingMeasure(evaluator.benches[number].name, measure, lacking))
+    for measure, metric in start[0].measures.items():
+        pairs = [
+            (number, own, other)
+            for number, (own, other) in enumerate(sides)
+            if other.has(measure) and own.lacking(other, measure) is None
+        ]
         comparisons += _by(measure, metric, evaluator, pairs)
-    return HeldOut(tuple(comparisons), scenes, runs, not_compared=tuple(without))
+    return HeldOut(tuple(comparisons), scenes, runs)
 
 
 def _by(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from inspect import signature
 from typing import Any, Literal
 
@@ -33,8 +33,6 @@ class Parameter:
     low: float = 0.0
     high: float = 1.0
     choices: tuple[Any, ...] = ()
-    bounds: tuple[bool, bool] = (False, False)
-    """Whether the option takes no smaller values than the low end, and no larger ones than the high end."""
 
     @property
     def is_number(self) -> bool:
@@ -55,20 +53,28 @@ class Parameter:
         return (self._stretch(value) - low) / (high - low)
 
     def edge(self, value: Any) -> float | None:
-        """Return the end of the range that a value is at; None where it is at none, or the range cannot be wider."""
+        """Return the end of the range that a value is at; None where it is at none."""
         if self.scale == "choice":
             return None
         near = 0.0 if self.scale == "integer" else EDGE
         share = self.to_unit(value)
-        if share <= near and not self.bounds[0]:
+        if share <= near:
             return self.low
-        return self.high if share >= 1.0 - near and not self.bounds[1] else None
+        return self.high if share >= 1.0 - near else None
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is in the range, or one of the choices."""
         if self.scale == "choice":
             return value in self.choices
         return isinstance(value, int | float) and self.low <= value <= self.high
+
+    def tried(self, value: Any) -> Any:
+        """Return a value in the type of those that are tried, such as 2.0 for 2; None where it is not in the range."""
+        if not self.holds(value):
+            return None
+        if self.scale == "choice":
+            return self.choices[self.choices.index(value)]
+        return value if self.scale == "integer" else float(value)
 
     def as_json(self) -> dict[str, Any]:
         """Return what tells the parameter from others."""
@@ -103,8 +109,6 @@ NOISES = {
 }
 #: Of other noises: this factor to either side of the start.
 FACTOR = 30.0
-#: What is beyond an end of a range, as a share of the range.
-BEYOND = 1e-6
 #: Most points of a sweep that a message names.
 MOST_NAMED = 8
 #: Usual values of when tracks of several objects begin.
@@ -126,9 +130,7 @@ def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
         low, high = values
         parameter = _between(key, low, high, loaded, tracker, at)
         _require(loaded, tracker, parameter, (low, high), at)
-        beyond = 1 if parameter.scale == "integer" else BEYOND * (high - low)
-        taken = [problem_with(loaded, tracker, {key: value}) is None for value in (low - beyond, high + beyond)]
-        return replace(parameter, bounds=(not taken[0], not taken[1]))
+        return parameter
     parameter = Parameter(key, "choice", choices=values)
     _require(loaded, tracker, parameter, values, at)
     return parameter
@@ -190,43 +192,9 @@ def noise_ranges(loaded: Scenario, tracker: str, entry: FilterConfig) -> list[Pa
     return parameters
 
 
-def has_option(loaded: Scenario, tracker: str, text: str) -> bool:
-    """Return whether the tracker has the option of a range: it takes the present value, or one of the range's.
-
-    Raises:
-        InputError: it is no range.
-    """
-    key, values, _ = _read_range(text)
-    had = current(loaded, tracker, key)
-    tried = values if had is None else (had, *values)
-    return any(problem_with(loaded, tracker, {key: value}) is None for value in tried)
-
-
-def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> dict[str, Any] | None:
-    """Return the values that the tracker has in the scenario; None where one of them is in no range."""
-    values = {item.key: current(loaded, tracker, item.key) for item in parameters}
-    if not all(item.holds(values[item.key]) for item in parameters):
-        return None
-    for item in parameters:
-        # Of the type of those that are tried: 2 of a scenario may be 2.0 of its tracker.
-        if item.scale == "choice":
-            values[item.key] = item.choices[item.choices.index(values[item.key])]
-        elif item.scale != "integer":
-            values[item.key] = float(values[item.key])
-    return values
-
-
-def why_no_start(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> Iterator[str]:
-    """Yield a sentence for each option whose value of the scenario is not tried."""
-    for item in parameters:
-        value = current(loaded, tracker, item.key)
-        if item.holds(value):
-            continue
-        if value is None:
-            why = "is not stated in the scenario"
-        else:
-            why = f"is {json.dumps(value, default=str)} in the scenario, which is not in its range"
-        yield f"{item.key} {why}, so the search did not begin with the start."
+def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """Return the values that the tracker has in the scenario; None where one is not in its range."""
+    return {item.key: item.tried(current(loaded, tracker, item.key)) for item in parameters}
 
 
 def _usual(key: str, option: str, start: float) -> Parameter:
@@ -264,8 +232,6 @@ def _require_home(loaded: Scenario, tracker: str, key: str, ends: bool, at: str)
     entry = loaded.config.trackers[tracker]
     if not isinstance(entry, FilterConfig):
         return
-    if key.startswith("associate.") and entry.associate is None:
-        raise InputError(f"{tracker} does not associate: it follows one object, from labelled measurements", key=at)
     if isinstance(entry.motion, ImmConfig):
         option = key.removeprefix("motion.")
         keys = [

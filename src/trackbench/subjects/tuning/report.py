@@ -11,63 +11,39 @@ from trackbench.document import Block, Code, Document, Item, Items, Paragraph, R
 from trackbench.report.numbers import joined_names
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import trials_figure
-from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureComparison
+from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.parameters import option_text
 from trackbench.subjects.tuning.tune import Tuning
 
 Tone = Literal["good", "warn", "bad"]
 
-_TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad"}
-_VERDICTS = ("better", "worse", "equivalent", "undecided")
+#: By verdict on the tuned values, what is said of them and how good it is.
+_VERDICTS: dict[str, tuple[str, Tone]] = {
+    "better": ("better than the start", "good"),
+    "worse": ("worse than the start", "bad"),
+    "equivalent": ("no better than the start: the difference is within the margin", "good"),
+    "undecided": ("no difference from the start is shown: a gain may be noise", "warn"),
+}
 
 
 def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
     """Return the verdict on the tuned values, in a line, and how good it is."""
     compared = tuning.held_out.of(tuning.objective.measure)
-    if tuning.held_out.failed:
-        return tuning.held_out.failed, "bad"
-    without = [lacking.why for lacking in tuning.held_out.not_compared if lacking.measure == tuning.objective.measure]
-    if not compared and without:
-        return f"not compared with the start: with the tuned values {without[0]}", "bad"
     if not compared:
-        return "nothing to compare", "bad"
+        return tuning.held_out.failed or "nothing to compare", "bad"
+    values, verdicts = _values(compared), [item.verdict for item in compared]
     if tuning.best.values == tuning.start:
-        return f"{_values(compared)}: the start's values are the best that were found", "good"
+        return f"{values}: the start's values are the best that were found", "good"
     if not any(tuning.apart):
-        return f"{_values(compared)} on the measurements that it was tuned on: nothing could be held out", "warn"
-    # What says less than other scenes would.
-    narrow = [text for text in (SAME_MOTION, SAME_LOG) if text in tuning.apart]
-    if len(tuning.scenarios) == 1:
-        return f"{_values(compared)}: {_verdict(tuning, compared[0], narrow)}", _TONES.get(compared[0].verdict, "warn")
-    verdicts = [item.verdict for item in compared]
-    counts = [f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts]
-    if without:
-        counts.append(f"not compared in {len(without)}")
-    tone: Tone = "bad" if "worse" in verdicts else "warn" if without or "better" not in verdicts else "good"
-    text = f"of {len(tuning.scenarios)} scenarios {', '.join(counts)}"
-    for apart in narrow:
-        same = [name for name, own in zip(tuning.scenarios, tuning.apart, strict=True) if own == apart]
-        which = "" if len(same) == len(tuning.scenarios) else f" in {' and '.join(same)}"
-        text += f";{which} on {apart}"
-    return f"{_values(compared)}: {text}", tone
-
-
-def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str]) -> str:
-    """Return the verdict on the tuned values in the only scenario."""
-    where, measure = "".join(f" on {text}" for text in narrow), comparison.measure
-    sign = 1.0 if tuning.objective.better == "larger" else -1.0
-    if comparison.verdict == "better":
-        return f"better than the start{where}"
-    if comparison.verdict == "worse":
-        gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
-        if sign * gain > 0.0:
-            return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
-        return f"worse than the start{where}, as on what they were tuned on"
-    if comparison.verdict == "equivalent":
-        return f"no better than the start{where}: the difference is within the margin"
-    none = f"no difference from the start is shown{where}"
-    return f"the gain may be noise: {none}" if sign * comparison.difference.value > 0.0 else none
+        why = "nothing could be held out; a second log in truth.path would tell whether the values hold"
+        return f"{values} on the measurements that it was tuned on: {why}", "warn"
+    if len(verdicts) == 1:
+        text, tone = _VERDICTS[verdicts[0]]
+        return f"{values}: {text}", tone
+    counts = ", ".join(f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts)
+    tone = "bad" if "worse" in verdicts else "good" if "better" in verdicts else "warn"
+    return f"{values}: of {len(verdicts)} scenarios {counts}", tone
 
 
 def _values(compared: list[MeasureComparison]) -> str:
@@ -102,26 +78,10 @@ def remarks(tuning: Tuning) -> Iterator[str]:
             f"{parameter.key}: the optimum is at the edge of the range, {option_text(edge)} is the {side} that was "
             "tried; widen the range"
         )
-    yield from tuning.notes
     failed = [trial for trial in tuning.trials if trial.failed]
     if failed:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
-    for comparison in tuning.held_out.comparisons:
-        if comparison.verdict == "worse" and comparison.measure != tuning.objective.measure and any(tuning.apart):
-            values = _pair(comparison.tuned.value, comparison.start.value, f" {comparison.unit}".rstrip())
-            yield f"{comparison.scenario}, held out: worse in the {WORDS[comparison.measure]}: {values}"
-    lacking: dict[tuple[str, str], list[str]] = {}
-    for item in tuning.held_out.not_compared:
-        lacking.setdefault((item.scenario, item.why), []).append(WORDS[item.measure])
-    for (scenario, why), measures in lacking.items():
-        yield f"{scenario}: not compared by {', '.join(measures)}: with the tuned values {why}"
-    for scenario, apart in zip(tuning.scenarios, tuning.apart, strict=True):
-        if not apart:
-            yield (
-                f"{scenario}: nothing of its log could be held out, so that start and tuned are compared on what the "
-                "values were tuned on; a second log in truth.path would tell whether they hold"
-            )
 
 
 _METHOD = (

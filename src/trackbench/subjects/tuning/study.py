@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import warnings
@@ -13,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.tuning.entry import Values
+from trackbench.subjects.tuning.entry import Values, plain
+from trackbench.subjects.tuning.evaluation import Bench
+from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.subjects.tuning.trials import TuningTrial
 
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Name of the attribute that holds the values of a trial.
 ATTRIBUTE = "tuning"
+#: Significant digits of the start's results: fewer than the last bits, in which processors differ.
+DIGITS = 6
 #: Trials that are made between two looks at what was found.
 BATCH = 6
 
@@ -42,6 +47,33 @@ def require_optuna() -> None:
 def usual_trials(parameters: Sequence[Parameter]) -> int:
     """Return how many trials are made unless the user says."""
     return 20 + 40 * len(parameters)
+
+
+def study_name(
+    tracker: str, objective: str, parameters: Sequence[Parameter], seed: int, train: Sequence[Bench], start: list[Sums]
+) -> str:
+    """Return the name of the study of a tracker: equal for searches that make the same trials.
+
+    Args:
+        tracker: its name.
+        objective: name of what it is tuned for.
+        parameters: what is tuned.
+        seed: of the search.
+        train: the scenarios.
+        start: what the tracker gives before it is tuned, by scenario; it tells of a changed log, plug-in or program.
+    """
+    settings: list[Any] = [objective, seed, [item.as_json() for item in parameters]]
+    for bench, sums in zip(train, start, strict=True):
+        config, document = bench.scenario.config, bench.scenario.document.value
+        settings += [
+            {key: value for key, value in document.items() if key not in ("trackers", "expect")},
+            config.truth.model_dump(mode="json", fallback=str),
+            config.monte_carlo.model_dump(mode="json"),
+            plain(bench.scenario, tracker),
+            {name: f"{sums.value(name):.{DIGITS}g}" for name in sums.measures},
+        ]
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
+    return f"{tracker} {digest[:16]}"
 
 
 class Study:
@@ -125,7 +157,7 @@ class Study:
     def _frozen(self, trial: TuningTrial) -> optuna.trial.FrozenTrial:
         import optuna
 
-        attribute = {"values": dict(trial.values), "failed": trial.failed, "measures": dict(trial.measures)}
+        attribute = {"values": dict(trial.values), "failed": trial.failed}
         return optuna.trial.create_trial(
             state=optuna.trial.TrialState.FAIL if trial.failed else optuna.trial.TrialState.COMPLETE,
             value=None if trial.failed else trial.loss,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trackbench.document import Cell, Column, Table, Tone
-from trackbench.report.numbers import decimals, interval_text, rounded, signed
+from trackbench.report.numbers import decimals, interval_text, joined_names, rounded, signed
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.parameters import Parameter, option_text
@@ -22,7 +22,7 @@ def values_table(item: Tuning, name: str = "") -> Table:
     ]
     columns = [
         (Column("option", left=True), [Cell(key) for key in keys]),
-        (Column("start"), [Cell(NONE if item.start is None else option_text(item.start[key])) for key in keys]),
+        (Column("start"), [Cell(NONE if item.start[key] is None else option_text(item.start[key])) for key in keys]),
         (Column("tuned"), best),
         (Column("tried"), [Cell(_tried(parameter)) for parameter in item.parameters]),
     ]
@@ -30,32 +30,19 @@ def values_table(item: Tuning, name: str = "") -> Table:
 
 
 def held_out_table(item: Tuning, name: str = "") -> Table:
-    """Return the table of start against tuned values on what they were not tuned on, by scenario."""
-    main = item.objective.measure
-    others = [measure for measure in WORDS if measure != main and item.held_out.of(measure)]
-    compared = item.held_out.of(main)
-    places = decimals([end.value for comparison in compared for end in (comparison.start, comparison.tuned)], 4)
-    unit = compared[0].unit if compared else ""
-    start = Column(f"{WORDS[main]}{f', {unit}' if unit else ''}: start")
-    difference = Column("difference", "With its 95 % interval, from the same runs.", details="95 % interval")
+    """Return the table of start against tuned values on what they were not tuned on, by measure and scenario."""
+    measures = dict.fromkeys([item.objective.measure, *WORDS])
+    rows = [comparison for measure in measures for comparison in item.held_out.of(measure)]
     columns = [
-        (Column("scenario", left=True), [Cell(row.scenario) for row in compared]),
-        *(
-            (column, [Cell(text(side.value, places), _interval(side.ci95, places)) for side in sides])
-            for column, text, sides in (
-                (start, rounded, [row.start for row in compared]),
-                (Column("tuned"), rounded, [row.tuned for row in compared]),
-                (difference, signed, [row.difference for row in compared]),
-            )
-        ),
-        (Column("verdict", left=True), [Cell(row.verdict, tone=_TONES.get(row.verdict, "")) for row in compared]),
+        (Column("measure", left=True), [Cell(_label(row)) for row in rows]),
+        *([(Column("scenario", left=True), [Cell(row.scenario) for row in rows])] if len(item.scenarios) > 1 else []),
+        (Column("start"), [Cell(rounded(row.start.value, _places(row))) for row in rows]),
+        (Column("tuned"), [Cell(rounded(row.tuned.value, _places(row))) for row in rows]),
+        (Column("difference", "With its 95 % interval, from the same runs."), [_difference(row) for row in rows]),
+        (Column("verdict", left=True), [Cell(row.verdict, tone=_TONES.get(row.verdict, "")) for row in rows]),
     ]
-    for measure in others:
-        by_scenario = {comparison.scenario: comparison for comparison in item.held_out.of(measure)}
-        cells = [_start_and_tuned(by_scenario.get(row.scenario)) for row in compared]
-        columns.append((Column(f"{WORDS[measure]}: start, tuned", details="verdict"), cells))
-    caption = f"On measurements that it was {'not ' if any(item.apart) else ''}tuned on"
-    return Table.of_columns(f"{name}held-out", columns, caption)
+    others = joined_names(list(dict.fromkeys(filter(None, item.apart))))
+    return Table.of_columns(f"{name}held-out", columns, f"On {others or 'the measurements that it was tuned on'}")
 
 
 def _tried(parameter: Parameter) -> str:
@@ -64,13 +51,16 @@ def _tried(parameter: Parameter) -> str:
     return f"{option_text(parameter.low)} to {option_text(parameter.high)}"
 
 
-def _interval(ends: tuple[float, float] | None, places: int) -> tuple[str, ...]:
-    return (interval_text(ends, places),) if ends else ()
+def _label(row: MeasureComparison) -> str:
+    """Return the measure of a comparison, with its unit."""
+    return f"{WORDS[row.measure]}{f', {row.unit}' if row.unit else ''}"
 
 
-def _start_and_tuned(comparison: MeasureComparison | None) -> Cell:
-    if comparison is None:
-        return Cell(NONE)
-    values = [comparison.start.value, comparison.tuned.value]
-    places, tone = decimals(values, 4), _TONES.get(comparison.verdict, "")
-    return Cell(", ".join(rounded(value, places) for value in values), (comparison.verdict,), tone)
+def _places(row: MeasureComparison) -> int:
+    """Return the number of decimals of a comparison."""
+    return decimals([row.start.value, row.tuned.value], 4)
+
+
+def _difference(row: MeasureComparison) -> Cell:
+    ends = row.difference.ci95
+    return Cell(signed(row.difference.value, _places(row)), (interval_text(ends, _places(row)),) if ends else ())

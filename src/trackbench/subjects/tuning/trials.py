@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
-
-from trackbench.subjects.tuning.entry import Values
-from trackbench.subjects.tuning.evaluation import TrialOutcome
-from trackbench.subjects.tuning.measures import Sums
-from trackbench.subjects.tuning.objectives import Objective
 
 
 @dataclass(frozen=True)
@@ -24,30 +17,11 @@ class TuningTrial:
     """Infinite where the trial failed."""
     failed: str = ""
     """Reason of a failure."""
-    measures: Mapping[str, float] = field(default_factory=dict)
-    """Mean over the scenarios of each measure, as :func:`mean_measures` takes it."""
 
-
-def trial_of(
-    objective: Objective, values: Values, outcomes: Sequence[TrialOutcome], start: Sequence[Sums]
-) -> TuningTrial:
-    """Return the trial of some values, from its outcome in each scenario and the start's."""
-    loss = objective(outcomes, start)
-    if isinstance(loss, str):
-        return TuningTrial(dict(values), failed=loss)
-    return TuningTrial(
-        dict(values), loss, measures=mean_measures([item.sums for item in outcomes if item.sums is not None])
-    )
-
-
-def mean_measures(sums: Sequence[Sums]) -> dict[str, float]:
-    """Return the geometric mean over the scenarios of each measure that is positive; of a likelihood, the mean."""
-    means = {}
-    for name in sums[0].measures if sums else ():
-        values = np.array([item.value(name) for item in sums])
-        if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
-            means[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
-    return means
+    @classmethod
+    def of(cls, values: Mapping[str, Any], loss: float | str) -> TuningTrial:
+        """Return the trial of some values, from its loss or the reason of its failure."""
+        return cls(dict(values), failed=loss) if isinstance(loss, str) else cls(dict(values), loss)
 
 
 def best_trial(trials: Sequence[TuningTrial]) -> TuningTrial | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,21 +11,19 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Executor
-from trackbench.base.types import NotedProgress, Progress, no_progress
+from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.engine.equations import ComputedBy
 from trackbench.runner.assemble import log_left_to_numpy
-from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out, number_of_parts
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.signature import study_name
-from trackbench.subjects.tuning.study import Study
-from trackbench.subjects.tuning.trials import TuningTrial, best_trial, mean_measures, trial_of
+from trackbench.subjects.tuning.study import Study, study_name
+from trackbench.subjects.tuning.trials import TuningTrial, best_trial
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +33,12 @@ class TuningTask:
     tracker: str
     objective: Objective
     parameters: tuple[Parameter, ...]
-    start: dict[str, Any] | None
-    """Values of the scenario; None where one of them is in no range."""
+    start: dict[str, Any]
+    """Values of the scenario; None where one is not in its range."""
     count: int
     """Number of trials."""
     seed: int = 0
     storage: Path | None = None
-    notes: tuple[str, ...] = ()
-    """Sentences on the ranges."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +46,6 @@ class Tuning(TuningTask):
     """Tuned values of one tracker, and their proof."""
 
     scenarios: tuple[str, ...]
-    start_measures: Mapping[str, float]
-    """Measures of the start where the values were tuned."""
     best: TuningTrial
     trials: tuple[TuningTrial, ...]
     held_out: HeldOut
@@ -85,7 +79,7 @@ def tune_tracker(
         executor: makes the trials.
         isolation: how a tracker that is not built in is kept apart.
         engine: what computes.
-        progress: called with the number of trials made and of all, and what the best gives.
+        progress: called with the number of trials made and of all.
 
     Raises:
         InputError: the tracker fails before it is tuned, does not give what the objective needs, or the storage does
@@ -102,17 +96,14 @@ def tune_tracker(
     name = study_name(task.tracker, objective.name, task.parameters, task.seed, train, start)
     study = Study(name, task.storage, task.parameters)
 
-    def advance_by(size: int) -> Progress:
-        made = study.trials
-        best = best_trial(made)
-        note = "" if best is None else f"best {best.measures[objective.measure]:.4g}"
-        return lambda part, parts: progress(len(made) + part / parts * size, total, note)
-
     def make(points: Sequence[Values]) -> list[TuningTrial]:
-        outcomes = evaluator(points, advance_by(len(points)))
-        return [trial_of(objective, *pair, start) for pair in zip(points, outcomes, strict=True)]
+        made = len(study.trials)
+        outcomes = evaluator(points, lambda part, parts: progress(made + part / parts * len(points), total))
+        losses = [objective(outcome, start) for outcome in outcomes]
+        return [TuningTrial.of(*pair) for pair in zip(points, losses, strict=True)]
 
-    study.search(task.start, make, total, task.seed)
+    is_tried = all(item.holds(task.start[item.key]) for item in task.parameters)
+    study.search(task.start if is_tried else None, make, total, task.seed)
     made = study.trials[:total]
     best = best_trial(made)
     if best is None:
@@ -123,38 +114,14 @@ def tune_tracker(
     return Tuning(
         **vars(task),
         scenarios=tuple(bench.name for bench in train),
-        start_measures=mean_measures(start),
         best=best,
         trials=tuple(made),
-        held_out=compare_held_out(held_out, best.values),
+        held_out=compare_held_out(held_out, objective, best.values),
         apart=apart,
         train_scenes=tuple(number_of_parts(bench.scenario.config) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
         engine=None if used is None else used.engine,
     )
-
-
-def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> None:
-    """Make sure that the scenarios can be tuned for the objective.
-
-    Raises:
-        InputError: one cannot; with the objectives that it can be tuned for.
-    """
-    for loaded in scenarios:
-        hidden, name = loaded.config.sensing.identities == "hidden", loaded.config.name
-        if lacks_truth(loaded):
-            problem = f"{name} has no truth; choose likelihood" if objective.needs_truth else ""
-        elif hidden:
-            problem = "" if objective.hidden else f"{name} has a truth and hidden identities; choose tgospa"
-        else:
-            problem = f"{name} has labelled measurements; choose likelihood" if objective.hidden else ""
-        if problem:
-            raise InputError(problem, key="--objective")
-
-
-def lacks_truth(loaded: Scenario) -> bool:
-    """Return whether a scenario is a log of measurements alone."""
-    return bool(getattr(loaded.config.truth, "without_truth", False))
 
 
 def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
