@@ -5,7 +5,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.claim import (
@@ -15,7 +14,6 @@ from trackbench.subjects.envelope.claim import (
     ClaimedLimit,
     Envelope,
     TrackerState,
-    hash_of,
     parts_of,
 )
 from trackbench.subjects.envelope.config import EnvelopeConfig
@@ -60,7 +58,6 @@ def claim_of(
         overrides=[],
         claim="these scenes",
         confidence=0.95,
-        spent=1e-4,
         extents=[(1, 25), (1, 400)],
         seed=1,
         engine="numpy",
@@ -73,7 +70,6 @@ def claim_of(
         ],
         base=list(base) if base is not None else [axis.values[len(axis.values) // 2] for axis in ways],
         cells=cells,
-        parts_hash="",
     )
 
 
@@ -86,8 +82,7 @@ def envelope_of(claim: Claim, spread: float = 0.0, runs: int = 50) -> Envelope:
             if value is not None:
                 noise = np.random.default_rng(place).standard_normal(runs)
                 rows.append((number, place, value + spread * (noise - noise.mean())))
-    parts: pa.Table = parts_of(rows)
-    return Envelope(claim.model_copy(update={"parts_hash": hash_of(parts)}), parts)
+    return Envelope(claim, parts_of(rows))
 
 
 def _cell(

@@ -135,9 +135,7 @@ class LegendEntry:
     label: str
     colour: str
     """``#rrggbb``, or one of the colours of :mod:`trackbench.document.drawing`."""
-    mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "ring", "triangle", "hatched", "lined"] = (
-        "line"
-    )
+    mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "ring", "triangle"] = "line"
     key: str = ""
     """That of the tracker, where the entry is one."""
 

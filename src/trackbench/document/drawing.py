@@ -45,7 +45,6 @@ DASHED = (0, (4, 2))
 #: Of a legend's marks: matplotlib's marker and its size in points.
 MARKERS = {"dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "triangle": ("^", 7), "upright": ("|", 10)}
 #: Of a legend's areas: matplotlib's hatch.
-HATCHES = {"hatched": "////", "lined": "---"}
 #: Of a line of a legend, points.
 _LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
 _STYLE = Path(__file__).parent / "templates" / "figure.mplstyle"
@@ -203,8 +202,6 @@ def _handle(entry: LegendEntry, width: float) -> Artist:
         return Patch(color=entry.colour, alpha=0.35, label=label)
     if entry.mark == "box":
         return Patch(color=entry.colour, label=label)
-    if entry.mark in HATCHES:
-        return Patch(facecolor="none", edgecolor=entry.colour, hatch=HATCHES[entry.mark], label=label)
     if entry.mark in MARKERS:
         marker, size = MARKERS[entry.mark]
         hollow = "none" if entry.mark == "ring" else entry.colour

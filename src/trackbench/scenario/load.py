@@ -236,13 +236,18 @@ def own_folder(loaded: Scenario) -> Path | None:
 
 def _named(loaded: Scenario) -> Iterator[str]:
     """What stands before the colon in every text of the scenario that has one."""
-    waiting: list[Any] = [loaded.document.value]
+    return (text.partition(":")[0] for text in texts_of(loaded.document.value) if ":" in text)
+
+
+def texts_of(node: Any) -> Iterator[str]:
+    """Yield every text in a tree of mappings and lists, keys left out."""
+    waiting = [node]
     while waiting:
         node = waiting.pop()
         if isinstance(node, dict | list):
             waiting += node.values() if isinstance(node, dict) else node
-        elif isinstance(node, str) and ":" in node:
-            yield node.partition(":")[0]
+        elif isinstance(node, str):
+            yield node
 
 
 def written_with_changes(loaded: Scenario, folder: Path) -> str:

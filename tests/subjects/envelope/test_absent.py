@@ -1,4 +1,4 @@
-"""Cells that would be copies of others, since the world `recorded` sets what an axis varies; and assumed figures."""
+"""Cells that would be copies of others, since the world `recorded` sets what an axis varies."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.scenario.check import check
 from trackbench.scenario.load import load_scenario
-from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.api import FinishedEnvelope
-from trackbench.subjects.envelope.claim import Claim
+from trackbench.subjects.envelope.claim import AbsentCells, Claim
 from trackbench.subjects.envelope.task import task_of
 
 QUALITY = "envelope/sensor_quality"
@@ -35,6 +34,10 @@ def test_no_cell_is_a_copy(made: FinishedEnvelope) -> None:
     ideal = {("ideal", rate) for rate in (5.0, 10.0, 20.0)}
     assert cells_of(claim) == ideal | {("recorded", 5.0), ("recorded", 10.0)}
     assert claim.absent == [AbsentCells(at={"world": "recorded", "rate": 20.0}, reason="recorded at 10 Hz")]
+    page = " ".join(str(made.report()).split())
+    assert (
+        "There is no cell with world recorded, rate 20 Hz (recorded at 10 Hz): it would be a copy of another." in page
+    )
     values = [[v.value for v in cell.trackers["ekf_cv"].values] for cell in claim.cells]
     assert len({str(value) for value in values}) == len(values)
 
@@ -73,11 +76,3 @@ def test_a_changed_rate_is_said(world: str, rate: str, notes: list[str]) -> None
     said = [note for note in check(loaded) if "rate_hz" in note]
     assert len(said) == len(notes)
     assert all(note.startswith(start) for note, start in zip(said, notes, strict=True))
-
-
-def test_cells_rest_on_figures_that_are_assumed(made: FinishedEnvelope) -> None:
-    assumed = {str(cell.point[0]): cell.assumed for cell in made.claim.cells}
-    assert not assumed["ideal"]
-    assert "reflection of front_radar" in assumed["recorded"]
-    page = " ".join(str(made.report()).split())
-    assert "rest on figures assumed for reflection of front_radar" in page

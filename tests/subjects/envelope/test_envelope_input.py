@@ -30,10 +30,6 @@ def write(folder: Path, axes: dict[str, Any], **changes: Any) -> None:
         ({"key": "truth.objects.car.start.x.y", "values": [1, 2]}, "has no key 'y'"),
         ({"choices": {"a": {"sensors.lidar.fov_deg": 90}, "b": {"sensors.lidar.fov": 90}}}, "use fov_deg"),
         ({"keys": {"monte_carlo.seed": {}}, "values": [1, 2]}, "cannot be an axis"),
-        (
-            {"key": "sensors.lidar.fov_deg", "values": [1, 2], "unit": "rad"},
-            "{sensors.lidar.fov_deg: {factor: 57.296}}",
-        ),
         ({"key": "sensors.lidar.fov_deg", "from": 10, "to": 20, "levels": 50}, "the grid has 50 cells"),
     ],
 )

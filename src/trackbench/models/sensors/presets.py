@@ -85,11 +85,6 @@ def _entries() -> dict[str, list[dict[str, Any]]]:
     return dict(yaml.safe_load(text))
 
 
-def assumed_effects(kind: str) -> set[str]:
-    """Return the typical effects of a kind of sensor of which figures are assumed, by type."""
-    return {entry["options"]["type"] for entry in _entries().get(kind, []) if "assumed" in entry}
-
-
 def typical(kind: str, components: Collection[str]) -> list[dict[str, Any]]:
     """Return the typical effects of a kind of sensor on what it measures; none of one that is not built in."""
     every = [

@@ -18,7 +18,6 @@ from trackbench.base.execution import Executor, executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
-from trackbench.models.sensors.presets import assumed_effects
 from trackbench.runner.assemble import PACKAGES
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
@@ -31,12 +30,11 @@ from trackbench.subjects.envelope.claim import (
     ClaimCell,
     Envelope,
     TrackerState,
-    hash_of,
     parts_of,
 )
 from trackbench.subjects.envelope.counter import CounterMaker
 from trackbench.subjects.envelope.files import hashes_of
-from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
+from trackbench.subjects.envelope.mapping import EnvelopeMap, TrackerCell
 from trackbench.subjects.envelope.margins import AxisMargin, margins
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
 
@@ -63,7 +61,10 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
         InputError: something is wrong in the scenario, or a cell of the map is none.
         TrackbenchError: the processes that do the work died.
     """
-    made = map_of(loaded, plan, executor, listener)
+    task = task_of(loaded)
+    for note in check_plugins(task.loaded, plan.isolation):
+        listener.note(note)
+    made = EnvelopeMap(task, executor, plan.isolation, plan.engine, Store(plan.store, map_signature(task, plan)))
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
     mapped = envelope_of(made, command_of_envelope(loaded, plan))
@@ -71,19 +72,6 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
     examples = maker.make(plan.counter_examples, listener)
     claim = mapped.claim.model_copy(update={"counter_examples": examples})
     return replace(mapped, claim=claim, shown=maker.shown)
-
-
-def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: Listener) -> EnvelopeMap:
-    """The map that a scenario asks for, of which no cell is made yet.
-
-    Raises:
-        InputError: something is wrong in the scenario.
-    """
-    task = task_of(loaded)
-    for note in check_plugins(task.loaded, plan.isolation):
-        listener.note(note)
-    store = Store(plan.store, map_signature(task, plan))
-    return EnvelopeMap(task, executor, plan.isolation, plan.engine, store)
 
 
 def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
@@ -106,7 +94,6 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         overrides=list(task.loaded.overrides),
         claim=task.config.claim,
         confidence=task.config.confidence,
-        spent=(1 - task.config.confidence) / (task.config.cells * len(task.trackers)),
         extents=[tuple(extent) for extent in task.extents],
         seed=config.monte_carlo.seed,
         engine=made.engine,
@@ -116,27 +103,19 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         limits=list(task.requirements),
         base=task.base,
         places={name: task.loaded.places[name] for name in task.trackers},
-        cells=[_cell(task, cell) for cell in cells],
+        cells=[
+            ClaimCell(
+                point=list(cell.point),
+                changes=overrides(task.axes, cell.point),
+                added=cell.added,
+                measurements=[each.hex()[:16] for each in cell.measurements],
+                trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
+            )
+            for cell in cells
+        ],
         absent=made.absent,
-        parts_hash=hash_of(parts),
     )
     return Envelope(claim, parts)
-
-
-def _cell(task: EnvelopeTask, cell: MapCell) -> ClaimCell:
-    return ClaimCell(
-        point=list(cell.point),
-        changes=overrides(task.axes, cell.point),
-        added=cell.added,
-        measurements=[each.hex()[:16] for each in cell.measurements],
-        trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
-        assumed=[
-            f"{effect.type} of {name}"
-            for name, sensor in cell.loaded.config.sensors.items()
-            for effect in sensor.effects
-            if effect.type in assumed_effects(sensor.type)
-        ],
-    )
 
 
 def _tracker(tracker: TrackerCell) -> TrackerState:

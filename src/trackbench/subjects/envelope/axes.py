@@ -71,11 +71,15 @@ class MapAxis:
             return {self.config.key: Linked()}
         return {key: link for key, link in self.config.keys.items() if link.factor}
 
+    def nearest(self, value: Value | None) -> Value:
+        """Return the value within the ends that is nearest to a value; for None the middle of the axis."""
+        if value is None:
+            return self.values[len(self.values) // 2]
+        return value if isinstance(value, str) else min(max(value, self.ends[0]), self.ends[1])
+
     def takes(self, value: Value) -> bool:
         """Whether it may have a value."""
-        if not self.continuous:
-            return value in self.values
-        return self.reaches(value)
+        return self.reaches(value) if self.continuous else value in self.values
 
     def reaches(self, value: Value | None) -> bool:
         """Whether a number lies between the ends."""
@@ -114,9 +118,8 @@ class MapAxis:
             assert config.key is not None
             return {config.key: next(choice for choice in config.choices if str(choice) == value)}
         number = float(value)
-        if config.key is not None:
-            return {config.key: _plain(number)}
-        return {key: _plain(link.offset + link.factor * number) for key, link in config.keys.items()}
+        links = config.keys or {str(config.key): Linked()}
+        return {key: _plain(link.offset + link.factor * number) for key, link in links.items()}
 
     def shown(self, value: Value) -> str:
         """A value with its unit, as it is read."""

@@ -97,21 +97,6 @@ def joint_state(states: Iterable[State]) -> State:
     return "fails" if "fails" in distinct else "holds" if distinct == {"holds"} else "undecided"
 
 
-def changed(before: State, after: State, difference: Interval, direction: Direction, level: float) -> bool:
-    """Whether a cell went from holds to fails, and the value is shown to be worse.
-
-    Where nothing changed, one of the two states is wrong: what the two maps spend bounds how often that is.
-
-    Args:
-        before: the state in one map.
-        after: that in the other.
-        difference: the value after minus the value before, see :func:`.bounds.interval_difference`.
-        direction: where the value has to be.
-        level: what one cell may spend.
-    """
-    return (before, after) == ("holds", "fails") and decide(difference, 0.0, direction, level).state == "fails"
-
-
 class Extent(NamedTuple):
     """How far the runs of a cell go: runs of each of its scenes."""
 
@@ -255,10 +240,6 @@ def coverage_of(runs: Runs, claim: Population) -> Interval | None:
     return clustered(share, runs.scene) if claim == "traffic like these" else _by_repetition(share, runs.run)
 
 
-#: Bytes of the sha256 that a file begins with.
-DIGEST = 32
-
-
 class Store:
     """A folder with a file for each look at each cell.
 
@@ -277,15 +258,8 @@ class Store:
         if self._folder is None:
             return None
         try:
-            raw = self._file(self._folder, point, look).read_bytes()
-        except OSError:
-            return None
-        if hashlib.sha256(raw[DIGEST:]).digest() != raw[:DIGEST]:
-            return None
-        try:
-            content = pickle.loads(raw[DIGEST:])
-        except (AttributeError, ImportError, TypeError):
-            # Written by a program that had other classes.
+            content = pickle.loads(self._file(self._folder, point, look).read_bytes())
+        except Exception:
             return None
         self.taken += 1
         return content
@@ -298,8 +272,7 @@ class Store:
         """
         if self._folder is None:
             return
-        raw, file = pickle.dumps(content), self._file(self._folder, point, look)
-        whole = hashlib.sha256(raw).digest() + raw
+        whole, file = pickle.dumps(content), self._file(self._folder, point, look)
         try:
             try:
                 write_whole(file, whole)

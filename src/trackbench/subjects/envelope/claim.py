@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,7 +15,6 @@ from pydantic import Field, ValidationError, model_validator
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
 from trackbench.results.metric_value import ResultModel, read_model
-from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
 from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample
@@ -62,6 +60,12 @@ class CellValue(ResultModel):
     """One-sided bounds of the value, each at the error that is spent at this look; None where there is none."""
     high: float | None
 
+    @property
+    def text(self) -> str:
+        """The value with its bounds: "0.45 (0.4 to 0.5)"."""
+        value, low, high = ("open" if end is None else f"{end:.3g}" for end in (self.value, self.low, self.high))
+        return f"{value} ({low} to {high})"
+
 
 class TrackerState(ResultModel):
     """A tracker in a cell."""
@@ -92,13 +96,19 @@ class ClaimCell(ResultModel):
     measurements: list[str]
     """Of each look, a hash of the measurements of the runs that were added."""
     trackers: dict[str, TrackerState]
-    assumed: list[str] = Field(default_factory=list)
-    """Effects of which figures are assumed: "reflection of front_radar"."""
 
     @property
     def at(self) -> Point:
         """Its values of the axes."""
         return tuple(self.point)
+
+
+class AbsentCells(ResultModel):
+    """All points with some values of the axes, at which a world sets what an axis varies: a cell would be a copy."""
+
+    at: dict[str, float | str]
+    """Values of such points by axis."""
+    reason: str
 
 
 class Claim(ResultModel):
@@ -114,8 +124,6 @@ class Claim(ResultModel):
     overrides: list[str]
     claim: Population
     confidence: float
-    spent: float
-    """The error of one tracker in one cell, over all looks and to one side."""
     extents: list[tuple[int, int]]
     """Of each look: scenes, and runs of each."""
     seed: int
@@ -131,8 +139,6 @@ class Claim(ResultModel):
     absent: list[AbsentCells] = Field(default_factory=list)
     places: dict[str, int] = Field(default_factory=dict)
     """By tracker, its place in the scenario file, from which it has its colour."""
-    parts_hash: str
-    """sha256 of the values in ``parts.parquet``."""
     counter_examples: CounterExamples | None = None
     """None where none were looked for."""
 
@@ -177,6 +183,11 @@ class Claim(ResultModel):
         """The scenario's own, by the name of the axis."""
         return {axis.name: value for axis, value in zip(self.axes, self.base, strict=True)}
 
+    @property
+    def base_point(self) -> Point:
+        """The scenario's own point, within the map; the middle of an axis of which the scenario has no value."""
+        return tuple(axis.nearest(value) for axis, value in zip(self.axes, self.base, strict=True))
+
     def limits_of(self, tracker: str) -> list[ClaimedLimit]:
         """The requirements on a tracker."""
         return [limit for limit in self.limits if limit.tracker == tracker]
@@ -216,17 +227,8 @@ class Envelope:
 
     @cached_property
     def _by_place(self) -> dict[tuple[int, int], Array]:
-        return dict(_split(self.parts))
-
-
-def _split(parts: pa.Table) -> Iterator[tuple[tuple[int, int], Array]]:
-    """By cell and requirement, the values in the order of the table."""
-    cell, limit, value = (parts[name].to_numpy() for name in ("cell", "limit", "value"))
-    change = np.flatnonzero(np.diff(cell) | np.diff(limit)) + 1
-    starts = [0, *change.tolist(), len(cell)]
-    for start, stop in pairwise(starts):
-        if stop > start:
-            yield (int(cell[start]), int(limit[start])), value[start:stop]
+        groups = self.parts.to_pandas().groupby(["cell", "limit"])["value"]
+        return {place: values.to_numpy() for place, values in groups}
 
 
 def place_of_cell(axes: Sequence[MapAxis], point: Point) -> str:
@@ -270,19 +272,7 @@ def read_envelope(place: Path) -> Envelope:
         raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from None
     if parts.schema != parts_of([]).schema or any(column.null_count for column in parts.columns):
         raise InputError("is not the table of a claim: cell, limit, part and value", file=file)
-    if hash_of(parts) != claim.parts_hash:
-        raise InputError("is not the table of this claim: its values have another hash", file=file)
     return Envelope(claim, parts)
-
-
-def hash_of(parts: pa.Table) -> str:
-    """sha256 of the columns, whatever the file's compression is."""
-    import hashlib
-
-    digest = hashlib.sha256()
-    for column in parts.columns:
-        digest.update(np.ascontiguousarray(column.to_numpy()).tobytes())
-    return digest.hexdigest()
 
 
 def parts_of(rows: Sequence[tuple[int, int, Array]]) -> pa.Table:

@@ -41,8 +41,7 @@ def suite_of_claim(claim: Claim, loaded: Scenario) -> Suite:
 def _values(limits: list[ClaimedLimit], tracker: TrackerState) -> Iterator[str]:
     for limit, value in zip(limits, tracker.values, strict=False):
         if value.value is not None:
-            ends = ["" if end is None else f"{end:.4g}" for end in (value.low, value.high)]
-            yield f"{value.state}: {limit.metric} is {value.value:.4g}, surely {' to '.join(filter(None, ends))}"
+            yield f"{value.state}: {limit.metric} is {value.text}"
 
 
 @click.command("diff")

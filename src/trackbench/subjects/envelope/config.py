@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from trackbench.base.config import Config, Name, Problem
-from trackbench.base.config.key_units import convert, find_unit, split_key
 from trackbench.subjects.envelope.bounds import FEWEST_RUNS
 
 #: What an axis may be given by; exactly one of these.
@@ -92,19 +91,8 @@ class Axis(Config):
         for place, key in every:
             if key is not None and not all(key.split(".")):
                 yield Problem((place,), f"{key!r} is no key of a scenario, such as sensors.radar.range_sigma_m")
-            elif key is not None and (factor := self._factor(key)) != 1:
-                yield Problem(
-                    ("unit",), f"{key} is not in {self.unit}: write keys: {{{key}: {{factor: {factor:.5g}}}}}"
-                )
-                return
             elif key is not None and key.partition(".")[0] in FIXED:
                 yield Problem((place,), f"{key} cannot be an axis: the map rests on it")
-
-    def _factor(self, key: str) -> float:
-        """From the unit that the axis states to that of a key which takes its values as they are; 1 if not known."""
-        own, unit = split_key(key)[1], find_unit(self.unit)
-        plain = key == self.key or (key in self.keys and abs(self.keys[key].factor) == 1)
-        return (plain and own and unit and convert(1, unit, own)) or 1
 
     def _between(self) -> Iterator[Problem]:
         assert self.low is not None

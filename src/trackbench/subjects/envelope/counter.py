@@ -39,28 +39,15 @@ class Facing(NamedTuple):
 
 
 def base_of(claim: Claim, tracker: str) -> BasePoint:
-    """The scenario's own point; the nearest cell that holds where the scenario fails, or is not shown to hold.
-
-    Where the scenario is no cell of the map, the nearest cell says whether it holds.
-    """
-    axes, notes = claim.axes, []
-    own = tuple(
-        axis.values[len(axis.values) // 2] if value is None else value
-        for axis, value in zip(axes, claim.base, strict=True)
-    )
-    if unknown := [axis.name for axis, value in zip(axes, claim.base, strict=True) if value is None]:
-        notes.append(f"the scenario has no value of {' and '.join(unknown)}, of which the middle one is taken")
-    nearest = _nearest(axes, own, claim.cells)
-    state = nearest.trackers[tracker].state
+    """Return the scenario's own point; the nearest cell that holds where the cell nearest to the scenario does not."""
+    axes, own = claim.axes, claim.base_point
+    state = _nearest(axes, own, claim.cells).trackers[tracker].state
     holding = [cell for cell in claim.cells if cell.trackers[tracker].state == "holds"]
-    if state != "holds" and holding:
-        what = "fails" if state == "fails" else "is undecided"
-        which = "the scenario itself" if nearest.at == tuple(claim.base) else "the cell nearest to the scenario"
-        notes.append(f"{which} {what}: distances are from the nearest cell that holds")
-        own = _nearest(axes, own, holding).at
-    elif state != "holds":
-        notes.append("no cell holds: distances are from the scenario itself")
-    return BasePoint(tracker=tracker, point=list(own), note="; ".join(notes))
+    if state == "holds" or not holding:
+        return BasePoint(tracker=tracker, point=list(own), note="")
+    what = "fails" if state == "fails" else "is undecided"
+    note = f"the scenario {what}: distances are from the nearest cell that holds"
+    return BasePoint(tracker=tracker, point=list(_nearest(axes, own, holding).at), note=note)
 
 
 def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> list[Facing]:
@@ -150,16 +137,11 @@ class CounterMaker:
         shown = self._shown(cell, facing.tracker, requirement)
         folder = UNFIT.sub("-", f"{number}-{facing.tracker}-{facing.axis}-{facing.side}")
         result = self._run(folder, cell, facing.tracker, requirement, shown)
-        own, metric = self._task.of(facing.tracker), "" if requirement is None else requirement.metric
-        value = None if requirement is None else claimed.trackers[facing.tracker].values[own.index(requirement)]
+        metric = "" if requirement is None else requirement.metric
         return CounterExample(
             folder=folder,
             **facing._asdict(),
             limit=limit,
-            value=value and value.value,
-            low=value and value.low,
-            high=value and value.high,
-            cause=claimed.trackers[facing.tracker].cause,
             shown=shown,
             event=event_of(result, facing.tracker, metric),
             finding="",

@@ -42,11 +42,6 @@ class CounterExample(ResultModel):
     """Distance from the base, in shares of each range."""
     limit: int | None
     """The number of the requirement that it does not meet; None where the cell says another cause."""
-    value: float | None
-    low: float | None
-    high: float | None
-    cause: str
-    """Why it fails, where that is not a limit."""
     shown: ShownRun
     event: str
     """What went wrong most in the run that is shown."""

@@ -8,8 +8,7 @@ from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
 from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Table
-from trackbench.metrics.function_events import FunctionEvent, events_of, function_events, function_labels
-from trackbench.metrics.recorded_run import estimates_at
+from trackbench.metrics.function_events import events_of, function_events, function_labels
 from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import Result
 from trackbench.scenario import Scenario
@@ -26,21 +25,12 @@ def event_of(result: Result, tracker: str, metric: str = "") -> str:
         if decided is None:
             return ""
         where = f" at {decided.object}" if decided.object else ""
-        text = f"{label} {decided.word}{where} at {decided.time_s:.2f} s, by {decided.wrong_s:.2f} s"
-        return ", ".join([text, *_errors_at(result, tracker, decided)])
+        return f"{label} {decided.word}{where} at {decided.time_s:.2f} s, by {decided.wrong_s:.2f} s"
     if result.summary.identities == "hidden":
         first = next(iter(events_of(result, tracker, result.summary.recorded_run)), None)
         return "" if first is None else f"{first.kind} at {first.time_s:.2f} s, {first.reason}"
     moment = worst_moments(result).get(tracker)
     return "" if moment is None else f"position error {moment_text(moment)}"
-
-
-def _errors_at(result: Result, tracker: str, event: FunctionEvent) -> Iterator[str]:
-    """The errors of the estimate of the object when the function was due: later ones did not decide it."""
-    for estimate in estimates_at(result, event.time_s):
-        if (estimate.tracker, estimate.object) == (tracker, event.object) and estimate.velocity_error_mps is not None:
-            position, velocity = estimate.position_error_m or 0.0, estimate.velocity_error_mps
-            yield f"with a position error of {position:.2f} m and a velocity error of {velocity:.2f} m/s then"
 
 
 def _function(result: Result, metric: str) -> str:
@@ -61,10 +51,7 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
     return "; ".join(sentences)
 
 
-_NEXT = "Next, in the folder of this page:"
-
-
-def counter_sections(claim: Claim) -> Iterator[Section]:
+def counter_section(claim: Claim) -> Iterator[Section]:
     """Yield the nearest counter-examples of a map, with their causes; nothing where none were looked for."""
     counter = claim.counter_examples
     if counter is None:
@@ -77,29 +64,14 @@ def counter_sections(claim: Claim) -> Iterator[Section]:
             f"{COUNTER_EXAMPLES}/ has the scenario, the report and the recording of its median failing run."
         )
         causes = Items(tuple(_cause(example) for example in counter.examples))
-        blocks += [_examples(claim, counter), Paragraph(about), causes]
+        nearest = min(counter.examples, key=lambda example: example.distance)
+        blocks += [_examples(claim, counter), Paragraph(about), causes, Paragraph("Next, in the folder of this page:")]
+        blocks.append(Code(f"trackbench view {COUNTER_EXAMPLES}/{nearest.folder}", "sh"))
     elif not any(claim.counts(name)["fails"] for name in claim.trackers):
         blocks.append(Paragraph("No cell fails with confidence."))
     else:
         blocks.append(Paragraph("None were made."))
     yield Section("Nearest counter-examples", tuple(blocks))
-
-
-def nearest_section(claim: Claim) -> Section:
-    """The nearest counter-example in a sentence, and the command that shows it."""
-    counter = claim.counter_examples
-    if counter is None or not counter.examples:
-        none = "None was made." if any(claim.counts(name)["fails"] for name in claim.trackers) else "No cell fails."
-        return Section("Nearest counter-example", (Paragraph(none),))
-    item = min(counter.examples, key=lambda example: example.distance)
-    facts = Items(
-        (
-            Item(f"{_value(claim, item)} at {at_point(claim, item.cell)}", item.tracker, tracker=item.tracker),
-            *([Item(item.event, "in its run")] if item.event else []),
-        )
-    )
-    command = Code(f"trackbench view {COUNTER_EXAMPLES}/{item.folder}", "sh")
-    return Section("Nearest counter-example", (facts, Paragraph(_NEXT), command))
 
 
 def at_point(claim: Claim, cell: int) -> str:
@@ -124,17 +96,12 @@ def _examples(claim: Claim, counter: CounterExamples) -> Table:
 
 
 def _value(claim: Claim, item: CounterExample) -> str:
+    own = claim.cells[item.cell].trackers[item.tracker]
     if item.limit is None:
-        return item.cause
+        return own.cause
     limit = claim.limits[item.limit]
-    return f"{limit.metric} {bounds(item.value, item.low, item.high)}{limit.after_number}"
-
-
-def bounds(value: float | None, low: float | None, high: float | None) -> str:
-    """A value with its one-sided bounds."""
-    if value is None:
-        return "none"
-    return f"{value:.3g}" if low is None or high is None else f"{value:.3g} ({low:.3g} to {high:.3g})"
+    value = own.values[claim.limits_of(item.tracker).index(limit)]
+    return f"{limit.metric} {value.text}{limit.after_number}"
 
 
 def _shown(item: CounterExample) -> str:

@@ -11,7 +11,7 @@ from trackbench.metrics.intervals import Interval
 from trackbench.report.junit import Case, Suite
 from trackbench.subjects.envelope.axes import Point
 from trackbench.subjects.envelope.bounds import interval_difference
-from trackbench.subjects.envelope.cells import changed
+from trackbench.subjects.envelope.cells import decide
 from trackbench.subjects.envelope.claim import (
     Claim,
     ClaimCell,
@@ -83,7 +83,6 @@ class EnvelopeDiff:
         yield f"{counted(len(self.changes), 'state')} compared, {paired} of them on the same measurements"
         for item in self.of("lost", "not shown"):
             yield f"{'LOST' if item.outcome == 'lost' else 'NOT SHOWN'}  {item.tracker} at {item.place}: {item.text}"
-        yield from self._lost_along_axes()
         for tracker in dict.fromkeys(item.tracker for item in self.changes):
             own = [item for item in self.changes if item.tracker == tracker]
             gained, opened = (sum(item.outcome == kind for item in own) for kind in ("gained", "open"))
@@ -92,14 +91,6 @@ class EnvelopeDiff:
             yield f"{tracker}: holds in {holds[0]} cells before, {holds[1]} after; {more}"
         yield from self.margins
         yield from self.left_out
-
-    def _lost_along_axes(self) -> Iterator[str]:
-        """Where on each axis the cells are that were lost."""
-        lost = self.of("lost")
-        for number, axis in enumerate(self.after.axes if lost else ()):
-            values = sorted({item.point[number] for item in lost}, key=axis.share)
-            shown = [axis.shown(value) for value in (values[:1] + values[1:][-1:] if axis.ordered else values)]
-            yield f"  lost along {axis.name}: {(' to ' if axis.ordered else ', ').join(shown)}"
 
     def suite(self) -> Suite:
         """A test case for each tracker in each cell."""
@@ -200,7 +191,7 @@ def _is_worse(
     if old is None or new is None:
         return False
     change = interval_difference(new[1], old[1], same_runs=paired)
-    return changed(old[0], new[0], change, limit.direction, level)
+    return (old[0], new[0]) == ("holds", "fails") and decide(change, 0.0, limit.direction, level).state == "fails"
 
 
 def _value_with_parts(made: Envelope, cell: int, limit: ClaimedLimit) -> tuple[State, Interval] | None:

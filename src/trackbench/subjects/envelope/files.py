@@ -8,7 +8,6 @@ import shutil
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from trackbench import results
 from trackbench.api.save import pages, with_artifacts
@@ -16,7 +15,7 @@ from trackbench.base.files import read_bytes
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.scenario import Scenario
-from trackbench.scenario.load import written_with_changes
+from trackbench.scenario.load import texts_of, written_with_changes
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Claim, Envelope
 from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, ShownExample
 from trackbench.subjects.envelope.report import envelope_document
@@ -99,7 +98,7 @@ def hashes_of(loaded: Scenario) -> dict[str, str]:
 
 def _named(loaded: Scenario) -> Iterator[tuple[str, Path]]:
     folder = loaded.folder
-    texts = {*_texts(loaded.document.value), *_texts(loaded.config.truth.model_dump(mode="json"))}
+    texts = {*texts_of(loaded.document.value), *texts_of(loaded.config.truth.model_dump(mode="json"))}
     for text in texts:
         path = os.path.expanduser(os.path.expandvars(text))
         file = next((file for file in (folder / path, Path(path)) if os.path.isfile(file)), None)
@@ -109,13 +108,3 @@ def _named(loaded: Scenario) -> Iterator[tuple[str, Path]]:
         if top.isidentifier():
             modules = [folder / f"{top}.py", *(folder / top).rglob("*.py")]
             yield from ((str(file.relative_to(folder)), file) for file in modules if file.is_file())
-
-
-def _texts(node: Any) -> Iterator[str]:
-    waiting = [node]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, dict | list):
-            waiting += node.values() if isinstance(node, dict) else node
-        elif isinstance(node, str):
-            yield node

@@ -13,7 +13,6 @@ from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import (
     DASHED,
     INK,
-    MARKERS,
     WIDTH,
     fit_value_axis,
     logarithmic,
@@ -23,7 +22,7 @@ from trackbench.document.drawing import (
 from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
-from trackbench.subjects.envelope.map_figures import MOST_PANELS, OWN, axis_label
+from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label
 from trackbench.subjects.envelope.margins import AxisMargin, margins, place_of_line
 
 #: Of one panel, points.
@@ -53,8 +52,6 @@ def _figure(
     claim: Claim, axis: MapAxis, metric: str, lines: Sequence[AxisMargin], styles: Sequence[TrackerStyle]
 ) -> Figure:
     places = list(dict.fromkeys(place_of_line(margin) for margin in lines))[:MOST_PANELS]
-    own = claim.own_values[axis.name]
-    reached = axis.reaches(own)
 
     def paint(canvas: Canvas) -> None:
         panels = canvas.subplots(len(places), 1, squeeze=False, sharex=True)[:, 0]
@@ -67,11 +64,6 @@ def _figure(
             if len(places) > 1:
                 panel_title(panel, place, WIDTH)
             panel.set_ylabel(shortened_to_width(metric, _HEIGHT - 40))
-            if own is not None and reached:
-                panel.plot(
-                    [float(own)], [0], marker=MARKERS[OWN.mark][0], markersize=9, color=INK, clip_on=False, zorder=5,
-                    transform=panel.get_xaxis_transform(),
-                )  # fmt: skip
         for panel in panels:
             # A logarithmic axis would not show values of either sign.
             if all((values[np.isfinite(values)] > 0).all() for values in drawn):
@@ -84,7 +76,6 @@ def _figure(
 
     at = f" Along {places[0]}." if len(places) == 1 and places[0] else ""
     others = [LegendEntry("limit", INK, "dash"), LegendEntry("holds", INK, "dot"), LegendEntry("fails", INK, "cross")]
-    others += [OWN] if reached else []
     return tracker_figure(
         f"line-{axis.name}-{metric.partition(',')[0]}".replace("_", "-").replace(".", "-").replace(" ", "-"),
         f"{metric.partition(',')[0]} over {axis.name}",

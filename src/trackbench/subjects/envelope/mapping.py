@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -15,12 +15,10 @@ from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric
-from trackbench.results import Failure
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, between, start_points
 from trackbench.subjects.envelope.cells import (
     CellDecision,
@@ -35,7 +33,7 @@ from trackbench.subjects.envelope.cells import (
     make_runs,
     work_of_cell,
 )
-from trackbench.subjects.envelope.claim import ClaimedLimit, State
+from trackbench.subjects.envelope.claim import AbsentCells, ClaimedLimit, State
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
 from trackbench.truth import LoadedTruth
 
@@ -54,16 +52,12 @@ def refined(axes: Sequence[MapAxis], states: Mapping[Point, States], most: int, 
     """
     gaps: dict[Point, float] = {}
     for a, b, gap in _along_axes(axes, states):
-        if _differ(states[a], states[b]):
+        # Some tracker's border may lie between the two, but where both are undecided.
+        if states[a] != states[b]:
             point = between(axes, a, b, resolution)
             if point is not None and point not in states:
                 gaps[point] = max(gaps.get(point, 0.0), gap)
     return sorted(gaps, key=lambda point: -gaps[point])[: max(0, most)]
-
-
-def _differ(a: States, b: States) -> bool:
-    """Whether the border of some tracker may lie between two cells: not where both are undecided."""
-    return any(a[tracker] != b[tracker] for tracker in a)
 
 
 def _along_axes(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point, float]]:
@@ -140,8 +134,8 @@ class _Look(NamedTuple):
     names: list[str]
     work: Work
     pieces: list[BlockRuns]
-    kept: bool
-    result: Iterator[LookResult]
+    kept: LookResult | None
+    """The runs that an interrupted command left."""
 
 
 class EnvelopeMap:
@@ -185,13 +179,19 @@ class EnvelopeMap:
             InputError: a cell is no valid scenario.
             TrackbenchError: the processes that make the runs died.
         """
-        config = self.task.config
+        config, trackers = self.task.config, self.task.trackers
         points, added = start_points(self.task.axes, config, self.task.base), False
         if not (points := self._present(points)):
             message = f"no cell of the map differs from another: {self.absent[0].reason}"
             raise self.task.loaded.locate(InputError(message, key="envelope.axes"))
         while points:
-            self.make_cells(points, added, progress)
+            cells = {
+                point: MapCell(point, self.task.scenario_at(point), {name: TrackerCell() for name in trackers}, added)
+                for point in points
+            }
+            self.cells |= cells
+            for look, extent in enumerate(self.task.extents):
+                self._look([*cells.values()], look, extent, progress)
             states = {point: cell.states for point, cell in self.cells.items()}
             left = config.cells - len(self.cells)
             points = self._present(refined(self.task.axes, states, left, config.resolution))
@@ -206,26 +206,20 @@ class EnvelopeMap:
                 self.absent.append(item)
         return [point for point in points if absent[point] is None]
 
-    def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:
-        """Make the cells of some points, until each is decided or its budget is spent; see :meth:`make`."""
-        cells = [self._empty(point, self.task.scenario_at(point), added) for point in points]
-        self.cells |= {cell.point: cell for cell in cells}
-        for look, extent in enumerate(self.task.extents):
-            self._look(cells, look, extent, progress)
-
-    def _empty(self, point: Point, loaded: Scenario, added: bool) -> MapCell:
-        return MapCell(point, loaded, {name: TrackerCell() for name in self.task.trackers}, added)
-
     def _look(self, cells: Sequence[MapCell], look: int, extent: Extent, progress: NotedProgress) -> None:
-        """At those of some cells that are not decided."""
-        waiting: deque[_Look] = deque()
-        for cell in cells:
-            if cell.undecided:
-                waiting.append(self._begun(cell, look, extent))
-            if len(waiting) >= AHEAD:
-                self._end(waiting.popleft(), look, extent, progress)
-        while waiting:
-            self._end(waiting.popleft(), look, extent, progress)
+        """Look at those of some cells that are not decided."""
+        waiting = [cell for cell in cells if cell.undecided]
+        for first in range(0, len(waiting), AHEAD):
+            begun = [self._begun(cell, look, extent) for cell in waiting[first : first + AHEAD]]
+            # Scenes that are done are not sent again.
+            calls = [
+                (item.work.of_scenes({piece.scene for piece in item.pieces}), item.names, item.pieces)
+                for item in begun
+                if item.kept is None
+            ]
+            made = self.executor.map(make_runs, calls, own_folder(self.task.loaded))
+            for item in begun:
+                self._end(item, next(made) if item.kept is None else item.kept, look, extent, progress)
 
     def _begun(self, cell: MapCell, look: int, extent: Extent) -> _Look:
         names = cell.undecided
@@ -237,13 +231,7 @@ class EnvelopeMap:
         extent = extent._replace(scenes=len(work.scenes))
         objects = max(1, *(len(scene.truth.ids) for scene in work.scenes))
         pieces = extent.blocks_beyond(done, max(1, LARGEST_BATCH // objects))
-        kept = self._store.load(cell.point, look)
-        result: Iterator[LookResult] = iter(() if kept is None else (kept,))
-        if kept is None:
-            # Scenes that are done are not sent again.
-            here = work.of_scenes({piece.scene for piece in pieces})
-            result = self.executor.map(make_runs, [(here, names, pieces)], own_folder(cell.loaded))
-        return _Look(cell, names, work, pieces, kept is not None, result)
+        return _Look(cell, names, work, pieces, self._store.load(cell.point, look))
 
     def work(self, loaded: Scenario, extent: Extent) -> Work:
         """What the runs of a scenario need.
@@ -264,16 +252,16 @@ class EnvelopeMap:
         self.engine = work.engine
         return work
 
-    def _end(self, begun: _Look, look: int, extent: Extent, progress: NotedProgress) -> None:
+    def _end(self, begun: _Look, result: LookResult, look: int, extent: Extent, progress: NotedProgress) -> None:
         """Take in the runs of a look, and decide."""
-        cell, result = begun.cell, next(begun.result)
-        if not begun.kept:
+        cell = begun.cell
+        if begun.kept is None:
             self._store.save(cell.point, look, result)
         cell.measurements.append(result.measurements)
         for name in begun.names:
             tracker = cell.trackers[name]
             if name in result.failures:
-                _fail(tracker, result.failures[name])
+                tracker.state, tracker.cause, tracker.failed = "fails", str(result.failures[name]), True
                 continue
             tracker.runs = tracker.runs.with_blocks(result.sums[name], begun.pieces, begun.work.metrics)
             tracker.extent, tracker.looks = extent, look + 1
@@ -320,7 +308,3 @@ def _missing(coverage: CellDecision, least: float) -> str:
     """What a coverage below the least says of a cell."""
     missing = f"{100 * (1 - coverage.interval.value):.2g} % of the estimates are missing"
     return missing if coverage.state == "fails" else f"{missing}, not shown to be more than {100 * (1 - least):.2g} %"
-
-
-def _fail(tracker: TrackerCell, failure: Failure) -> None:
-    tracker.state, tracker.cause, tracker.failed = "fails", str(failure), True

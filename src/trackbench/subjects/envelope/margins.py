@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import groupby, pairwise, product
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array
 from trackbench.report.numbers import joined_names
-from trackbench.subjects.envelope.absent import absent_along
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, ClaimedLimit, State
+
+if TYPE_CHECKING:
+    from matplotlib.tri import Triangulation
 
 #: Of a value that is decided, but at its limit.
 _NEXT_TO = 1e-12
@@ -41,13 +42,9 @@ class AxisMargin:
     axis: MapAxis
     at: tuple[tuple[MapAxis, Value], ...]
     """The other axes with their values on the line."""
-    through_base: bool
-    """Whether the numbers among them are the scenario's own; the line is the nearest to it otherwise."""
     cells: tuple[tuple[float, ClaimCell], ...]
     """Those of the line by their value of the axis."""
     crossings: tuple[Crossing, ...]
-    absent: Mapping[Value, str] = field(default_factory=dict)
-    """By value of the axis, why there is no cell on the line."""
 
     @property
     def states(self) -> dict[float, State]:
@@ -81,17 +78,16 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
     axes = claim.axes
     axis, first = axes[number], line[0].point
     at = tuple((other, first[i]) for i, other in enumerate(axes) if i != number)
-    own = all(claim.base[i] == first[i] for i, other in enumerate(axes) if i != number and other.ordered)
     cells = tuple((float(cell.point[number]), cell) for cell in line)
     crossings = tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells))
-    return AxisMargin(tracker, axis, at, own, cells, crossings, absent_along(claim.absent, axes, number, line[0].at))
+    return AxisMargin(tracker, axis, at, cells, crossings)
 
 
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
     """The cells in the order of an axis, along the line that is nearest to the scenario's own values of the others.
 
-    There is one for each combination of the categories. A line has cells at all levels at which the axis started:
-    the few cells that were put near a border are no line of their own.
+    There is one for each combination of the categories. A line has cells at as many of the levels at which the axis
+    started as any other: the few cells that were put near a border are no line of their own.
     """
     axes = claim.axes
     lines: dict[Point, list[ClaimCell]] = {}
@@ -100,35 +96,21 @@ def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
     others = [*axes[:number], *axes[number + 1 :]]
     levels = set(axes[number].values)
 
-    def whole(at: Point) -> bool:
-        values = {cell.point[number] for cell in lines[at]}
-        values |= {*absent_along(claim.absent, axes, number, lines[at][0].at)}
-        return levels <= values
-
     chosen = []
     for category in product(*(axis.values for axis in others if not axis.ordered)):
-        alike = [at for at in lines if tuple(v for v in at if isinstance(v, str)) == category and whole(at)]
+        alike = [at for at in lines if tuple(v for v in at if isinstance(v, str)) == category]
         if alike:
-            nearest = min(
-                alike,
-                key=lambda at: (distance_from(claim.own_values, [*zip(others, at, strict=True)]), -len(lines[at])),
-            )
+            started = {at: len(levels & {cell.point[number] for cell in lines[at]}) for at in alike}
+            away = {at: distance_from_base(claim, [*zip(others, at, strict=True)]) for at in alike}
+            nearest = min(alike, key=lambda at: (-started[at], away[at], -len(lines[at])))
             chosen.append(sorted(lines[nearest], key=lambda cell: axes[number].share(cell.point[number])))
     return chosen
 
 
-def distance_from(own: Mapping[str, Value | None], at: Sequence[tuple[MapAxis, Value]]) -> float:
-    """From the scenario's own values, by axis, to others; half way along an axis of numbers where it has none."""
-    gaps = []
-    for axis, value in at:
-        base = own[axis.name]
-        if not axis.ordered:
-            gaps.append(float(base != value))
-            continue
-        low, high = axis.ends
-        share = 0.5 if base is None else axis.share(min(max(float(base), low), high))
-        gaps.append(axis.share(value) - share)
-    return math.hypot(*gaps)
+def distance_from_base(claim: Claim, at: Sequence[tuple[MapAxis, Value]]) -> float:
+    """Return how far the values of some axes are from the scenario's own, in shares of each range."""
+    own = dict(zip([axis.name for axis in claim.axes], claim.base_point, strict=True))
+    return math.hypot(*(axis.distance(value, own[axis.name]) for axis, value in at))
 
 
 def _crossings(
@@ -268,8 +250,6 @@ class Slice:
     cells: tuple[ClaimCell, ...]
     places: Array
     """``(cells, 2)`` where each lies on the two axes, from 0 to 1."""
-    absent: tuple[tuple[float, str], ...] = ()
-    """How far up there is no cell, from 0 to 1, and why."""
 
     def states(self, tracker: str) -> list[State]:
         """Of the cells."""
@@ -295,71 +275,46 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
             tuple(zip(ways, at, strict=True)),
             tuple(cells),
             np.array([[axes[i].share(cell.point[i]) for i in (across, up)] for cell in cells]),
-            tuple((axes[up].share(at), why) for at, why in absent_along(claim.absent, axes, up, cells[0].at).items()),
         )
         for at, cells in grouped.items()
     ]
     return sorted(parts, key=lambda part: [axis.share(value) for axis, value in part.at])
 
 
-@dataclass(frozen=True)
-class Border:
-    """Where one tracker stops to meet its requirement, on a slice, by its values between neighbouring cells."""
+class Border(NamedTuple):
+    """Where one tracker stops to meet its requirement, on a slice: where the interpolated excess is 0."""
 
-    places: Array
-    """``(cells, 2)`` of the cells with a value, or a state that is decided; from 0 to 1 on each axis."""
-    states: tuple[State, ...]
+    mesh: Triangulation
+    """Triangles of neighbouring cells that have a value, or a state that is decided; from 0 to 1 on each axis."""
     beyond: Array
     """``(cells,)`` how far the worst value is beyond its limit; its sign is that of the decision."""
+    areas: tuple[State, ...]
+    """``(triangles,)`` the state of all three cells; undecided where they are not alike."""
 
-    @cached_property
-    def triangles(self) -> Indices:
-        """``(triangles, 3)`` neighbouring cells; none where all cells lie on a line."""
-        if len(self.places) < 3 or np.linalg.matrix_rank(self.places - self.places[0], tol=1e-9) < 2:
-            return np.zeros((0, 3), dtype=np.intp)
-        from scipy.spatial import Delaunay
-
-        corners: Indices = Delaunay(self.places).simplices
-        corner = self.places[corners]
-        (ax, ay), (bx, by) = (corner[:, 1] - corner[:, 0]).T, (corner[:, 2] - corner[:, 0]).T
-        # Rounding leaves triangles without an area along straight edges.
-        whole: Indices = corners[np.abs(ax * by - ay * bx) > 1e-12]
-        return whole
-
-    @cached_property
-    def segments(self) -> Array:
-        """``(segments, 2, 2)`` the pieces of the border: their ends, and the place of each."""
-        meets = (self.beyond < 0)[self.triangles]
-        alone = np.flatnonzero((meets != meets[:, :1]).any(axis=1))
-        pieces = []
-        for row, met in zip(self.triangles[alone], meets[alone], strict=True):
-            # The corner on its own side of the border, and the two on the other.
-            tip = int(np.flatnonzero(met == (met.sum() == 1))[0])
-            pieces.append([self._between(row[tip], row[(tip + step) % 3]) for step in (1, 2)])
-        return np.array(pieces).reshape(-1, 2, 2)
-
-    def area(self, state: State) -> Array:
-        """``(triangles, 3, 2)`` the corners of those whose cells all hold or all fail; the border is in the others."""
-        states = np.array(self.states)[self.triangles]
-        same = (states == states[:, :1]).all(axis=1)
-        own = np.where(same, states[:, 0], "undecided") if len(states) else np.zeros(0, dtype=str)
-        corners: Array = self.places[self.triangles[own == state]]
-        return corners
-
-    def _between(self, a: int, b: int) -> Array:
-        """Where the border crosses the edge between two cells."""
-        share = self.beyond[a] / (self.beyond[a] - self.beyond[b])
-        place: Array = self.places[a] + share * (self.places[b] - self.places[a])
-        return place
+    @property
+    def is_line(self) -> bool:
+        """Whether there is a line: an undecided cell whose value is that of the limit makes none."""
+        return bool(self.beyond.min() < -_NEXT_TO / 2 and self.beyond.max() > _NEXT_TO / 2)
 
 
-def border_of(part: Slice, claim: Claim, tracker: str) -> Border:
-    """The border of a tracker on a slice."""
+def border_of(part: Slice, claim: Claim, tracker: str) -> Border | None:
+    """Return the border of a tracker on a slice; None where all its cells lie on a line."""
+    from matplotlib.tri import TriAnalyzer, Triangulation
+
     beyond = excess(part.cells, tracker, claim.limits_of(tracker))
     worst = np.where(np.isfinite(beyond).any(axis=1), np.nanmax(np.nan_to_num(beyond, nan=-np.inf), axis=1), np.nan)
     states = np.array(part.states(tracker))
     # Where it fails for another cause than a limit, the border is about half way.
     finite = np.abs(worst[np.isfinite(worst)])
     worst[(states == "fails") & ~(worst > 0)] = float(np.median(finite)) if finite.size else 1.0
-    finite = np.isfinite(worst)
-    return Border(part.places[finite], tuple(states[finite].tolist()), worst[finite])
+    is_known = np.isfinite(worst)
+    places, states = part.places[is_known], states[is_known]
+    if len(places) < 3 or np.linalg.matrix_rank(places - places[0], tol=1e-9) < 2:
+        return None
+    x, y = places.T
+    mesh = Triangulation(x, y)
+    # Rounding leaves triangles without an area along straight edges.
+    mesh = Triangulation(x, y, mesh.triangles[~TriAnalyzer(mesh).get_flat_tri_mask(1e-9)])
+    corners = states[mesh.triangles]
+    areas = np.where((corners == corners[:, :1]).all(axis=1), corners[:, 0], "undecided")
+    return Border(mesh, worst[is_known], tuple(areas.tolist()))

@@ -13,10 +13,9 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.truth import truth_source
 from trackbench.scenario.worlds import RECORDED_HZ
-from trackbench.subjects.envelope.absent import AbsentCells
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, overrides
 from trackbench.subjects.envelope.cells import Extent, requirements_of
-from trackbench.subjects.envelope.claim import ClaimedLimit
+from trackbench.subjects.envelope.claim import AbsentCells, ClaimedLimit
 from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
 from trackbench.truth.config.traffic import TracksConfig
 
@@ -118,7 +117,9 @@ class EnvelopeTask(NamedTuple):
         try:
             return changed_scenario(self.loaded, changes, [*self.loaded.config.trackers])
         except InputError as error:
-            raise self._at_axis(error, point) from error
+            at = ", ".join(f"{axis.name} {value}" for axis, value in zip(self.axes, point, strict=True))
+            message = f"{error.key} at {at}: {error.message}"
+            raise self.loaded.locate(InputError(message, key="envelope.axes")) from error
 
     def absent_at(self, point: Point) -> AbsentCells | None:
         """Return which cells are copies, where that of a point is one: the world sets what an axis varies.
@@ -137,18 +138,6 @@ class EnvelopeTask(NamedTuple):
                     why = f"recorded at {RECORDED_HZ} Hz" if key.startswith("sensors.") else "the truth is recorded"
                     return AbsentCells(at=worlds | {axis.name: value}, reason=why)
         return None
-
-    def _at_axis(self, error: InputError, point: Point) -> InputError:
-        """The error at the axis that changes its key, with file and line."""
-        at = ", ".join(f"{axis.name} {value}" for axis, value in zip(self.axes, point, strict=True))
-        wrong = f"{error.key}."
-        for axis in self.axes:
-            for key in axis_keys(axis.config):
-                if wrong.startswith(f"{key}.") or f"{key}.".startswith(wrong):
-                    place = f"envelope.axes.{axis.name}"
-                    return self.loaded.locate(InputError(f"{key} at {at}: {error.message}", key=place))
-        message = f"the scenario is not valid at {at}: {error.key}: {error.message}"
-        return self.loaded.locate(InputError(message, key="envelope.axes"))
 
 
 def task_of(loaded: Scenario) -> EnvelopeTask:
