@@ -68,12 +68,17 @@ def message_frame(message: Mapping[str, Any]) -> bytes:
     Raises:
         TypeError, ValueError, OverflowError: MessagePack does not know a value of the message.
     """
+    content = _packed_map(message)
+    return LENGTH.pack(len(content)) + content
+
+
+def _packed_map(message: Mapping[str, Any]) -> bytes:
     try:
         content: bytes = _pack(message)
     except UnicodeEncodeError:
         # To allow any text takes twice the time.
         content = msgpack.packb(message, default=_packable, unicode_errors=ANY_TEXT)
-    return LENGTH.pack(len(content)) + content
+    return content
 
 
 def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
@@ -117,26 +122,35 @@ def scan_frames(numbers: Sequence[int], scans: Sequence[Scan]) -> list[bytes]:
         numbers: of the trackers.
         scans: one for each; what all of them share is packed once.
     """
-    frames, pose, shared = [], None, dict[str, Any]()
+    frames, pose, shared = [], None, b""
     for number, scan in zip(numbers, scans, strict=True):
         if scan.sensor_pose is not pose:
-            pose = scan.sensor_pose
-            shared = {name: value for name, value in zip(Scan._fields, scan, strict=True) if value is not None}
-            shared["type"] = "scan"
-            for name in SHARED_ARRAYS:
-                shared[name] = packed_array(shared[name])
-            if (view := scan.field_of_view) is not None:
-                volume = math.nan if view.volume is None else view.volume
-                shared["field_of_view"] = packed_array([view.half_angle, view.max_range, volume])
-        shared["id"] = number
-        shared["measurement"], shared["valid"] = packed_array(scan.measurement), packed_array(scan.valid)
-        frames.append(message_frame(shared))
+            pose, shared = scan.sensor_pose, _shared_entries(scan)
+        own = {"id": number, "measurement": packed_array(scan.measurement), "valid": packed_array(scan.valid)}
+        # The first byte of a map of at most 15 entries is how many these are.
+        content = shared + _packed_map(own)[1:]
+        frames.append(LENGTH.pack(len(content)) + content)
     return frames
+
+
+def _shared_entries(scan: Scan) -> bytes:
+    """Return the start of the map of a scan: the number of its entries, and those that all trackers are given."""
+    named = zip(Scan._fields, scan, strict=True)
+    entries: dict[str, Any] = {name: value for name, value in named if value is not None and name not in OWN_ARRAYS}
+    entries["type"] = "scan"
+    for name in SHARED_ARRAYS:
+        entries[name] = packed_array(entries[name])
+    if (view := scan.field_of_view) is not None:
+        volume = math.nan if view.volume is None else view.volume
+        entries["field_of_view"] = packed_array([view.half_angle, view.max_range, volume])
+    header: bytes = msgpack.Packer().pack_map_header(len(entries) + len(OWN_ARRAYS) + 1)
+    return header + _packed_map(entries)[1:]
 
 
 def message_scan(message: Mapping[str, Any]) -> Scan:
     """Return the scan of a message; its arrays are read-only."""
-    parts = {name: message[name] for name in Scan._fields if name in message}
+    parts: dict[str, Any] = dict(message)
+    del parts["type"], parts["id"]
     for name in (*OWN_ARRAYS, *SHARED_ARRAYS):
         shape, content = parts[name]
         # The empty index makes a number of an array without axes.
