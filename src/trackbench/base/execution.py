@@ -213,7 +213,13 @@ def _cluster(address: str, stack: ExitStack) -> Submit:
     at: Any = address
     try:
         if local is not None:
-            options = {"threads_per_worker": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
+            without_ctrl_c = ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"]
+            options = {
+                "threads_per_worker": 1,
+                "memory_limit": 0,
+                "silence_logs": logging.CRITICAL,
+                "preload": without_ctrl_c,
+            }
             at = distributed.LocalCluster(int(local[1]), host="127.0.0.1", dashboard_address="127.0.0.1:0", **options)
             stack.enter_context(at)
         client = stack.enter_context(distributed.Client(at, timeout=PATIENCE_S))

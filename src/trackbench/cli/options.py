@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 import re
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -18,7 +17,7 @@ from trackbench.base.errors import did_you_mean, shortened_text, similar_names
 from trackbench.base.execution import MOST_WORKERS
 from trackbench.base.numbers import stated_number
 from trackbench.base.subjects import offered, resolve
-from trackbench.cli.answer import answer, kept_path
+from trackbench.cli.answer import kept_path
 from trackbench.engine.choice import ENGINE_NAMES
 
 if TYPE_CHECKING:
@@ -31,20 +30,18 @@ if TYPE_CHECKING:
 FAILED_EXPECTATION = 1
 
 
-github_option = click.option(
-    "--github", is_flag=True, help="Print what is not met as GitHub annotations too; to stderr with --json."
-)
+def junit_option(summary: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """``--junit``, a file."""
+    return click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help=summary)
 
 
-def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_json: bool) -> None:
-    """Write those of ``--junit``, and print those of ``--github``."""
-    from trackbench.report.junit import to_annotations, to_xml
+def write_suites(suites: Sequence[Suite], junit: Path | None) -> None:
+    """Write test cases as the file of ``--junit``, where it is given."""
+    from trackbench.report.junit import to_xml
     from trackbench.results import write_text
 
     if junit is not None:
         write_text(kept_path(junit), to_xml(suites))
-    for line in to_annotations(suites) if github else ():
-        click.echo(line, file=sys.stderr if as_json else answer())
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:

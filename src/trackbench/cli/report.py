@@ -15,7 +15,7 @@ from trackbench import results
 from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import kind_of_file, offered, resolve
 from trackbench.cli.answer import answer, print_answer
-from trackbench.cli.options import NearestChoice, end_with_limits, github_option, write_suites
+from trackbench.cli.options import NearestChoice, end_with_limits, junit_option, write_suites
 
 if TYPE_CHECKING:
     from trackbench.document import Document
@@ -124,8 +124,7 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
     metavar="METRIC:PERCENT",
     help="Exit with 1 unless shown not to be worse by more.",
 )
-@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the regressions as JUnit XML.")
-@github_option
+@junit_option("Write the regressions as JUnit XML.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -139,7 +138,6 @@ def compare_command(
     metrics: tuple[str, ...],
     limits: tuple[str, ...],
     junit: Path | None,
-    github: bool,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -168,9 +166,8 @@ def compare_command(
     from trackbench.report.junit import suites_of_comparison
 
     parsed = [Limit.parse(text) for text in limits]
-    for is_used, key in ((junit is not None, "--junit"), (github, "--github")):
-        if is_used and not parsed:
-            raise InputError("says which regressions there are: give --fail-on-regression too", key=key)
+    if junit is not None and not parsed:
+        raise InputError("says which regressions there are: give --fail-on-regression too", key="--junit")
     if out is not None:
         require_ending(out, ENDINGS, "--out")
     for path, key in ((junit, "--junit"), (out, "--out")):
@@ -184,7 +181,7 @@ def compare_command(
     for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)
         written.append(file)
-    write_suites(suites_of_comparison(comparison), junit, github, as_json)
+    write_suites(suites_of_comparison(comparison), junit)
     if as_json:
         print_answer(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:

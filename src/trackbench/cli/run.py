@@ -27,8 +27,8 @@ from trackbench.cli.options import (
     check_run_options,
     engine_option,
     followers,
-    github_option,
     isolation_options,
+    junit_option,
     names_in,
     out_option,
     scenarios_argument,
@@ -77,8 +77,7 @@ beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 @engine_option
 @isolation_options
 @artifact_options
-@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
-@github_option
+@junit_option("Write the expectations as JUnit XML.")
 @subject_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
 @quiet_option("One line a scenario, and what failed.")
@@ -98,7 +97,6 @@ def run_command(
     isolation: Isolation,
     left_out: frozenset[str],
     junit: Path | None,
-    github: bool,
     as_json: bool,
     quiet: bool,
     **of_subjects: Any,
@@ -122,11 +120,10 @@ def run_command(
         prepared = prepare(loaded, plan, chosen, output)
         with followers(of_subjects) as output.followers:
             finished = run_prepared(prepared, plan, chosen, output)
-            if junit is not None or github:
+            if junit is not None:
                 from trackbench.report.junit import suite_of_run
 
-                suites = [suite_of_run(result, item.scenario) for result, item in zip(finished, prepared, strict=True)]
-                write_suites(suites, junit, github, as_json)
+                write_suites(list(map(suite_of_run, finished)), junit)
             if as_json:
                 summaries: Any = [result.json() for result in finished]
                 print_answer(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))

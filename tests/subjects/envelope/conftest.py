@@ -84,7 +84,7 @@ def commanded(tmp_path_factory: pytest.TempPathFactory) -> Commanded:
     """The command on the small scenario, with one counter-example."""
     folder, written = tmp_path_factory.mktemp("commanded"), list[Envelope]()
     (folder / "small.yaml").write_text(yaml.safe_dump(SMALL))
-    words = "envelope small.yaml --counter-examples 1 --no-recording --junit cells.xml --github"
+    words = "envelope small.yaml --counter-examples 1 --no-recording --junit cells.xml"
 
     def save(made: Envelope, *arguments: Any) -> Path:
         written.append(made)

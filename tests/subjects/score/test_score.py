@@ -77,10 +77,9 @@ def test_files_that_call_a_column_differently(files: Path, cli: Callable[..., An
 )
 def test_gates(files: Path, cli: Callable[..., Any], gates: list[str], status: int, failed: list[str]) -> None:
     limits = [text for gate in gates for text in ("--gate", gate)]
-    arguments = ["--truth", "boxes.csv", *limits, "--junit", "gates.xml", "--github", "--no-recording"]
+    arguments = ["--truth", "boxes.csv", *limits, "--junit", "gates.xml", "--no-recording"]
     done = cli("score", "old.csv", "new.parquet", *arguments)
     assert done.status == status
-    assert done.out.count("::error") == len(failed)
     suite = ET.parse(files / "gates.xml").getroot()
     names = [
         case.attrib["name"].partition(":")[0] for case in suite.iter("testcase") if case.find("failure") is not None

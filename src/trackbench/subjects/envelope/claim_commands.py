@@ -10,9 +10,8 @@ import click
 
 from trackbench import results
 from trackbench.cli.answer import print_answer
-from trackbench.cli.options import FAILED_EXPECTATION, github_option, write_suites
+from trackbench.cli.options import FAILED_EXPECTATION, junit_option, write_suites
 from trackbench.report.junit import Case, Suite
-from trackbench.scenario import Scenario
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit, State, TrackerState, place_of_cell
 
 _OUTCOMES: dict[State, Literal["passed", "failed", "undecided"]] = {
@@ -22,19 +21,15 @@ _OUTCOMES: dict[State, Literal["passed", "failed", "undecided"]] = {
 }
 
 
-def suite_of_claim(claim: Claim, loaded: Scenario) -> Suite:
-    """The cells of a map; what is required stands in the scenario."""
+def suite_of_claim(claim: Claim) -> Suite:
+    """Return each tracker in each cell of a map as a test case."""
     cases = []
     for cell in claim.cells:
         for name, tracker in cell.trackers.items():
             limits = claim.limits_of(name)
             text = f"{name}: {claim.required_of(name)} at {place_of_cell(claim.axes, cell.at)}"
             message = tracker.cause or "; ".join(_values(limits, tracker))
-            stated = enumerate(loaded.document.value["expect"])
-            number = next((number for number, item in stated if item["tracker"] == name), 0)
-            line = loaded.document.origin(("expect", number)).line
-            group = f"{claim.scenario}.{name}"
-            cases.append(Case(text, group, _OUTCOMES[tracker.state], message, str(loaded.path), line))
+            cases.append(Case(text, f"{claim.scenario}.{name}", _OUTCOMES[tracker.state], message))
     return Suite(f"envelope of {claim.scenario}", cases)
 
 
@@ -47,10 +42,9 @@ def _values(limits: list[ClaimedLimit], tracker: TrackerState) -> Iterator[str]:
 @click.command("diff")
 @click.argument("before", type=click.Path(path_type=Path), metavar="A")
 @click.argument("after", type=click.Path(path_type=Path), metavar="B")
-@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
-@github_option
+@junit_option("Write the cells as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON, and nothing else.")
-def diff_command(before: Path, after: Path, junit: Path | None, github: bool, as_json: bool) -> None:
+def diff_command(before: Path, after: Path, junit: Path | None, as_json: bool) -> None:
     """Show in which cells a tracker does not hold any more.
 
     A and B are folders of envelopes with the same axes and requirements. A cell is lost if it holds in A and fails in
@@ -71,7 +65,7 @@ def diff_command(before: Path, after: Path, junit: Path | None, github: bool, as
     if junit is not None:
         results.require_file(junit, "--junit")
     change = diff(read_envelope(before), read_envelope(after))
-    write_suites([change.suite()], junit, github, as_json)
+    write_suites([change.suite()], junit)
     if as_json:
         print_answer(results.json_text(change.json()), nl=False)
     else:

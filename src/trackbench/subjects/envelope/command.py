@@ -18,8 +18,8 @@ from trackbench.cli.options import (
     WORKERS,
     Whole,
     engine_option,
-    github_option,
     isolation_options,
+    junit_option,
     names_in,
     out_option,
     scenario_paths,
@@ -74,8 +74,7 @@ class EnvelopeGroup(click.Group):
 @isolation_options
 @click.option("--counter-examples", type=Whole(0), metavar="N", help="At most N of a tracker.")
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
-@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
-@github_option
+@junit_option("Write the cells as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
 @quiet_option("The headline alone.")
 @verbose_option
@@ -91,7 +90,6 @@ def envelope_command(
     counter_examples: int | None,
     no_recording: bool,
     junit: Path | None,
-    github: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -135,7 +133,7 @@ def envelope_command(
         plan = EnvelopePlan(isolation, engine, store, counter_examples)
         made = make_envelope(loaded, plan, chosen, output)
     folder = save_envelope(made, out, not no_recording)
-    write_suites([suite_of_claim(made.claim, loaded)], junit, github, as_json)
+    write_suites([suite_of_claim(made.claim)], junit)
     if as_json:
         print_answer(claim_text(made.claim), nl=False)
     elif quiet:

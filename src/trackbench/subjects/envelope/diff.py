@@ -102,7 +102,6 @@ class EnvelopeDiff:
                 f"{self.after.scenario}.{item.tracker}",
                 words.get(item.outcome, "passed") if item.before == "holds" else "passed",  # type: ignore[arg-type]
                 f"{item.before} before, {item.after} after: {item.text}",
-                self.after.file,
             )
             for item in self.changes
         ]

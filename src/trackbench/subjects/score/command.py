@@ -9,7 +9,7 @@ import click
 
 from trackbench import results
 from trackbench.cli.answer import print_answer
-from trackbench.cli.options import Finite, artifact_options, end_with_limits, github_option, out_option, write_suites
+from trackbench.cli.options import Finite, artifact_options, end_with_limits, junit_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
 
@@ -43,8 +43,7 @@ from trackbench.cli.terminal import quiet_option
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("The result gets a folder in it.", "results")
 @artifact_options
-@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the gates as JUnit XML.")
-@github_option
+@junit_option("Write the gates as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result and its gates as JSON, and nothing else.")
 @quiet_option("One line, and what failed.")
 def score_command(
@@ -61,7 +60,6 @@ def score_command(
     out: Path,
     left_out: frozenset[str],
     junit: Path | None,
-    github: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -115,7 +113,7 @@ def score_command(
     for case in [] if as_json else cases:
         print_answer(f"{case.outcome.upper()}  {case.name} ({case.message})")
     suite = suite_of_run(result)
-    write_suites([Suite(suite.name, [*suite.cases, *cases])], junit, github, as_json)
+    write_suites([Suite(suite.name, [*suite.cases, *cases])], junit)
     kept = all(item.passed for item in judgements)
     if as_json:
         summary = result.json()
