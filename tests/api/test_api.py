@@ -220,7 +220,7 @@ def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -
         ("html", {"x.html"}),
         ("md", {"x.md"}),
         ("txt", {"x.txt"}),
-        ("tex", {"x.tex", "ranking.tex", "errors.pdf"}),
+        ("tex", {"x-ranking.tex", "x-sensors.tex"}),
         ("csv", {"x-ranking.csv", "x-sensors.csv"}),
         ("svg", {"x-errors.svg", "x-map.svg"}),
         ("png", {"x-errors.png", "x-map.png"}),

@@ -157,28 +157,22 @@ def test_a_comparison_that_was_kept_is_shown_again(cli: Cli, two: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "begins", "beside"),
+    ("name", "begins"),
     [
-        ("x.md", b"# Comparison", set()),
-        ("x.html", b"<!doctype html>", set()),
-        (
-            "x.tex",
-            b"\\documentclass",
-            {"tables/x/differences-position_rmse.tex", "figures/x/differences-position_rmse.pdf"},
-        ),
-        ("x.csv", b"tracker,against,difference", set()),
-        ("x.json", b"{", set()),
-        ("x.svg", b"<svg", set()),
-        ("x.pdf", b"%PDF", set()),
+        ("x.md", b"# Comparison"),
+        ("x.html", b"<!doctype html>"),
+        ("x.tex", b"\\begin{tabular}"),
+        ("x.csv", b"tracker,against,difference"),
+        ("x.json", b"{"),
+        ("x.svg", b"<svg"),
+        ("x.pdf", b"%PDF"),
     ],
 )
-def test_the_ending_of_a_file_is_its_format(cli: Cli, two: Path, name: str, begins: bytes, beside: set[str]) -> None:
+def test_the_ending_of_a_file_is_its_format(cli: Cli, two: Path, name: str, begins: bytes) -> None:
     done = cli("compare", "base/tiny", "new/tiny", "--out", f"made/{name}")
-    folders = ", 1 file in made/tables/x/, 1 file in made/figures/x/" if beside else ""
-    assert (done.status, done.err) == (0, f"made/{name}{folders}\n")
+    assert (done.status, done.err) == (0, f"made/{name}\n")
     assert (two / "made" / name).read_bytes().startswith(begins)
-    made = {path.relative_to(two / "made").as_posix() for path in (two / "made").rglob("*") if path.is_file()}
-    assert made == {name, *beside}
+    assert [path.name for path in (two / "made").iterdir()] == [name]
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"schema_version": 1}', b"[" * 100_000, b"\xff\xfe", b"null"])

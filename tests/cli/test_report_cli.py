@@ -52,7 +52,7 @@ def swatch(page: str, tracker: str) -> str:
     ("format", "expected"),
     [
         ("html", {"report.html"}),
-        ("latex", {"report.tex", "tables/ranking.tex", "figures/map.pdf"}),
+        ("latex", {"tables/ranking.tex", "figures/map.pdf"}),
         ("csv", {"tables/ranking.csv"}),
         ("svg", {"figures/map.svg"}),
         ("terminal", {"report.txt"}),

@@ -92,9 +92,9 @@ class Report:
         """Write it in the format of the file's ending.
 
         Args:
-            path: ``.html``, ``.md``, ``.txt`` or ``.tex`` for the report (with LaTeX, its tables and figures go into
-                folders beside it); ``.csv`` for its tables; ``.svg``, ``.pdf`` or ``.png`` for its figures. Several
-                tables or figures each get a file, named after this one: ``x-ranking.csv``.
+            path: ``.html``, ``.md`` or ``.txt`` for the report; ``.csv`` or ``.tex`` for its tables; ``.svg``, ``.pdf``
+                or ``.png`` for its figures. Several tables or figures each get a file, named after this one:
+                ``x-ranking.csv``.
 
         Raises:
             InputError: the ending is none of these.

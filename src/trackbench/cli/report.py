@@ -47,8 +47,8 @@ Examples:
     type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png", "mot"]),
     default="terminal",
     show_default=True,
-    help="svg, pdf and png: every figure; csv: every table. Of runs with hidden identities also mot: MOTChallenge text "
-    "of the recorded run.",
+    help="svg, pdf and png: every figure; csv: every table; latex: tables, and figures as PDF. Of runs with hidden "
+    "identities also mot: MOTChallenge text of the recorded run.",
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of the files.  [default: RUN]")
 def report_command(run: Path, format: Format | Literal["mot"], out: Path | None) -> None:

@@ -12,20 +12,18 @@ from rich.console import Console
 
 from trackbench.base.errors import InputError
 from trackbench.document import Document, Table
-from trackbench.document.latex import table_to_latex, to_latex
+from trackbench.document.latex import table_to_latex
 from trackbench.document.markdown import to_markdown
 
 Format = Literal["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 #: Of the main file of a format; the other formats have none.
-MAIN_ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
+MAIN_ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md"}
 ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf", ".png")
 #: Columns of a text for a terminal.
 TEXT_WIDTH = 80
 
 Page = TypeVar("Page")
-
-_TABLES, _FIGURES = "tables", "figures"
 
 
 def files(document: Document, format: Format, name: str = "report") -> Iterator[tuple[str, Callable[[], bytes]]]:
@@ -39,29 +37,27 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
         name: that of the main file, where there is one, without its ending.
     """
     if format in MAIN_ENDINGS:
-        yield f"{name}{MAIN_ENDINGS[format]}", lambda: _main_file(document, format, _TABLES, _FIGURES)
+        yield f"{name}{MAIN_ENDINGS[format]}", lambda: _main_file(document, format, "figures")
     if format == "latex" or format == "csv":
         ending, render = ("tex", table_to_latex) if format == "latex" else ("csv", to_csv)
         for table in document.tables:
-            yield f"{_TABLES}/{table.name}.{ending}", partial(_encoded, render, table)
+            yield f"tables/{table.name}.{ending}", partial(_encoded, render, table)
     if format in ("markdown", "svg", "latex", "pdf", "png"):
         from trackbench.document.drawing import figure_file
 
         ending = {"markdown": "svg", "latex": "pdf"}.get(format, format)
         for figure in document.figures:
-            yield f"{_FIGURES}/{figure.name}.{ending}", partial(figure_file, figure, ending)
+            yield f"figures/{figure.name}.{ending}", partial(figure_file, figure, ending)
 
 
-def _main_file(document: Document, format: Format, tables: str, figures: str) -> bytes:
-    """The main file, which reads tables and figures from these folders; Markdown without a folder has no figures."""
+def _main_file(document: Document, format: Format, figures: str = "") -> bytes:
+    """The main file; Markdown reads its figures from a folder, and has none without one."""
     if format == "html":
         from trackbench.document.html import to_html
 
         return to_html(document).encode()
     if format == "markdown":
         return to_markdown(document, figures=figures).encode()
-    if format == "latex":
-        return to_latex(document, tables=tables, figures=figures).encode()
     return document_text(document).encode()
 
 
@@ -97,22 +93,15 @@ def files_by_ending(document: Document, path: Path) -> Iterator[tuple[Path, byte
     """The file of a document in the format of its ending, and what belongs to it.
 
     Tables and figures that are files of their own are named after it: ``x.csv`` where there is one, else
-    ``x-ranking.csv``, and in the folders ``tables/x`` and ``figures/x`` for LaTeX.
+    ``x-ranking.csv``.
     """
     formats: dict[str, Format] = {ending: format for format, ending in MAIN_ENDINGS.items()}
-    formats |= {".csv": "csv", ".svg": "svg", ".pdf": "pdf", ".png": "png"}
+    formats |= {".tex": "latex", ".csv": "csv", ".svg": "svg", ".pdf": "pdf", ".png": "png"}
     format = formats[path.suffix]
-    if format == "latex":
-        folders = {kind: f"{kind}/{path.stem}" for kind in (_TABLES, _FIGURES)}
-        yield path, _main_file(document, format, folders[_TABLES], folders[_FIGURES])
-        for name, content in files(document, format):
-            kind, _, file = name.partition("/")
-            if kind in folders:
-                yield path.parent / folders[kind] / file, content()
-    elif format in MAIN_ENDINGS:
-        yield path, _main_file(document, format, "", "")
+    if format in MAIN_ENDINGS:
+        yield path, _main_file(document, format)
     else:
-        parts = list(files(document, format))
+        parts = [(name, content) for name, content in files(document, format) if name.endswith(path.suffix)]
         for name, content in parts:
             own = "" if len(parts) == 1 else f"-{Path(name).stem}"
             yield path.with_name(f"{path.stem}{own}{path.suffix}"), content()

@@ -1,90 +1,46 @@
-"""A document as LaTeX for pdflatex: tables with booktabs rules and figures are files beside it."""
+"""A table as LaTeX."""
 
 from __future__ import annotations
 
-import re
-from functools import cache
-
-from jinja2 import Environment
-from markupsafe import Markup
-
-from trackbench.document import Code, Document, Table, typeset
-from trackbench.document.template import LATEX_SYNTAX, environment
+from trackbench.document import Cell, Table, typeset
 
 #: Letters of a cell above which its column breaks lines.
 _LONG = 40
-_ESCAPES = {
-    "\\": r"\textbackslash{}",
-    "{": r"\{",
-    "}": r"\}",
-    "$": r"\$",
-    "&": r"\&",
-    "#": r"\#",
-    "%": r"\%",
-    "_": r"\_",
-    "^": r"\textasciicircum{}",
-    "~": r"\textasciitilde{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "|": r"\textbar{}",
-    '"': r"\textquotedbl{}",
-    # Two would become a dash.
-    "-": "-{}",
-    "\N{NO-BREAK SPACE}": "~",
-    "\N{MINUS SIGN}": "$-$",
-    "\N{LESS-THAN OR EQUAL TO}": r"$\leq$",
-    "\N{GREATER-THAN OR EQUAL TO}": r"$\geq$",
-    "\N{RIGHTWARDS ARROW}": r"$\rightarrow$",
-    "\N{SUPERSCRIPT TWO}": r"\textsuperscript{2}",
-    "\N{SUPERSCRIPT THREE}": r"\textsuperscript{3}",
-    "\N{GREEK SMALL LETTER MU}": r"\textmu{}",
-    "\N{GREEK SMALL LETTER SIGMA}": r"$\sigma$",
-}
-_SPECIAL = re.compile("|".join("-(?=-)" if letter == "-" else re.escape(letter) for letter in _ESCAPES))
-
-
-def to_latex(document: Document, *, tables: str, figures: str) -> str:
-    """The text of the main file.
-
-    Args:
-        document: what it says.
-        tables: the folder of the tables' files (:func:`table_to_latex`), relative to the main file.
-        figures: the folder of the figures' PDF files, likewise.
-    """
-    return (
-        _environment()
-        .get_template("document.tex.j2")
-        .render(document=document, facts=", ".join(document.facts), tables=Markup(tables), figures=Markup(figures))
-    )
+#: Signs that pdflatex does not know.
+_SIGNS = str.maketrans(
+    {
+        "\N{NO-BREAK SPACE}": "~",
+        "\N{MINUS SIGN}": "$-$",
+        "\N{LESS-THAN OR EQUAL TO}": r"$\leq$",
+        "\N{GREATER-THAN OR EQUAL TO}": r"$\geq$",
+        "\N{RIGHTWARDS ARROW}": r"$\rightarrow$",
+        "\N{GREEK SMALL LETTER SIGMA}": r"$\sigma$",
+    }
+)
 
 
 def table_to_latex(table: Table) -> str:
-    """The text of a table's own file: a ``table`` with caption, label and footnotes, to be put into any document.
+    """Return a ``tabular`` with booktabs rules, to be put into a table of any document.
 
-    Details stand in a smaller line under the row. It needs the packages booktabs and adjustbox. The label is ``tab:``
-    and the table's name.
+    The caption and the reasons for missing values are comments before it.
     """
-    caption = table.caption or re.sub("[-_]", " ", table.name).capitalize()
-    return _environment().get_template("table.tex.j2").render(table=table, caption=caption, long=_LONG)
+    # Takes its time to import.
+    import pandas
+
+    headings = [typeset(column.heading) for column in table.columns]
+    texts = pandas.DataFrame([[_text(cell) for cell in row] for row in table.rows], columns=headings, dtype=object)
+    bold = [["textbf: --rwrap;" if cell.strong or cell.tracker else "" for cell in row] for row in table.rows]
+    columns = zip(table.columns, zip(*table.rows, strict=True), strict=bool(table.rows))
+    widths = [
+        r"p{0.35\linewidth}" if max(len(cell.text) for cell in cells) > _LONG else "l" if column.left else "r"
+        for column, cells in columns
+    ]
+    styler = texts.style.hide(axis="index").format(escape="latex").format_index(escape="latex", axis="columns")
+    styler = styler.apply(lambda shown: pandas.DataFrame(bold, shown.index, shown.columns, dtype=object), axis=None)
+    notes = [table.caption] * bool(table.caption) + [f"n/a: {reason}" for reason in table.reasons]
+    made = styler.to_latex(hrules=True, column_format=f"@{{}}{''.join(widths)}@{{}}")
+    return "".join(f"% {' '.join(note.split())}\n" for note in notes) + made.translate(_SIGNS)
 
 
-def escape_latex(text: str) -> str:
-    """``text`` as it is, whatever LaTeX it looks like, but for its units."""
-    return _verbatim(typeset(text))
-
-
-def _verbatim(text: str) -> Markup:
-    return Markup(_SPECIAL.sub(lambda match: _ESCAPES[match[0]], text))
-
-
-@cache
-def _environment() -> Environment:
-    made = environment(escape_latex, LATEX_SYNTAX)
-    made.globals["code_lines"] = _code_lines
-    return made
-
-
-def _code_lines(block: Code) -> list[tuple[float, Markup]]:
-    """The indent and the text of each line: a whole text could end any environment for verbatim text."""
-    lines = block.text.rstrip("\n").splitlines()
-    return [((len(line) - len(line.lstrip())) / 2, _verbatim(line.strip())) for line in lines]
+def _text(cell: Cell) -> str:
+    return typeset(f"{cell.text} ({', '.join(cell.details)})" if cell.details else cell.text)

@@ -1,4 +1,4 @@
-"""The jinja2 templates of the pages: HTML, Markdown and LaTeX say the same document."""
+"""The jinja2 templates of the pages: HTML and Markdown say the same document."""
 
 from __future__ import annotations
 
@@ -9,24 +9,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from trackbench.document import Block
 
-#: Marks of the LaTeX templates, in which braces are text.
-LATEX_SYNTAX: dict[str, Any] = {
-    "variable_start_string": "<<",
-    "variable_end_string": ">>",
-    "block_start_string": "<%",
-    "block_end_string": "%>",
-    "comment_start_string": "<#",
-    "comment_end_string": "#>",
-}
 
-
-def environment(escape: Callable[[str], str], syntax: dict[str, Any] | None = None) -> Environment:
+def environment(escape: Callable[[str], str]) -> Environment:
     """Return an environment that escapes every text that is put in; markup stays as it is.
 
     Args:
         escape: makes a text of the document one of the format; HTML's own characters are escaped after it, unless it
             returns markup.
-        syntax: other marks than jinja2's own.
     """
     made = Environment(
         loader=PackageLoader("trackbench.document"),
@@ -36,7 +25,6 @@ def environment(escape: Callable[[str], str], syntax: dict[str, Any] | None = No
         lstrip_blocks=True,
         keep_trailing_newline=True,
         finalize=lambda value: escape(value) if type(value) is str else value,
-        **(syntax or {}),
     )
     tests: Any = made.tests
     for kind in get_args(Block):
