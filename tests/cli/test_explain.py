@@ -49,3 +49,8 @@ def test_an_unknown_term_names_the_nearest(cli: Callable[..., Any], term: str, s
     done = cli("explain", term)
     assert (done.status, done.out) == (2, "")
     assert done.err == f"there is no page on {term!r}: {said}\n"
+
+
+def test_checks_of_trackers_of_several_objects_are_listed(cli: Callable[..., Any]) -> None:
+    shown = cli("list", "checks").out
+    assert all(f"{term.name}  " in shown or f"{term.name}\n" in shown for term in terms()["checks"])

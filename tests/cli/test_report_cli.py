@@ -117,3 +117,9 @@ def test_a_file_where_a_folder_is_needed(cli: Cli, two: Path) -> None:
     done = cli("report", str(two / "tiny"), "--format", "csv", "--out", "table.csv")
     assert done.status == 2
     assert "name a folder" in done.err
+
+
+def test_another_json_is_no_comparison(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "tuned.json").write_text('{"highway": {}, "schema_version": 1}', encoding="utf-8")
+    done = cli("report", "tuned.json")
+    assert (done.status, done.out, done.err) == (2, "", "tuned.json: not a comparison\n")

@@ -106,6 +106,16 @@ def test_a_tracker_that_diverged_is_tied_with_none_by_its_interval() -> None:
     assert standing(result_where([BEST, NEXT], {}).updated(trackers=lost)).cells == ["a", "b"]
 
 
+def test_a_tracker_that_diverged_hides_no_verdict_on_the_others() -> None:
+    result = result_where([BEST, NEXT, THIRD], {(BEST, NEXT): "equivalent", (BEST, THIRD): "undecided"})
+    lost = [
+        tracker.model_copy(update={"health": Health(diverged_runs=1 if tracker.name == THIRD else 0)})
+        for tracker in result.summary.trackers
+    ]
+    best = "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 5 mm"
+    assert said(result.updated(trackers=lost)) == f"ekf_cv diverged in 1 of 100 runs; {best} in this scene"
+
+
 def test_a_mean_that_is_shown_above_is_no_milder_than_optimistic() -> None:
     nees = MetricValue(unit="1", value=7e7, ci95=(8e6, 7e8), dof=4, verdict="mixed")
     assert tone_of(nees) == tone_of(nees.model_copy(update={"verdict": "optimistic"})) == "bad"

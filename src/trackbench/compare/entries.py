@@ -150,7 +150,7 @@ class Entry:
 
     def _column(self, rows: pa.Table, name: str) -> Array:
         if name not in rows.column_names:
-            message = f"its tables have no column {name}: made by another version; run it again"
+            message = f"its tables have no column {name}: compare by a metric that every result has"
             raise InputError(message, file=self.label)
         values: Array = rows[name].to_numpy().astype(np.float64)
         return values

@@ -232,6 +232,8 @@ def _best(result: Result) -> str:
     best, *others = names = [tracker.name for tracker in contenders]
     verdicts = _verdicts(names, pairs)
     not_better = [name for name, word in verdicts.items() if word != "better"]
+    # What diverged is said before, and hides no verdict on the others.
+    not_better = [name for name in not_better if not result[name].health.diverged_runs] or not_better
     all_equivalent = all(verdicts[name] == "equivalent" for name in not_better)
     tied = [best, *not_better]
     scenes = summary.truth.scenes_in_words

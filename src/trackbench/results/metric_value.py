@@ -45,7 +45,10 @@ def model_of(kind: type[M], raw: Any, file: Path, what: str, versions: Sequence[
     Raises:
         InputError: they are none, or of another version.
     """
-    if not isinstance(raw, dict) or raw.get("schema_version") not in versions:
+    required = {name for name, of in kind.model_fields.items() if of.is_required()}
+    if not isinstance(raw, dict) or "schema_version" not in raw or (len(raw) > 1 and required.isdisjoint(raw)):
+        raise InputError(f"not a {what}", file=file)
+    if raw["schema_version"] not in versions:
         numbers = " or ".join(map(str, versions))
         raise InputError(f"schema_version is not {numbers}: this {what} is of another version", file=file)
     try:

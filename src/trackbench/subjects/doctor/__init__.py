@@ -6,7 +6,7 @@ SUBJECT = Subject(
     commands={"doctor": Offer(f"{__name__}.command:doctor_command", "Find the faults of a tracker, with evidence.")},
     api={"Examination": f"{__name__}.report:Examination", "doctor": f"{__name__}.api:doctor"},
     examiners={"doctor": f"{__name__}.api:remark"},
-    lists={"checks": Offer(f"{__name__}.findings:listed_checks", "The checks are those of `trackbench doctor`.")},
+    lists={"checks": Offer(f"{__name__}.certainty:listed_checks", "The checks are those of `trackbench doctor`.")},
     terms={name: f"{__name__}.certainty:{name}_terms" for name in ("faults", "checks", "examination")},
     documents={
         "examination.json": Offer(

@@ -110,6 +110,11 @@ def checks_terms() -> Iterator[TermPage]:
                 yield TermPage(question.name, tuple(_of_check(check, question)))
 
 
+def listed_checks() -> Iterator[tuple[str, str]]:
+    """Name and question of every check, for ``trackbench list``."""
+    return ((term.name, term.page[0][1]) for term in checks_terms())
+
+
 def examination_terms() -> Iterator[TermPage]:
     """The words that an examination uses."""
     return (TermPage(word, (("in an examination", text),)) for word, text in MEANING.items())

@@ -172,12 +172,6 @@ def questions() -> dict[str, Question]:
     return {question.name: question for check in checks_of(CHECKS) for question in check.questions}
 
 
-def listed_checks() -> Iterator[tuple[str, str]]:
-    """Name and question of every check, for ``trackbench list``."""
-    for name, question in questions().items():
-        yield name, question.asks + (" For each sensor." if question.each_sensor else "")
-
-
 @dataclass(frozen=True)
 class Finding:
     """A fault and the evidence for it."""
