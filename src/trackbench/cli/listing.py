@@ -101,8 +101,9 @@ def _metrics() -> Iterator[Row]:
     for metric in metric_paths([*collected("examples_of_metrics"), *METRICS.loaded().values()]):
         where = "hidden identities" if "tracks" in metric.needs else ""
         where += ", no truth" if "no truth" in metric.needs else ""
-        unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
-        yield metric.name, f"{where}{': ' if where else ''}{metric.meaning}{unit}"
+        notes = [metric.unit] * (metric.unit not in ("", "1")) + [f"{metric.better} is better"] * bool(metric.better)
+        in_brackets = f" [{', '.join(notes)}]" if notes else ""
+        yield metric.name, f"{where}{': ' if where else ''}{metric.meaning}{in_brackets}"
 
 
 def _envs() -> Iterator[Row]:
