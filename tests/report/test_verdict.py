@@ -45,11 +45,11 @@ BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
         ({}, "ukf_ctrv has the smallest position error, 0.382 m; shown better than ekf_ctrv and ekf_cv"),
         (
             {(BEST, NEXT): "undecided"},
-            "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; not shown to differ",
+            "ukf_ctrv has the smallest position error, 0.382 m; not shown better than ekf_ctrv",
         ),
         (
             {(BEST, NEXT): "equivalent"},
-            "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 5 mm",
+            "ukf_ctrv has the smallest position error, 0.382 m; equivalent to ekf_ctrv within 5 mm",
         ),
         # Equivalent to the best, but not to each other.
         (
@@ -112,7 +112,7 @@ def test_a_tracker_that_diverged_hides_no_verdict_on_the_others() -> None:
         tracker.model_copy(update={"health": Health(diverged_runs=1 if tracker.name == THIRD else 0)})
         for tracker in result.summary.trackers
     ]
-    best = "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 5 mm"
+    best = "ukf_ctrv has the smallest position error, 0.382 m; equivalent to ekf_ctrv within 5 mm"
     assert said(result.updated(trackers=lost)) == f"ekf_cv diverged in 1 of 100 runs; {best} in this scene"
 
 

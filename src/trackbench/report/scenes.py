@@ -104,9 +104,8 @@ def scenes(result: Result) -> Iterator[Block]:
     contenders = [tracker.name for tracker in result.contenders]
     turned = [scene for scene in every if _other_ahead(result, scene, contenders)]
     each = joined_names([f"{scene.name} ({_first(scene, contenders)})" for scene in turned])
-    total = f"{len(every)} {result.summary.truth.kind_of_scenes}"
-    said = CERTAINTY["ahead elsewhere" if turned else "ahead everywhere"]
-    yield Paragraph(said.format(number=len(turned), total=total, best=contenders[0], scenes=each))
+    total, which = f"{len(every)} {result.summary.truth.kind_of_scenes}", f": {each}" if turned else ""
+    yield Paragraph(CERTAINTY["ahead"].format(number=len(turned), total=total, best=contenders[0], which=which))
     if shown := every if len(every) <= FEWEST_SCENES else turned:
         yield _scene_table(result, shown, contenders)
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC
-from itertools import combinations
 
 from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
@@ -84,7 +83,7 @@ def reused_identities(result: Result) -> list[str]:
     """Return which trackers gave an identity to a second track, and how those are scored; empty where none did."""
     times = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
     trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in times if number)
-    return [REMARKS["used again"].format(trackers=trackers), REMARKS["one identity"]] if trackers else []
+    return [REMARKS["used again"].format(trackers=trackers)] if trackers else []
 
 
 def made_elsewhere(result: Result) -> list[str]:
@@ -95,11 +94,9 @@ def made_elsewhere(result: Result) -> list[str]:
         name, filed, offset = tracker.name, tracker.filed, tracker.time_offset
         if not tracker.paired:
             sentences.append(REMARKS["not paired"].format(name=name))
-        if filed is not None and filed.outside:
-            rows = f"{filed.outside} of {counted(filed.rows, 'row')}"
-            sentences.append(REMARKS["left out"].format(name=name, rows=rows))
-        if filed is not None and filed.silent_runs:
-            sentences.append(REMARKS["all missed"].format(name=name, runs=counted(filed.silent_runs, "run")))
+        if filed is not None and (filed.outside or filed.silent_runs):
+            rows, runs = f"{filed.outside} of {counted(filed.rows, 'row')}", counted(filed.silent_runs, "run")
+            sentences.append(REMARKS["left out"].format(name=name, rows=rows, runs=runs))
         sentences += [f"{name}: {remark}" for remark in (filed.remarks if filed else ())]
         if tracker.offset_shown and offset and offset.value is not None and offset.ci95:
             low, high = (1e3 * end for end in offset.ci95)
@@ -134,10 +131,9 @@ def below_the_bound(result: Result) -> list[str]:
 def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
     """Return how many expectations are met: "All 3 expectations met", "1 of 3 expectations failed, 1 undecided"."""
     failed, undecided = (sum(item.outcome == word for item in expectations) for word in ("failed", "undecided"))
-    word = " and ".join([word for word, number in (("failed", failed), ("undecided", undecided)) if number])
+    kind = "not met" if failed or undecided else ("none", "one met", "met")[min(len(expectations), 2)]
     stated = counted(len(expectations), "expectation")
-    kind = word or ("none", "one met", "met")[min(len(expectations), 2)]
-    return EXPECTATIONS[kind].format(failed=failed, undecided=undecided, stated=stated)
+    return EXPECTATIONS[kind].format(failed=failed, undecided=undecided, stated=stated).removesuffix(", 0 undecided")
 
 
 def remarks(result: Result) -> list[str]:
@@ -167,8 +163,8 @@ NAMED = 3
 def verdict_of_run(result: Result) -> str:
     """Return what went wrong, then who is best, how surely, in one line for a terminal.
 
-    For example "highway: imm_three and imm_cv_ca have the smallest position error, 0.07 m; not shown to differ; all 8
-    expectations met".
+    For example "highway: imm_three has the smallest position error, 0.0708 m; equivalent to imm_cv_ca within 5 mm; all
+    8 expectations met".
     """
     expectations = result.summary.expectations
     outcome = expectations_met(expectations)
@@ -235,45 +231,22 @@ def _best(result: Result) -> str:
     # What diverged is said before, and hides no verdict on the others.
     not_better = [name for name in not_better if not result[name].health.diverged_runs] or not_better
     all_equivalent = all(verdicts[name] == "equivalent" for name in not_better)
-    tied = [best, *not_better]
+    kind = "shown better" if not not_better else "equivalent" if all_equivalent else "not shown better"
+    if pairs.unjudged or not verdicts:
+        kind = "not judged" if others else "alone"
     scenes = summary.truth.scenes_in_words
     # Where each run has a motion of its own, the differences are not of one scene.
     in_one_scene = not scenes and not (summary.truth.model_extra or {}).get("random")
-    return ANSWERS[_kind_of_answer(result, pairs, verdicts, not_better) if verdicts or others else "alone"].format(
+    return ANSWERS[kind].format(
         over=f"over {scenes} " if scenes else "",
         best=best,
         what="position error" if summary.identities == "known" else summary.headline_name,
-        error=_error(contenders[:1], summary.headline),
-        tied=joined_names(tied),
-        error_of_tied=_error([result[name] for name in tied], summary.headline),
+        error=_error(metric_of(contenders[0], summary.headline)),
+        why=pairs.unjudged or "not compared with the others",
         within=pairs.within(best, not_better) if not_better else "",
         whom=_whom(_marked(result, not_better or [*verdicts]), len(verdicts), every=all_equivalent),
         here=" in this scene" if in_one_scene else "",
     )
-
-
-def _kind_of_answer(result: Result, pairs: Pairs, verdicts: Mapping[str, str], not_better: Sequence[str]) -> str:
-    """Return the key of ``ANSWERS`` for the verdicts on the best tracker against the others."""
-    if not verdicts:
-        return "not compared"
-    if pairs.unjudged:
-        return "one run"
-    if not not_better:
-        return "shown better"
-    first = result.contenders[0]
-    tied, words = [first.name, *not_better], {verdicts[name] for name in not_better}
-    low, high = first.metrics[result.summary.headline].ci95 or (0.0, 0.0)
-    errors = {name: metric_of(result[name], result.summary.headline).value or 0.0 for name in not_better}
-    are_alike = (
-        len(tied) <= NAMED
-        and words <= {"equivalent", "undecided"}
-        and not any(result[name].health.diverged_runs for name in tied)
-        and not any(pairs.differ(a, b) for a, b in combinations(tied, 2))
-        and all(verdicts[name] == "equivalent" or low <= errors[name] <= high for name in not_better)
-    )
-    if words == {"equivalent"}:
-        return "some are equivalent" if are_alike else "equivalent"
-    return "some do not differ" if are_alike else "not shown better"
 
 
 def _whom(names: Sequence[str], number: int, *, every: bool) -> str:
@@ -284,14 +257,6 @@ def _whom(names: Sequence[str], number: int, *, every: bool) -> str:
     return f"{which} {number} others"
 
 
-def _error(trackers: list[TrackerResult], path: str) -> str:
-    """ "0.07 m", or "0.07 to 0.09 m" of trackers that differ in what the interval of the best leaves a meaning."""
-    metrics = [metric_of(tracker, path) for tracker in trackers]
-    places = _places(metrics[0])
-    ends = dict.fromkeys(rounded(metric.value, places) for metric in (metrics[0], metrics[-1]))
-    return f"{' to '.join(ends)} m"
-
-
-def _places(metric: MetricValue) -> int:
-    """The decimals of a value: three digits or more, so that it can be told from those of other runs."""
-    return max(meaningful(metric.value, metric.ci95), decimals([metric.value]))
+def _error(metric: MetricValue) -> str:
+    """Return a value with three digits or more, so that it can be told from those of other runs: "0.0708 m"."""
+    return f"{rounded(metric.value, max(meaningful(metric.value, metric.ci95), decimals([metric.value])))} m"

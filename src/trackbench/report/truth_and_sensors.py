@@ -24,8 +24,7 @@ def conclusion(truth: TruthSummary) -> str:
     if not audits:
         return TRUTH["not audited"]
     if not repaired:
-        exact = all(audit.verdict == "exact" for audit in audits.values())
-        return TRUTH["exact" if exact else "consistent"]
+        return TRUTH["consistent"]
     where = "" if len(audits) == 1 else f" of {repaired} of {len(audits)} {truth.kind_of_scenes}"
     return TRUTH["repaired"].format(where=where)
 

@@ -5,10 +5,7 @@ ANSWERS = {
     "none is ranked": "no tracker is ranked",
     "no truth": "no truth, so {trackers} without a ranking",
     "alone": "{over}{best} has a {what} of {error}",
-    "not compared": "{over}{best} has the smallest {what}, {error}",
-    "one run": "{best} has the smallest {what}, {error}; one run: differences cannot be judged",
-    "some are equivalent": "{over}{tied} have the smallest {what}, {error_of_tied}; equivalent {within}{here}",
-    "some do not differ": "{over}{tied} have the smallest {what}, {error_of_tied}; not shown to differ{here}",
+    "not judged": "{over}{best} has the smallest {what}, {error}; {why}",
     "equivalent": "{over}{best} has the smallest {what}, {error}; equivalent to {whom} {within}{here}",
     "not shown better": "{over}{best} has the smallest {what}, {error}; not shown better than {whom}{here}",
     "shown better": "{over}{best} has the smallest {what}, {error}; shown better than {whom}{here}",
@@ -18,9 +15,7 @@ EXPECTATIONS = {
     "none": "No expectations stated",
     "one met": "The expectation is met",
     "met": "All {stated} met",
-    "undecided": "{undecided} of {stated} undecided: more runs or scenes would tell",
-    "failed": "{failed} of {stated} failed",
-    "failed and undecided": "{failed} of {stated} failed, {undecided} undecided",
+    "not met": "{failed} of {stated} failed, {undecided} undecided",
 }
 #: How sure the words of a run are.
 CERTAINTY = {
@@ -32,8 +27,7 @@ CERTAINTY = {
     "trackers differed there by {factor} times as much as in these scenes, in the other direction",
     "few decide": "Vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
     "{until} scenes an error is shown to be larger only where it is more than 1.5 times the other",
-    "ahead elsewhere": "In {number} of {total} another tracker is ahead of {best} by more than the margin: {scenes}.",
-    "ahead everywhere": "No tracker is ahead of {best} by more than the margin in any of the {total}.",
+    "ahead": "In {number} of {total} another tracker is ahead of {best} by more than the margin{which}.",
 }
 #: What the errors of a run leave out or take in.
 REMARKS = {
@@ -47,10 +41,8 @@ REMARKS = {
     "offline": "A smoother, marked offline, knows the measurements after each instant too: it is no competitor",
     "elsewhere": "{names}: offline, made elsewhere: nothing shows that they did not see the future",
     "not paired": "{name}: no fingerprint says of which scans, so compared with no tracker",
-    "used again": "identities used again after their track had ended: {trackers}",
-    "one identity": "tracks of one identity are scored as one track: a second one on the same object is no switch",
-    "left out": "{name}: {rows} outside the time of the truth, left out",
-    "all missed": "{name}: no track in {runs}: all missed there",
+    "used again": "identities used again after their track had ended are scored as one track: {trackers}",
+    "left out": "{name}: {rows} outside the time of the truth, left out; no track in {runs}, all missed there",
     "clock": "{name}: time stamps fit best with {shift} added, beside a shift along the path; --time-offset or "
     "time_offset_s adds it, {seconds} s",
 }
@@ -58,7 +50,6 @@ REMARKS = {
 TRUTH = {
     "not audited": "The truth was not audited.",
     "repaired": "The truth{where} had faults, which were repaired before anything was scored.",
-    "exact": "The truth is exact: its velocities come from the same formulas as its positions.",
     "consistent": "The truth is consistent: velocity agrees with displacement, no position jumps.",
 }
 #: What to do next, before the command for it.
