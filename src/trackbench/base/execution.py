@@ -207,19 +207,14 @@ def _cluster(address: str, stack: ExitStack) -> Submit:
     except ImportError as missing:
         problem = 'needs Dask, which is not installed: pip install "trackbench[cluster]"'
         raise InputError(problem, key="--cluster") from missing
-    dask.config.set({"distributed.scheduler.allowed-failures": 0})
+    no_ctrl_c = ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"]
+    dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.worker.preload": no_ctrl_c})
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     at: Any = address
     try:
         if local is not None:
-            without_ctrl_c = ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"]
-            options = {
-                "threads_per_worker": 1,
-                "memory_limit": 0,
-                "silence_logs": logging.CRITICAL,
-                "preload": without_ctrl_c,
-            }
+            options = {"threads_per_worker": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
             at = distributed.LocalCluster(int(local[1]), host="127.0.0.1", dashboard_address="127.0.0.1:0", **options)
             stack.enter_context(at)
         client = stack.enter_context(distributed.Client(at, timeout=PATIENCE_S))
