@@ -24,7 +24,8 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
     if plan.out is not None:
         results.require_writable(plan.out)
     _require_distinct(scenarios)
-    scenarios = [_checked(scenario, plan, listener) for scenario in scenarios]
+    for note in (note for scenario in scenarios for note in check_plugins(scenario, plan.isolation)):
+        listener.note(note)
     if plan.out is not None:
         for scenario in scenarios:
             results.require_replaceable(plan.out / scenario.config.full_name)
@@ -33,12 +34,6 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
         _prepared(scenario, truths, listener, place_prefix(i, scenarios))
         for i, (scenario, truths) in enumerate(zip(scenarios, pending, strict=True), 1)
     ]
-
-
-def _checked(scenario: Scenario, plan: RunPlan, listener: Listener) -> Scenario:
-    for note in check_plugins(scenario, plan.isolation):
-        listener.note(note)
-    return scenario
 
 
 def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, place: str) -> Prepared:

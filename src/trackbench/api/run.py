@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, overload
+from typing import Any, NamedTuple, overload
 
 from trackbench import results
 from trackbench.api.plan import Counter, Listener, Prepared, RunPlan, command_of, place_prefix
@@ -46,19 +46,7 @@ def run(
     **files: bool,
 ) -> ReportableResult: ...
 @overload
-def run(
-    scenario: Several,
-    *,
-    workers: int | None = None,
-    cluster: str | None = None,
-    out: Path | str | None = None,
-    engine: EngineName = "auto",
-    in_process: bool = False,
-    tracker_timeout: float = ISOLATED.timeout,
-    tracker_memory: float | None = None,
-    progress: Progress = no_progress,
-    **files: bool,
-) -> list[ReportableResult]: ...
+def run(scenario: Several, **options: Any) -> list[ReportableResult]: ...
 def run(
     scenario: Scenario | Named | Several,
     *,
@@ -169,8 +157,8 @@ def _saved(computed: _Computed, plan: RunPlan, listener: Listener) -> Result:
     if plan.out is not None and made is not None:
         name = result.summary.scenario.name
         folder = plan.out / name
-        with listener.progress(f"{place}writing {name}", "files") as advance:
-            result = save(result, folder, next(made), advance, plan.left_out)
+        with listener.progress(f"{place}writing {name}", "files"):
+            result = save(result, folder, next(made), plan.left_out)
     listener.end(result, folder)
     return result
 

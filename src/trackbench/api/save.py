@@ -8,10 +8,7 @@ from pathlib import Path
 
 from trackbench import results
 from trackbench.base.subjects import offered, resolve
-from trackbench.base.types import Progress
 from trackbench.results import Result
-
-_Writer = Callable[[Path], None]
 
 
 def pages(result: Result) -> dict[str, str]:
@@ -24,20 +21,13 @@ def pages(result: Result) -> dict[str, str]:
     return {"report.html": to_html(document), "report.md": to_markdown(document)}
 
 
-def save(
-    result: Result,
-    folder: Path,
-    pages: Mapping[str, str],
-    progress: Progress,
-    left_out: Collection[str],
-) -> Result:
+def save(result: Result, folder: Path, pages: Mapping[str, str], left_out: Collection[str]) -> Result:
     """Write the folder of a run with everything that is in it.
 
     Args:
         result: of the run.
         folder: its name; an earlier result under it is replaced.
         pages: the report, by the name of the file.
-        progress: called with the number of files written and of all.
         left_out: the files of subjects that are not written.
 
     Returns:
@@ -47,7 +37,7 @@ def save(
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
     result, artifacts = with_artifacts(result, pages, left_out)
-    result.save(folder, _counted(artifacts, progress))
+    result.save(folder, artifacts)
     return result
 
 
@@ -61,7 +51,9 @@ def with_artifacts(
         pages: the report, by the name of the file.
         left_out: the files of subjects that are not written.
     """
-    artifacts: dict[str, _Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
+    artifacts: dict[str, Callable[[Path], None]] = {
+        name: partial(results.write_file, text) for name, text in pages.items()
+    }
     for file, offer in offered("artifacts"):
         if file not in left_out:
             artifacts[file] = partial(resolve(offer.target), result)
@@ -69,13 +61,3 @@ def with_artifacts(
     return result.updated(
         artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files}
     ), artifacts
-
-
-def _counted(artifacts: Mapping[str, _Writer], progress: Progress) -> dict[str, _Writer]:
-    """The same writers, each of which says which of them it is."""
-
-    def write(number: int, writer: _Writer, path: Path) -> None:
-        progress(number, len(artifacts))
-        writer(path)
-
-    return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -77,9 +77,11 @@ def _write(content_of: Mapping[str, Callable[[], bytes]], folder: Path) -> None:
     for path, content in content_of.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(folder / path, content())
-    top = [Path(*Path(path).parts[:2]) for path in content_of]
-    parts = _files_in_words(Path(), top, lambda name: name.removesuffix("s") if name.endswith("s") else "file")
-    print_answer(f"{folder}/: {parts}")
+    numbers = Counter(Path(path).parts[0] for path in content_of)
+    parts = (
+        name if name in content_of else f"{counted(number, 'file')} in {name}/" for name, number in numbers.items()
+    )
+    print_answer(f"{folder}/: {', '.join(parts)}")
 
 
 def _document(run: Path) -> Document:
@@ -187,18 +189,5 @@ def compare_command(
     else:
         print_document(comparison_document(comparison), Console(file=answer()))
         if out is not None:
-            click.echo(_files_in_words(out.parent, written), err=True)
+            click.echo(", ".join(map(str, written)), err=True)
     end_with_limits(comparison.outcomes)
-
-
-def _files_in_words(place: Path, files: Sequence[Path], kind: Callable[[str], str] = lambda _: "file") -> str:
-    """The files, those in folders of their own counted: a LaTeX file reads its tables and figures from there.
-
-    Args:
-        place: the folder of those that are named.
-        files: their paths.
-        kind: what a file in a folder of this name is.
-    """
-    named = [str(file) for file in files if file.parent == place]
-    folders = Counter(file.parent for file in files if file.parent != place)
-    return ", ".join([*named, *(f"{counted(n, kind(folder.name))} in {folder}/" for folder, n in folders.items())])

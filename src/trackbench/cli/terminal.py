@@ -123,13 +123,6 @@ class _Stderr(logging.Handler):
         print(self.format(record), file=sys.stderr)
 
 
-class _Since(logging.Formatter):
-    """Each message after the time since the start."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        return f"{record.relativeCreated / 1000:7.2f} s  {super().format(record)}"
-
-
 def _listen(ctx: click.Context, _: click.Parameter, verbose: bool) -> None:
     if verbose and not ctx.resilient_parsing:
-        log_to_stderr(ctx, LOGGER, _Since())
+        log_to_stderr(ctx, LOGGER, logging.Formatter("%(relativeCreated)7.0f ms  %(message)s"))

@@ -38,7 +38,7 @@ def table_to_latex(table: Table) -> str:
     styler = texts.style.hide(axis="index").format(escape="latex").format_index(escape="latex", axis="columns")
     styler = styler.apply(lambda shown: pandas.DataFrame(bold, shown.index, shown.columns, dtype=object), axis=None)
     notes = [table.caption] * bool(table.caption) + [f"n/a: {reason}" for reason in table.reasons]
-    made = styler.to_latex(hrules=True, column_format=f"@{{}}{''.join(widths)}@{{}}")
+    made: str = styler.to_latex(hrules=True, column_format=f"@{{}}{''.join(widths)}@{{}}")
     return "".join(f"% {' '.join(note.split())}\n" for note in notes) + made.translate(_SIGNS)
 
 

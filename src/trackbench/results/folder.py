@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +17,6 @@ import pydantic_core
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
 from trackbench.base.files import require_regular
 from trackbench.results.declared import HIDDEN, LABELLED
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -78,8 +73,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
             if not (temporary / name).exists():
                 raise OutputError(f"cannot write {folder}: {name} was not written")
         written = [f"{name} {(temporary / name).stat().st_size / 1000:.0f} kB" for name in sorted(files)]
-        with _locked(folder.parent):
-            _put(temporary, folder, mark)
+        _put(temporary, folder, mark)
     except (OSError, TrackbenchError) as error:
         # A reader knows the folder by its final name.
         cause = error if isinstance(error, OSError) else error.__cause__
@@ -177,21 +171,6 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_file(text: str, path: Path) -> None:
     """Write a file of a folder that is put in its place as a whole."""
     path.write_text(text, encoding="utf-8")
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder, where the system and the file system have locks."""
-    if fcntl is None:
-        yield
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        with suppress(OSError):
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:
