@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 from tests.support.browser import Seen, look
 from tests.support.example_result import make_result
@@ -53,17 +51,6 @@ def test_every_figure_has_a_caption_and_an_alternative(seen: Seen, page: str, fi
             assert len(figure["caption"]) > 30, figure["id"]
             assert len(figure["alternative"]) > 30, figure["id"]
             assert figure["height"] > 60, figure["id"]
-
-
-@pytest.mark.parametrize("width", [PHONE, DESKTOP])
-def test_figures_zoom_by_keys_and_are_read_off(seen: Seen, width: int) -> None:
-    used = seen.frames["tiny", width]["used"]
-    whole, larger, moved, again = used["steps"]
-    assert larger[2] == pytest.approx(whole[2] / 1.5)
-    assert moved[0] > larger[0]
-    assert moved[2] == larger[2]
-    assert again == whole
-    assert re.fullmatch(r"[a-z]\w+; time [\d.]+\ss; (position|velocity) RMSE [\d.]+\sm(/s)?", used["read"])
 
 
 def test_the_browser_has_nothing_to_say(seen: Seen) -> None:

@@ -17,23 +17,6 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 # Measures each frame once all have loaded; a frame has exactly its width, while a window has a smallest one.
 MEASURE = """
-// Zooms the first figure with a tracker's line by button and keys, and points at a vertex of the line.
-const use = (page, window) => {
-  const svg = page.querySelector('#errors svg'), button = svg?.closest('figure').querySelector('.tools button');
-  if (!button) return null;
-  const view = () => svg.getAttribute('viewBox').split(' ').map(Number);
-  const event = key => new window.KeyboardEvent('keydown', {key, bubbles: true, cancelable: true});
-  const press = key => button.dispatchEvent(event(key));
-  const steps = [view()];
-  button.click(); steps.push(view());
-  press('ArrowRight'); steps.push(view());
-  press('0'); steps.push(view());
-  const path = svg.querySelector('g[class^=t] > path[d]');
-  const [, x, y] = path.getAttribute('d').match(/L (-?[\\d.]+) (-?[\\d.]+)/).map(Number);
-  const at = new window.DOMPoint(x, y).matrixTransform(svg.getScreenCTM());
-  svg.dispatchEvent(new window.PointerEvent('pointermove', {clientX: at.x, clientY: at.y, bubbles: true}));
-  return {steps, read: page.querySelector('.readout').textContent};
-};
 const frames = [...document.querySelectorAll('iframe')].map(frame => {
   const page = frame.contentDocument, width = frame.contentWindow.innerWidth;
   page.querySelectorAll('details').forEach(details => details.open = true);
@@ -50,7 +33,6 @@ const frames = [...document.querySelectorAll('iframe')].map(frame => {
       alternative: figure.querySelector('svg[role=img]')?.getAttribute('aria-label') || '',
       height: figure.querySelector('svg')?.getBoundingClientRect().height || 0,
     })),
-    used: use(page, frame.contentWindow),
     smallest: Math.min(...[...page.querySelectorAll('p, td, li, figcaption')]
       .map(e => parseFloat(frame.contentWindow.getComputedStyle(e).fontSize))),
   };

@@ -6,7 +6,6 @@ Drawn the same on every machine: no date, fixed ids, default settings whatever t
 from __future__ import annotations
 
 import io
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -61,15 +60,13 @@ _GEOMETRY = ("d", "x", "y", "width", "height", "transform", "points", "style")
 def svg_in_page(figure: Figure) -> str:
     """The ``<svg>`` of a figure inside a page, which shows the legend itself.
 
-    An artist whose gid has a tooltip gets the gid as its class. The axes are in ``data-axes``, so that a pointer can
-    read values off.
+    An artist whose gid has a tooltip gets the gid as its class.
     """
     with _drawn(figure, _STAND_INS, legend=False) as canvas:
         svg = ElementTree.fromstring(_saved(canvas, "svg"))
-        axes = json.dumps(_axes(canvas), separators=(",", ":"))
     _clean(svg, figure.name, figure.tooltips)
-    box = {"viewBox": svg.attrib["viewBox"], "data-axes": axes}
-    svg.attrib = {**box, "class": "plot", "role": "img", "aria-label": figure.alternative}
+    box = svg.attrib["viewBox"]
+    svg.attrib = {"viewBox": box, "class": "plot", "role": "img", "aria-label": figure.alternative}
     markup = ElementTree.tostring(svg, encoding="unicode", short_empty_elements=True)
     for name, stand_in in _STAND_INS.items():
         markup = markup.replace(stand_in, IN_PAGE[name])
@@ -126,23 +123,6 @@ def _saved(canvas: Canvas, kind: str) -> bytes:
     look: dict[str, Any] = {"dpi": 72 * _PNG_SCALE, "facecolor": "white"} if kind == "png" else {}
     canvas.savefig(buffer, format=kind, metadata=dict.fromkeys(_UNSTATED[kind]), **look)
     return buffer.getvalue()
-
-
-def _axes(canvas: Canvas) -> list[dict[str, Any]]:
-    """Each panel: its edges in the drawing, and of each axis the label, the ends and whether it is logarithmic."""
-    panels = [axes for axes in canvas.axes if axes.get_visible()]
-    height = canvas.bbox.height
-    labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in panels]
-    shared = [next(filter(None, of_axis), "") for of_axis in zip(*labels, strict=True)]
-    described = []
-    for axes, own in zip(panels, labels, strict=True):
-        (left, bottom), (right, top) = axes.bbox.get_points().round(1).tolist()
-        ends = [[float(f"{end:.6g}") for end in limits] for limits in (axes.get_xlim(), axes.get_ylim())]
-        scales = [int(scale == "log") for scale in (axes.get_xscale(), axes.get_yscale())]
-        x, y = ([a or b, *pair, log] for a, b, pair, log in zip(own, shared, ends, scales, strict=True))
-        edges = {"left": left, "right": right, "top": round(height - top, 1), "bottom": round(height - bottom, 1)}
-        described.append({**edges, "x": x, "y": y})
-    return described
 
 
 @contextmanager
