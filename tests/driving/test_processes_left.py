@@ -54,7 +54,8 @@ class Mine:
 
 #: Where a process stands among those of a run: its ancestors up to the one that the shell sees.
 VICTIMS = {
-    "bench": lambda run, server: run,
+    "parent": lambda run, server: run,
+    "bench": lambda run, server: children(run)[0],
     "fork server": lambda run, server: server,
     "tracker": lambda run, server: children(server)[0],
 }
@@ -113,7 +114,9 @@ def none_left(mark: str) -> bool:
     ("options", "victim"),
     [
         *(("", victim) for victim in VICTIMS),
+        ("--workers 2 --runs 4000", "parent"),
         ("--workers 2 --runs 4000", "bench"),
+        ("--cluster local:2 --runs 4000", "parent"),
         ("--cluster local:2 --runs 4000", "bench"),
     ],
 )
@@ -130,7 +133,7 @@ def test_nothing_outlives_a_run_of_which_a_process_is_killed(
     assert len(marked(mark)) > 60
     os.kill(VICTIMS[victim](run.pid, server), signal.SIGKILL)
     _, err = run.communicate(timeout=PATIENCE)
-    assert run.returncode == {"bench": -signal.SIGKILL}.get(victim, 3), err
+    assert run.returncode == {"parent": -signal.SIGKILL, "bench": 70}.get(victim, 3), err
     assert "Traceback" not in err
     assert none_left(mark)
     # A scheduler that is killed leaves the folder of its workers.

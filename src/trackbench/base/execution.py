@@ -207,8 +207,7 @@ def _cluster(address: str, stack: ExitStack) -> Submit:
     except ImportError as missing:
         problem = 'needs Dask, which is not installed: pip install "trackbench[cluster]"'
         raise InputError(problem, key="--cluster") from missing
-    no_ctrl_c = ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"]
-    dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.worker.preload": no_ctrl_c})
+    dask.config.set({"distributed.scheduler.allowed-failures": 0})
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     at: Any = address

@@ -8,7 +8,7 @@ BAD_INPUT = 2
 #: A tracker, or another plug-in, failed.
 FAILED_PLUGIN = 3
 CANNOT_WRITE = 4
-#: An internal error (sysexits.h).
+#: An internal error, or a command that ended without a status (sysexits.h).
 FAULT = 70
 #: What a shell reports of a program that Ctrl-C ended, and of one whose reader has gone.
 INTERRUPTED, UNREAD = 130, 141

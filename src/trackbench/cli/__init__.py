@@ -7,20 +7,26 @@ import os
 import sys
 
 from trackbench.base.exit_status import INTERRUPTED
-
-#: What becomes of a command that is interrupted.
-UNFINISHED = "the unfinished run was not kept"
+from trackbench.cli import parent
 
 
 def main() -> None:
     """The console script. Exit status: see the README."""
     _open_missing_streams()
-    arguments = set(sys.argv[1:])
-    is_completion = any(name.endswith("_COMPLETE") for name in os.environ)
-    if arguments and not is_completion and arguments.isdisjoint(("--help", "-h", "--version")):
-        from trackbench.cli.answer import redirect_prints
+    # Before the commands are imported, so that the process which waits for them is small.
+    if parent.is_wanted(sys.argv[1:]):
+        parent.run_in_child(_redirected_command)
+    sys.exit(_redirected_command() if "--in-process" in sys.argv else _command())
 
-        redirect_prints()
+
+def _redirected_command() -> int:
+    from trackbench.cli.answer import redirect_prints
+
+    redirect_prints()
+    return _command()
+
+
+def _command() -> int:
     # The modules and figures of a command are some hundred thousand objects that stay: to look at them at every 700 new
     # ones took a tenth of a short run.
     gc.set_threshold(500_000, 50, 100)
@@ -29,8 +35,8 @@ def main() -> None:
         from trackbench.cli.commands import run_command_line
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
-        sys.exit(INTERRUPTED)
-    sys.exit(run_command_line())
+        return INTERRUPTED
+    return run_command_line()
 
 
 def _open_missing_streams() -> None:

@@ -28,8 +28,8 @@ from trackbench.base.exit_status import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUP
 from trackbench.base.plugins import with_plugins
 from trackbench.base.subjects import Offer, kind_of_file, offered, resolve
 from trackbench.base.user_code import place_of
-from trackbench.cli import UNFINISHED
 from trackbench.cli.answer import answer
+from trackbench.cli.parent import UNFINISHED
 
 log = logging.getLogger(__name__)
 
