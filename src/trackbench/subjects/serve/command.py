@@ -20,7 +20,12 @@ if TYPE_CHECKING:
 
 @click.group("serve")
 def serve_command() -> None:
-    """Let a simulator drive a tracker of a scenario, live."""
+    """Let a simulator drive a tracker of a scenario, live.
+
+    \b
+    Example:
+      trackbench serve udacity --tracker scripted/figure_eight#ekf
+    """
 
 
 @serve_command.command("udacity")
@@ -50,9 +55,6 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, isol
     path, hash_sign, name = tracker.rpartition("#")
     if not hash_sign or not path or not name:
         raise InputError(f"write SCENARIO#NAME, not {tracker!r}", key="--tracker")
-    if not host:
-        # To the operating system, no address means all of them.
-        raise InputError("is empty; 127.0.0.1 is this machine alone, 0.0.0.0 opens the server to others", key="--host")
     try:
         from trackbench.subjects.serve.server import serve_udacity
     except ModuleNotFoundError:

@@ -30,8 +30,6 @@ from trackbench.truth.recorded.udacity import Measurement
 
 log = logging.getLogger(__name__)
 
-#: In a second.
-MICROSECONDS = 1e6
 #: Characters of a frame that a log line shows.
 SHOWN = 60
 
@@ -188,7 +186,7 @@ class Client:
             values = values[[Radar.components.index(name) for name in config.components]]
         if self._first is None:
             self._first = measurement.stamp
-        time = (measurement.stamp - self._first) / MICROSECONDS
+        time = (measurement.stamp - self._first) / 1e6  # s, of microseconds
         scan = empty._replace(time=time, arrival_time=time, measurement=values, valid=np.ones(1, dtype=bool))
         named = self._served.config.sensors_used
         return scan if named is None or scan.sensor in named else empty_scan(scan)
