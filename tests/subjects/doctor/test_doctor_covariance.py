@@ -7,10 +7,10 @@ import pytest
 from benchmarks.faults.bases.plain_ekf import Tracker as PlainEkf
 from tests.support.doctor import Make, under_test
 
+from trackbench.subjects.doctor.checks.equations import equations
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.one_gain import one_gain
-from trackbench.subjects.doctor.checks.process_noise import noise_powers
 from trackbench.subjects.doctor.examine import Doctor
+from trackbench.subjects.doctor.findings import PROVEN
 from trackbench.subjects.doctor.subject import SENSORS
 
 
@@ -24,10 +24,10 @@ class ThreeTimes(PlainEkf):
 
 
 def test_a_measurement_that_is_applied_three_times_is_told_so() -> None:
-    lidar, radar = one_gain(under_test(ThreeTimes)).findings
+    lidar, radar = equations(under_test(ThreeTimes)).findings
     assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
-    assert lidar.factor == radar.factor == 3.0
-    assert "3 updates with the same measurement" in lidar.evidence
+    assert lidar.factor == pytest.approx(3.0, rel=0.01)
+    assert radar.factor == pytest.approx(3.0, rel=0.01)
 
 
 class Inflated(PlainEkf):
@@ -53,32 +53,81 @@ class LargerGain(OwnGain):
     times = 1.6
 
 
-class DiagonalInnovation(PlainEkf):
-    """Each component of the measurement has the gain that it had alone."""
-
-    def update(self, x, P, scan):
-        H = self.sensor_jacobian(x, scan)
-        R = self.noise(scan)
-        K = P @ H.T / np.diag(H @ P @ H.T + R)
-        kept = np.eye(4) - K @ H
-        return x + K @ self.innovation(scan, self.predicted_measurement(x, scan)), kept @ P @ kept.T + K @ R @ K.T
-
-
 def test_a_gain_with_its_own_covariance_is_no_wrong_jacobian() -> None:
     tracker = under_test(LargerGain)
-    lidar, radar = one_gain(tracker).findings
+    lidar, radar = equations(tracker).findings
     assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
     assert lidar.factor == pytest.approx(1.6, rel=1e-6)
-    assert "the covariance after it is that of this gain" in lidar.evidence
     assert gain(tracker).findings == []
-    for finding in one_gain(under_test(DiagonalInnovation)).findings:
-        assert finding.fault == "gain_inconsistent"
-        assert "of the diagonal of the innovation covariance alone" in finding.evidence
+
+
+class NoiseTwice(PlainEkf):
+    """Adds R to the innovation covariance in two places."""
+
+    def update(self, x, P, scan):
+        H, R = self.sensor_jacobian(x, scan), self.noise(scan)
+        S = H @ P @ H.T + 2 * R
+        K = P @ H.T @ np.linalg.inv(S)
+        y = self.innovation(scan, self.predicted_measurement(x, scan))
+        return x + K @ y, self.corrected_covariance(P, K, S)
+
+
+def test_a_measurement_noise_that_is_added_twice_is_told_so() -> None:
+    lidar, radar = equations(under_test(NoiseTwice)).findings
+    assert {lidar.fault, radar.fault} == {"r_too_large"}
+    assert {lidar.factor, radar.factor} == {2.0}
+    assert lidar.confidence == PROVEN
+    assert "R is added 2 times" in lidar.evidence
+
+
+class PredictedNoiseTwice(PlainEkf):
+    """Adds Q to the predicted covariance in two places."""
+
+    def predict(self, x, P, dt):
+        x, P = super().predict(x, P, dt)
+        return x, P + self.process_noise(x, dt)
+
+
+def test_a_process_noise_that_is_added_twice_is_told_so() -> None:
+    (finding,) = equations(under_test(PredictedNoiseTwice)).findings
+    assert finding.fault == "process_noise_twice"
+    assert "2 times" in finding.evidence
+
+
+class LouderNoise(PlainEkf):
+    """States ten times the variances of the sensors."""
+
+    def noise(self, scan):
+        return 10 * super().noise(scan)
+
+
+def test_a_noise_that_differs_from_the_stated_one_is_shown_with_its_line() -> None:
+    lidar, radar = equations(under_test(LouderNoise)).findings
+    assert {lidar.fault, radar.fault} == {"r_too_large"}
+    assert lidar.factor == pytest.approx(10.0)
+    assert "test_doctor_covariance.py:" in lidar.evidence
+    assert "0.474, 0.474, and lidar states 0.15, 0.15" in lidar.evidence
+
+
+class LosesMean(PlainEkf):
+    """Returns the updated mean, and goes on from the predicted one."""
+
+    def step(self, state, scan):
+        after, answer = super().step(state, scan)
+        if state is not None:
+            after = after._replace(mean=self.predict(state.mean, state.covariance, scan.time - state.time)[0])
+        return after, answer
+
+
+def test_an_update_that_is_not_kept_is_told_so() -> None:
+    lidar, radar = equations(under_test(LosesMean)).findings
+    assert {lidar.fault, radar.fault} == {"update_not_kept"}
+    assert "0% of its change of the mean is left" in lidar.evidence
 
 
 @pytest.mark.parametrize("make", [Inflated, OwnGain], ids=lambda make: make.__name__)
 def test_a_consistent_update_has_no_finding(make: Make) -> None:
-    assert one_gain(under_test(make)).findings == []
+    assert equations(under_test(make)).findings == []
 
 
 class Continuous(PlainEkf):
@@ -99,13 +148,10 @@ class OneAxis(Continuous):
 
 def test_the_powers_of_the_time_step() -> None:
     """dt^4, dt^3, dt^2 of an acceleration that is constant over a step; dt^3, dt^2, dt of a continuous one."""
-    (check,) = noise_powers(under_test(PlainEkf)).checks
-    assert check.passed
-    assert "grow with dt^4, dt^3, dt^2" in check.result
-    (check,) = noise_powers(under_test(Continuous)).checks
-    assert check.passed
-    assert "grow with dt^3, dt^2, dt^1" in check.result
-    (finding,) = noise_powers(under_test(OneAxis)).findings
+    for make in (PlainEkf, Continuous):
+        (check,) = equations(under_test(make)).checks
+        assert check.passed
+    (finding,) = equations(under_test(OneAxis)).findings
     assert finding.fault == "q_wrong_power_of_dt"
     assert "of py grows with dt^4" in finding.evidence
     assert "where dt^3 goes" in finding.evidence
@@ -126,7 +172,7 @@ def test_checks_of_a_covariance_that_is_not_the_own_one_are_not_made() -> None:
     assert found.findings[0].fault == "covariance_constant"
     assert {finding.fault for finding in found.findings if finding.consequence_of is None} == {"covariance_constant"}
     results = {check.name: check for check in found.checks}
-    for name in ("start_confidence", "process_noise", "gain.radar", "one_gain.lidar"):
+    for name in ("start_confidence", "process_noise", "gain.radar"):
         assert results[name].passed is None
         assert "not the tracker's own" in results[name].result
     skipped = Doctor(SENSORS, skip=["stated_covariance"]).examine("begun", Template)

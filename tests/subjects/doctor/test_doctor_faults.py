@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from functools import partial
 from importlib import import_module
@@ -13,19 +14,16 @@ from benchmarks.faults.bases.plain_ekf import Tracker as PlainEkf
 from benchmarks.faults.corpus import Program, bases, entries, examined, is_right, with_faults
 from tests.support.doctor import SITES, Make, Part, looped, program_under_test, programs, tracker_of, under_test
 
-from trackbench.subjects.doctor.checks.continuity import continuity
 from trackbench.subjects.doctor.checks.drives import drives
+from trackbench.subjects.doctor.checks.equations import equations
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.jacobians import written_jacobians
 from trackbench.subjects.doctor.checks.modes import modes
-from trackbench.subjects.doctor.checks.one_gain import one_gain
 from trackbench.subjects.doctor.checks.outliers import gate, outliers
 from trackbench.subjects.doctor.checks.prediction import motion_prediction
-from trackbench.subjects.doctor.checks.process_noise import growth_by_noise, noise_powers
+from trackbench.subjects.doctor.checks.process_noise import growth_by_noise
 from trackbench.subjects.doctor.checks.start import confidence, first_position
 from trackbench.subjects.doctor.checks.stated_covariance import stated_covariance
-from trackbench.subjects.doctor.checks.transition import transition
 from trackbench.subjects.doctor.checks.validity import repeatability, validity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.drives import drive_configs
@@ -46,21 +44,30 @@ from trackbench.trackers.builtin import ekf, kf, ukf
 #: Faults of one object by the check that names them.
 FOUND_BY: dict[Part, list[str]] = {
     confidence: ["first_velocity_variance_per_dt"],
-    continuity: ["covariance_never_stored"],
+    equations: [
+        "covariance_never_stored",
+        "variance_in_degrees",
+        "noise_of_the_first_entry",
+        "white_noise_dt_4",
+        "noise_of_another_order",
+        "covariance_overwritten_in_its_update",
+        "covariances_overwritten_before_use",
+        "gain_kept_from_first_update",
+        "product_of_entries",
+        "predicted_covariance_about_old_mean",
+        "update_with_points_before_noise",
+        "sign_of_one_derivative_by_the_turn_rate",
+        "turn_noise_over_the_interval",
+    ],
     expectation: ["range_rate_is_speed", "left_handed_points", "sign_of_the_speed", "arctan_of_the_quotient"],
     first_position: ["start_without_own_velocity"],
-    gain: ["update_with_points_before_noise", "variance_in_degrees", "noise_of_the_first_entry"],
     gate: ["gate_of_five_percent"],
     growth_by_noise: ["first_process_noise_kept"],
     modes: ["imm_transitions_read_by_columns", "imm_mixing_left_out", "likelihood_after_the_update"],
     motion_prediction: ["milliseconds_of_milliseconds", "time_never_moves_on", "mean_not_predicted"],
-    noise_powers: ["white_noise_dt_4", "noise_of_another_order"],
-    one_gain: ["joseph_not_transposed", "covariance_overwritten_in_its_update"],
     repeatability: ["noise_drawn_for_none"],
     stated_covariance: ["noise_given_as_covariance"],
-    transition: ["product_of_entries", "predicted_covariance_about_old_mean"],
     wrapping: ["remainder_of_negative_angles", "azimuths_of_points_averaged", "gated_before_wrapped"],
-    written_jacobians: ["sign_of_one_derivative_by_the_turn_rate", "turn_noise_over_the_interval"],
 }
 #: Faults of several objects by the check that names them.
 SEEN_BY: dict[Any, list[str]] = {
@@ -94,8 +101,24 @@ def test_a_scene_shows_its_fault_and_nothing_of_the_base(check: Any, name: str) 
 
 
 def test_every_check_of_one_object_has_a_fault_that_it_names() -> None:
-    others = {drives.__name__, outliers.__name__, validity.__name__, "steps"}
+    others = {drives.__name__, gain.__name__, outliers.__name__, validity.__name__, "steps"}
     assert {check.name for check in checks_of(CHECKS)} == {part.__name__ for part in FOUND_BY} | others
+
+
+@pytest.mark.parametrize("name", ["variance_in_degrees", "noise_of_the_first_entry"])
+def test_the_gains_of_a_belief_that_is_not_found_imply_the_noise(name: str) -> None:
+    tracker = tracker_of(name)
+
+    class Sealed:
+        """Keeps its state as bytes."""
+
+        def step(self, state: Any, scan: Any) -> Any:
+            after, answer = tracker().step(None if state is None else pickle.loads(state), scan)
+            return None if after is None else pickle.dumps(after), answer
+
+    sealed = under_test(Sealed)
+    assert equations(sealed).checks == []
+    assert {finding.fault for finding in gain(sealed).findings} <= set(entries()[name].accept)
 
 
 def test_every_fault_has_a_drive() -> None:
@@ -189,4 +212,4 @@ class Fading(PlainEkf):
 
 
 def test_a_memory_that_fades_is_no_jacobian() -> None:
-    assert all(check.passed for check in transition(under_test(Fading)).checks)
+    assert all(check.passed for check in equations(under_test(Fading)).checks)

@@ -84,7 +84,7 @@ def test_the_filters_of_sound_trackers_have_no_fault(name: str) -> None:
     checks, findings = filter_examined(LIDAR, looped(tracker_of(name)))
     assert findings == []
     assert [check.name for check in checks if check.passed is False] == []
-    assert {"prediction", "transition"} <= {check.name for check in checks if check.passed}
+    assert {"prediction", "equations"} <= {check.name for check in checks if check.passed}
 
 
 def test_a_tracker_that_cannot_be_copied_is_said_not_to_be_examined() -> None:

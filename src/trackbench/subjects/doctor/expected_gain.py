@@ -12,9 +12,9 @@ from trackbench.base.types import Array, Mask
 from trackbench.subjects.doctor.trial import Trial
 
 
-def linearised_gain(trial: Trial, used: Mask | None = None, covariance: Array | None = None) -> Array:
-    """``(4, m)`` that of an EKF; with some components ``(m,)`` alone, or of another covariance ``(4, 4)``."""
-    p = linalg.symmetrise(trial.prediction.covariance if covariance is None else covariance)
+def linearised_gain(trial: Trial, used: Mask | None = None) -> Array:
+    """``(4, m)`` that of an EKF; with some components ``(m,)`` alone."""
+    p = linalg.symmetrise(trial.prediction.covariance)
     cross = p @ trial.jacobian.T
     return _gain(cross, trial.jacobian @ cross + trial.scan.noise_covariance, used)
 
@@ -37,13 +37,6 @@ def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[
         ),
         key=lambda error: error[0],
     )
-
-
-def joseph(trial: Trial, gain: Array, covariance: Array | None = None) -> Array:
-    """``(4, 4)`` the predicted covariance, or another one, after an update with a gain ``(4, m)``, by Joseph's form."""
-    p = linalg.symmetrise(trial.prediction.covariance) if covariance is None else covariance
-    kept = np.eye(4) - gain @ trial.jacobian
-    return np.asarray(kept @ p @ kept.T + gain @ trial.scan.noise_covariance @ gain.T)
 
 
 def relative_error(applied: Array, right: Array, scale: Array) -> float:

@@ -48,6 +48,11 @@ class Isolated:
     def __init__(self, make: Callable[[], Any]) -> None:
         self._tracker, self._state = make(), None
 
+    @property
+    def within(self) -> Any:
+        """The trackers and their states, below what checks them."""
+        return getattr(self._tracker, "_trackers", self._tracker), getattr(self._tracker, "_states", None)
+
     def step(self, state: int | None, scan: Scan) -> tuple[int | None, Estimate | None]:
         """The estimate of the track that answered before, or else of the one nearest to the detection; None where there
         is neither."""

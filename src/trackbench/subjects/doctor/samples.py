@@ -16,8 +16,6 @@ SAMPLED = 3e-3
 SPREAD = 0.06
 #: Difference beyond that of any useful number of samples: an estimate that diverges.
 DIVERGED = 0.5
-#: Why a check of covariances is not made.
-OTHER_ANSWERS = "two ways to the same time give other answers, as by samples of its own"
 
 
 def has_samples(tracker: TrackerUnderTest) -> bool:

@@ -219,15 +219,6 @@ class TrackerSession:
         transition[0, 2] = transition[1, 3] = scan.time - self._own.given[-1].time
         return Estimate(transition @ latest.mean, transition @ latest.covariance @ transition.T, latest.state)
 
-    def step_and_predict(self, scan: Scan, later: float) -> tuple[Estimate | None, Estimate | None]:
-        """The estimates of a copy at a scan, and at a missed one ``later`` seconds after it.
-
-        Raises:
-            StepFailed: as of ``step``, at any of them.
-        """
-        twin = self.copy()
-        return twin.step(scan), twin.step(empty_scan(scan._replace(time=scan.time + later)))
-
     def copy(self) -> TrackerSession:
         """An independent session with the same state.
 

@@ -35,8 +35,6 @@ CLEAR = 0.3
 #: Difference of the predicted measurement from that of the predicted mean which an EKF does not have, in standard
 #: deviations: 0.00 with linearisation, 0.1 and more with sigma points or samples, however wrong their weights are.
 LINEARISED = 0.03
-#: Scans of a track that has just started.
-FIRST_SCANS = 4
 #: Offset of the measurements for a tracker that may learn it, in their standard deviations; and for how long, s.
 OFFSET, LEARNING = 3.0, 4.0
 
@@ -312,22 +310,6 @@ def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: Track
     scan = tracker.scan(probe, name, gap)
     prediction = tracker.predict(session, scan, probe.name)
     return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
-
-
-def early_trials(tracker: TrackerUnderTest, sensor: str) -> list[Trial]:
-    """Those after the first scans of a track, where a filter that diverges is still near its target."""
-    trials = []
-    for probe in tracker.probes.general:
-        for sensor_set in tracker.sensor_sets():
-            scans = tracker.approach(probe, sensor_set)
-            with tracker.recording_failures(probe.name):
-                session = TrackerSession.after(tracker.make, scans[:FIRST_SCANS])
-                at = tracker.scan(probe, sensor, scans[FIRST_SCANS].time)
-                prediction = session.predict(at)
-                if prediction is not None:
-                    trial = Trial(probe.name, probe.description, at, prediction, session)
-                    trials += [trial] if trial.usable else []
-    return trials
 
 
 def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:

@@ -10,13 +10,12 @@ import numpy as np
 from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.drives import harmless
+from trackbench.subjects.doctor.checks.equations import equation_answers
 from trackbench.subjects.doctor.checks.implied_noise import DIRECTION, ERRORS, noise_factors, wrong_noise
-from trackbench.subjects.doctor.checks.jacobians import wrong_line
-from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
 from trackbench.subjects.doctor.findings import CERTAIN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import sampling_noise
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, learned_offsets, linearises
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
 from trackbench.subjects.doctor.trial import Trial
 
 #: Difference of the factors of sensors up to which they are one.
@@ -52,9 +51,6 @@ def inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
 
 #: Error of the length of a row, as a ratio. Sigma points reach 1.25.
 SIZE = 1.7
-#: Relative error of a gain of sigma points that is none, and one that is; gaps after the last measurement, s.
-SMALL, LARGE = 0.05, 0.12
-AT_ONCE, LATER = 1e-3, 0.5
 #: Ratio of the implied noises of the trials up to which they are one: 1.00 with constant velocity and any Jacobian, and
 #: 1.14 in a turning model's EKF.
 SAME_NOISE = 1.15
@@ -108,13 +104,6 @@ OWN_NOISE = (
             "S = H P H^T + R, or the sum over the sigma points plus R.",
             Role(rank=15, drive="own_model"),
         ),
-        "sigma_points_not_redrawn": KnownFault(
-            "the update uses sigma points without the process noise",
-            "Between the prediction and the update, where the moved points are used again.",
-            "Draw new points from the predicted mean and covariance, or let the noise be part of the points (augmented "
-            "state).",
-            Role(rank=37, drive="uneven_steps"),
-        ),
     },
 )
 def gain(tracker: TrackerUnderTest) -> PartResult:
@@ -122,9 +111,12 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     for sensor, trials in tracker.trials.items():
         name = f"gain.{sensor}"
-        if sensor in tracker.once(update_faults):
-            why = "the mean and the covariance do not change by one gain, so that no model follows from them"
-            result.add(name, None, why)
+        answers = tracker.once(equation_answers)
+        if sensor in {finding.sensor for finding in answers.findings}:
+            result.add(name, None, "the equations of its updates do not hold, so that no model follows from them")
+            continue
+        if sensor in answers.right:
+            result.add(name, True, "they are those of the covariance that the tracker keeps, and of the stated noise")
             continue
         linear = [trial for trial in trials if trial.nearly_linear]
         if trials and len(linear) < LEAST_LINEAR:
@@ -165,8 +157,8 @@ def _excusable(tracker: TrackerUnderTest, rows: Sequence[ImpliedModel], findings
         return all(finding.factor is not None and finding.factor < CAUTIOUS for finding in findings)
     if all(finding.fault not in GAIN_FAULTS for finding in findings):
         return False
-    looked, wrong = tracker.once(wrong_line)
-    other = not _of_another_model(rows) or (looked > 0 and wrong is None)
+    answers = tracker.once(equation_answers)
+    other = not _of_another_model(rows) or (answers.targets > 0 and not answers.findings)
     return _mixes(rows) or (other and findings[0].fault == "jacobian_wrong")
 
 
@@ -235,37 +227,13 @@ def _jacobian(
     share, worst, i, text = max(found, key=lambda one: one[0])
     confidence, shown_by = 0.8 + 0.15 * share, worst.trial.name
     if tracker.once(linearises) is False:
-        return [_not_redrawn(tracker, sensor) or _inconsistent(sensor, rows, text, confidence)]
+        return [_inconsistent(sensor, rows, text, confidence)]
     j = int(np.argmax(np.abs(worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma))
     at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
     implied_entry, right_entry = worst.jacobian[i, j], worst.trial.jacobian[i, j]
     entry = f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry:.4g}, where {right_entry:.4g} "
     entry += f"is right (px, py, vx, vy = {at}); {text}"
     return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by)]
-
-
-def _not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
-    """Report a gain that is right at once after a measurement, and after a gap is that without the process noise."""
-    errors: dict[float, list[float]] = {AT_ONCE: [], LATER: []}
-    for probe in tracker.probes.general:
-        for sensor_set in tracker.sensor_sets():
-            session = tracker.session_at(probe, sensor_set)
-            for gap, found in errors.items():
-                trial = None if session is None else after_gap(tracker, probe, sensor, session, gap)
-                update = None if trial is None or not trial.usable else trial.linear_update()
-                if trial is not None and update is not None:
-                    found.append(gain_error(trial, update.gain)[0])
-    if min(len(found) for found in errors.values()) < 3:
-        return None
-    at_once, later = (float(np.median(found)) for found in errors.values())
-    if not (at_once < SMALL and later > LARGE):
-        return None
-    text = (
-        f"the gain is that of the predicted covariance at {AT_ONCE:g} s after a measurement (within {at_once:.1%}) "
-        f"and off by {later:.0%} at {LATER:g} s: the update goes on with points in which the process noise is missing"
-    )
-    shown_by = tracker.probes.general[0].name
-    return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by)
 
 
 def _is_right(row: ImpliedModel) -> bool:

@@ -25,6 +25,8 @@ INSTANT = 1e-9
 STEP = 0.01
 #: Share of a covariance that is so narrow that the motion and the sensors are linear within it.
 NARROW = 0.01
+#: Share of the largest singular value of a derivative that is none.
+ROUNDING = 1e-9
 #: Difference of the returned covariance from that of the state, relative to it.
 SAME = 1e-3
 
@@ -62,14 +64,21 @@ class OwnFilter:
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 1e-12)))
 
     def after(
-        self, scan: Scan, mean: Array | None = None, covariance: Array | None = None, *, trace: bool = False
+        self,
+        scan: Scan,
+        *then: Scan,
+        mean: Array | None = None,
+        covariance: Array | None = None,
+        trace: bool = False,
     ) -> HeldAfter | None:
-        """What is held after a scan, of another mean or covariance; None where they are not there then."""
+        """Return what is held after some scans, of another mean or covariance; None where they are not there then."""
         copy = self.session.copy()
         for path, value in ((self.mean_at, mean), (self.covariance_at, covariance)):
             if value is not None and not put(copy.inside, path, value):
                 return None
         estimate, assigned = traced(lambda: copy.step(scan)) if trace else (copy.step(scan), [])
+        for later in then:
+            estimate = copy.step(later)
         values = {entry.path: entry.value for entry in held_values(copy.inside)}
         if self.mean_at not in values or self.covariance_at not in values:
             return None
@@ -85,7 +94,7 @@ class OwnFilter:
         columns = []
         for i, sigma in enumerate(self.sigma):
             step = STEP * sigma * np.eye(len(self.mean))[i]
-            sides = [self.after(scan, self.mean + side * step, covariance) for side in (1, -1)]
+            sides = [self.after(scan, mean=self.mean + side * step, covariance=covariance) for side in (1, -1)]
             values = [None if side is None else of(side) for side in sides]
             if values[0] is None or values[1] is None:
                 return None
@@ -93,8 +102,10 @@ class OwnFilter:
         return np.stack(columns, axis=1)
 
     def outputs(self, scan: Scan) -> Array | None:
-        """``(4, n)`` the derivative of the estimate after a scan by the mean before it."""
-        return self.derivative(scan, lambda after: None if after.estimate is None else after.estimate.mean)
+        """``(4, n)`` the derivative of the estimate after a scan by the mean that is held then."""
+        returned = self.derivative(scan, lambda after: None if after.estimate is None else after.estimate.mean)
+        held = None if returned is None else self.derivative(scan, lambda after: after.mean)
+        return None if returned is None or held is None else np.asarray(returned @ np.linalg.pinv(held, rcond=ROUNDING))
 
 
 def own_filter(session: TrackerSession) -> OwnFilter | None:
@@ -121,18 +132,21 @@ def _found(session: TrackerSession) -> Iterator[OwnFilter]:
         usual, wider = own.after(missed, covariance=small), own.after(missed, covariance=2.0 * small)
         if usual is None or wider is None or usual.estimate is None or wider.estimate is None:
             continue
-        if covariances_apart(wider.estimate.covariance, 2.0 * usual.estimate.covariance) > SAME:
-            continue
         outputs = own.outputs(missed)
-        image = None if outputs is None else outputs @ usual.covariance @ outputs.T
-        if image is not None and covariances_apart(image, usual.estimate.covariance) < SAME:
+        # A difference is free of the noise that a filter may add in no time.
+        held, returned = (
+            more.covariance - less.covariance for more, less in ((wider, usual), (wider.estimate, usual.estimate))
+        )
+        if outputs is None or not np.diag(returned).min() > 0.0:
+            continue
+        if covariances_apart(outputs @ held @ outputs.T, returned) < SAME:
             yield own
 
 
 def _is_covariance(value: Array) -> bool:
     if value.ndim != 2 or value.shape[0] != value.shape[1] or len(value) not in SIZES or not np.isfinite(value).all():
         return False
-    return np.allclose(value, value.T, rtol=1e-6, atol=1e-9) and float(np.diag(value).min()) > 0.0
+    return float(np.diag(value).min()) > 0.0
 
 
 def covariances_apart(covariance: Array, right: Array) -> float:

@@ -1,0 +1,294 @@
+"""Do the equations of a filter hold for the mean and the covariance that its tracker holds?
+
+They are found in the tracker by what they do (`inside.own_filter`). Chosen beliefs are put in their places, and each
+equation is checked on the answers (Bar-Shalom, Li and Kirubarajan 2001, sections 5.2.3, 6.2.2, 6.3.2 and 10.3): a
+difference D of covariances is predicted to ``F D F^T``, a covariance of nearly zero to Q; a gain is
+``P H^T (H P H^T + R)^-1``, and the covariance after it ``(I - K H) P (I - K H)^T + K R K^T``. F and K are differences
+of the tracker's own answers. Where an equation does not hold, the lines of the step are searched for the matrix by
+which it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.types import COMMON_STATE, Array
+from trackbench.driving.drive import empty_scan
+from trackbench.subjects.doctor.checks.drives import harmless
+from trackbench.subjects.doctor.checks.updates import TIMES_ADDED, update_finding
+from trackbench.subjects.doctor.findings import PROVEN, Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.inside.own_filter import NARROW, OwnFilter, covariances_apart, own_filter
+from trackbench.subjects.doctor.inside.values import Assigned
+from trackbench.subjects.doctor.inside.written import last_values, same_matrix, wrong_entry
+from trackbench.subjects.doctor.matrices import largest_entry
+from trackbench.subjects.doctor.session import StepFailed
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+#: Times of predictions, s, each twice the one before, and the one over which covariances are moved.
+TIMES, OVER = (0.05, 0.1, 0.2, 0.4), 0.1
+#: Error of a covariance relative to the right one from which on it is wrong: Jacobians that are taken elsewhere than at
+#: the mean, or cut off, have 0.03.
+WRONG = 0.1
+#: Error up to which it is that of another matrix, and of its transpose: both are near to no motion.
+USED, EXACT = 0.01, 1e-6
+#: Difference of a transition's derivative from the identity that is rounding.
+STANDS = 1e-6
+#: Share of a motion that is not within the column space of a noise.
+OUTSIDE = 0.1
+#: Share by which a noise falls from one time to the next.
+FALLS = 0.2
+#: Distance of an exponent from a whole number that is rounding. A sum of two powers has none.
+WHOLE = 0.02
+#: Correlation of two entries of a noise from which on one acceleration is in both, and up to which none is.
+TIED, UNTIED = 0.7, 0.1
+#: Share of the square of its motion by which a mean's covariance grows that is no process noise.
+SQUARED = 0.9
+#: Targets that are tried.
+TARGETS = 3
+
+
+@doctor_check(
+    Question(
+        "equations",
+        "Do the equations of prediction and update hold for the mean and the covariance that the tracker keeps?",
+        misses=True,
+    ),
+    place=102,
+    of_filters=True,
+    faults={
+        "predicted_covariance_wrong": KnownFault(
+            "the predicted covariance does not follow from the one before",
+            "Where the covariance is predicted and stored.",
+            "P = F P F^T + Q, or the spread of the moved points about their own mean plus Q, at every scan, missed "
+            "ones too.",
+            Role(rank=13, drive="long_gap"),
+        ),
+        "q_wrong_power_of_dt": KnownFault(
+            "an entry of the process noise has a wrong power of the time step",
+            "Where Q is written out.",
+            "Position, position and velocity, velocity: dt^4 / 4, dt^3 / 2, dt^2 for G G^T sigma^2; dt^3 / 3, dt^2 / "
+            "2, dt for a continuous white noise.",
+            Role("motion", rank=21, drive="uneven_steps"),
+        ),
+        "gain_inconsistent": KnownFault(
+            "the gain is not that of the tracker's own covariance and the stated models",
+            "Where the gain is computed and applied to the mean, and where its covariances are summed over sigma "
+            "points or samples.",
+            "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move the "
+            "mean by K y once.",
+            Role(rank=40, drive="tangential_pass"),
+        ),
+        "covariance_update_wrong": KnownFault(
+            "the updated covariance is not that of the applied gain",
+            "Where the covariance is updated after a measurement.",
+            "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
+            "moves the mean.",
+            Role(rank=28, drive="own_model"),
+        ),
+        "update_not_kept": KnownFault(
+            "the next prediction does not start from the returned estimate",
+            "Where the updated mean and covariance are stored.",
+            "Store what is returned: a local x or P, or a copy that is changed, is not the tracker's.",
+            Role(rank=14, drive="own_model"),
+        ),
+        "sigma_points_not_redrawn": KnownFault(
+            "the update uses sigma points without the process noise",
+            "Between the prediction and the update, where the moved points are used again.",
+            "Draw new points from the predicted mean and covariance, or let the noise be part of the points (augmented "
+            "state).",
+            Role(rank=37, drive="uneven_steps"),
+        ),
+        "process_noise_twice": KnownFault(
+            "the process noise is added more than once",
+            "Where the covariance is predicted.",
+            "P = F P F^T + Q, with Q once for each prediction.",
+            Role("motion", rank=20, drive="own_model"),
+        ),
+    },
+)
+def equations(tracker: TrackerUnderTest) -> PartResult:
+    """Put chosen beliefs into a filter whose mean and covariance are found, and check each equation on its answers."""
+    answers = tracker.once(equation_answers)
+    if not answers.targets:
+        return PartResult()
+    findings = list(answers.findings)
+    if findings and all(finding.confidence < PROVEN for finding in findings):
+        harm = tracker.once(harmless)
+        if harm is not None:
+            return PartResult().add("equations", True, f"no harm: {harm}; {findings[0].evidence}")
+    text = findings[0].evidence if findings else f"they hold at {answers.targets} targets"
+    return PartResult().add("equations", not findings, text, *findings)
+
+
+class EquationAnswers(NamedTuple):
+    """What the beliefs that are put into a tracker show."""
+
+    targets: int
+    """Number of targets that were tried, up to the first with a wrong equation; 0 where no belief is found."""
+    findings: tuple[Finding, ...]
+    """What is wrong at the last of them."""
+    right: frozenset[str]
+    """Names of the sensors whose gains are those of the covariance that is held, at all targets."""
+
+
+def equation_answers(tracker: TrackerUnderTest) -> EquationAnswers:
+    """Try each equation at a few targets."""
+    looked, right = 0, set(tracker.sensors)
+    for probe in () if tracker.random else tracker.probes.general[:TARGETS]:
+        session = tracker.session_of_most(probe)
+        own = None if session is None else own_filter(session)
+        if own is None:
+            continue
+        looked += 1
+        scans = [probe.scan(name, sensor, 0.0)._replace(time=own.time) for name, sensor in tracker.sensors.items()]
+        of_sensors = {scan.sensor: update_finding(own, scan) for scan in scans}
+        right -= {name for name, (_, is_right) in of_sensors.items() if not is_right}
+        findings = [_of_prediction(own), *(finding for finding, _ in of_sensors.values())]
+        found = [replace(finding, shown_by=probe.name) for finding in findings if finding is not None]
+        if found:
+            return EquationAnswers(looked, tuple(found), frozenset(right))
+    return EquationAnswers(looked, (), frozenset(right if looked else ()))
+
+
+def _of_prediction(own: OwnFilter) -> Finding | None:
+    with suppress(StepFailed):
+        return _of_motion(own) or _of_noise(own)
+    return None
+
+
+def _of_motion(own: OwnFilter) -> Finding | None:
+    """A prediction that moves covariances otherwise than the mean."""
+    scan = empty_scan(own.session.given[-1]._replace(time=own.time + OVER))
+    narrow = NARROW * own.covariance
+    right = own.derivative(scan, lambda after: after.mean, narrow)
+    less, more = (own.after(scan, covariance=size * narrow, trace=True) for size in (1.0, 2.0))
+    if right is None or less is None or more is None:
+        return None
+    if np.allclose(right, np.eye(len(right)), atol=STANDS):
+        # The mean is not predicted, or is kept at an earlier time.
+        return None
+    moved, expected = linalg.symmetrise(more.covariance - less.covariance), linalg.symmetrise(right @ narrow @ right.T)
+    # A memory may fade on purpose.
+    expected *= max(1.0, float(np.sum(moved * expected) / np.sum(expected**2)))
+    if covariances_apart(expected, moved) < WRONG:
+        return None
+    for at in last_values(less.assigned, right.shape):
+        if covariances_apart(at.value @ narrow @ at.value.T, moved) < USED and not same_matrix(at.value, right):
+            return wrong_entry(less.assigned, at, right, None, f"differences of the prediction over {OVER:g} s")
+    i, j = largest_entry(np.abs(moved - expected) / np.sqrt(np.outer(np.diag(expected), np.diag(expected))))
+    by = f"a covariance D that is added before a prediction over {OVER:g} s"
+    if covariances_apart(right.T @ narrow @ right, moved) < EXACT:
+        text = f"{by} becomes F^T D F, and F D F^T is right"
+    elif covariances_apart(narrow, moved) < EXACT:
+        text = f"{by} stays as it is"
+    elif np.abs(moved).max() < EXACT * np.abs(expected).max():
+        text = f"{by} makes no difference: the predicted covariance is the same whatever it was before"
+    else:
+        text = (
+            f"{by} becomes another than F D F^T with the F that moves the mean: its entry {i}, {j} becomes "
+            f"{moved[i, j]:.3g}, and {expected[i, j]:.3g} is right"
+        )
+    return Finding("predicted_covariance_wrong", 0.96, text)
+
+
+def _of_noise(own: OwnFilter) -> Finding | None:
+    """A process noise that is none: of another course over time than a noise has, or of another matrix."""
+    stamps = [empty_scan(own.session.given[-1]._replace(time=own.time + time)) for time in TIMES]
+    exact = np.finfo(float).eps * own.covariance
+    longer = [after for stamp in stamps if (after := own.after(stamp, covariance=exact, trace=True)) is not None]
+    outputs = own.outputs(stamps[0])
+    if len(longer) < len(TIMES) or outputs is None:
+        return None
+    noises = np.array([linalg.symmetrise(after.covariance) for after in longer])
+    return (
+        _about_old_mean(own, noises, longer[0].mean, longer[-1].mean)
+        or _falling(noises)
+        or _added_twice(longer[0].assigned, noises[0])
+        or _of_another_order(outputs @ noises[-1] @ outputs.T)
+        or _of_another_power(np.array([outputs @ noise @ outputs.T for noise in noises]))
+    )
+
+
+def _about_old_mean(own: OwnFilter, noises: Array, *means: Array) -> Finding | None:
+    """A covariance that grows by the square of the motion, over a short and over a long time."""
+    shares = []
+    for noise, mean in zip((noises[0], noises[-1]), means, strict=True):
+        moved = mean - own.mean
+        precision = float(moved @ np.linalg.pinv(noise, rcond=1e-12, hermitian=True) @ moved)
+        within = np.linalg.norm(noise @ np.linalg.pinv(noise, rcond=1e-12, hermitian=True) @ moved - moved)
+        shares.append(1.0 / precision if precision > 0.0 and within < OUTSIDE * np.linalg.norm(moved) else 0.0)
+    if min(shares) < SQUARED:
+        return None
+    text = (
+        f"a prediction of a covariance of zero adds the square of the motion itself, {shares[0]:.3g} times over "
+        f"{TIMES[0]:g} s and {shares[1]:.3g} times over {TIMES[-1]:g} s: the spread is that about the mean before it"
+    )
+    return Finding("predicted_covariance_wrong", 0.95, text)
+
+
+def _falling(noises: Array) -> Finding | None:
+    """A process noise of some part of the state that is the smaller, the longer the time."""
+    added = np.diagonal(noises, axis1=1, axis2=2)
+    falling = np.flatnonzero((np.diff(added, axis=0) < -FALLS * added[:-1]).all(axis=0))
+    if not len(falling):
+        return None
+    k, times = int(falling[0]), ", ".join(f"{time:g}" for time in TIMES)
+    text = (
+        f"the variance that a prediction over {times} s adds to entry {k} of the state is "
+        f"{', '.join(f'{value:.3g}' for value in added[:, k])}: the less, the longer"
+    )
+    return Finding("q_wrong_power_of_dt", PROVEN, text)
+
+
+def _added_twice(assigned: Sequence[Assigned], noise: Array) -> Finding | None:
+    """A matrix of a line that is added several times to the predicted covariance."""
+    for at in last_values(assigned, noise.shape):
+        for count in TIMES_ADDED:
+            if np.abs(at.value).max() > 0.0 and same_matrix(count * at.value, noise):
+                text = f"{at.where}: a prediction adds {at.name} {count} times to the covariance"
+                return Finding("process_noise_twice", PROVEN, text, factor=float(count))
+    return None
+
+
+def _of_another_order(noise: Array) -> Finding | None:
+    """An acceleration along one axis that moves the positions of both alike, and the velocity of none with them."""
+    spread = np.sqrt(np.maximum(np.diag(noise), np.finfo(float).tiny))
+    correlation = np.abs(noise) / np.outer(spread, spread)
+    if min(correlation[0, 1], correlation[2, 3]) < TIED or max(correlation[0, 2], correlation[1, 3]) > UNTIED:
+        return None
+    text = (
+        f"the process noise of px is that of py (correlation {correlation[0, 1]:.2g}), and not that of vx "
+        f"({correlation[0, 2]:.2g}): it is laid out for another order of the state"
+    )
+    return Finding("q_wrong_power_of_dt", 0.96, text)
+
+
+def _of_another_power(noises: Array) -> Finding | None:
+    """An entry of position and velocity that has not the power of time which goes with those of the two others."""
+    for axis in (0, 1):
+        entries = ((axis, axis), (axis, axis + 2), (axis + 2, axis + 2))
+        values = np.abs([[noise[entry] for entry in entries] for noise in noises])
+        exponents = np.diff(np.log2(np.maximum(values, np.finfo(float).tiny)), axis=0)
+        powers = np.round(exponents[0])
+        if np.abs(exponents - powers).max() > WHOLE or powers.min() < 1:
+            continue
+        orders = powers - (2, 1, 0)
+        wrong = [k for k in range(3) if orders[k] != np.median(orders)]
+        if len(wrong) != 1:
+            continue
+        (k,) = wrong
+        i, j = entries[k]
+        name = COMMON_STATE[i] if i == j else f"{COMMON_STATE[i]} and {COMMON_STATE[j]}"
+        text = (
+            f"the process noise of {name} grows with dt^{powers[k]:g} ({values[0, k]:.3g} over {TIMES[0]:g} s and "
+            f"{values[-1, k]:.3g} over {TIMES[-1]:g} s), where dt^{powers[k] - orders[k] + np.median(orders):g} goes "
+            "with the two other entries of the axis"
+        )
+        return Finding("q_wrong_power_of_dt", 0.96, text)
+    return None
