@@ -103,9 +103,12 @@ class OwnFilter:
 
     def outputs(self, scan: Scan) -> Array | None:
         """``(4, n)`` the derivative of the estimate after a scan by the mean that is held then."""
-        returned = self.derivative(scan, lambda after: None if after.estimate is None else after.estimate.mean)
-        held = None if returned is None else self.derivative(scan, lambda after: after.mean)
-        return None if returned is None or held is None else np.asarray(returned @ np.linalg.pinv(held, rcond=ROUNDING))
+        both = self.derivative(scan, _returned_and_held)
+        return None if both is None else np.asarray(both[:4] @ np.linalg.pinv(both[4:], rcond=ROUNDING))
+
+
+def _returned_and_held(after: HeldAfter) -> Array | None:
+    return None if after.estimate is None else np.concatenate([after.estimate.mean, after.mean])
 
 
 def own_filter(session: TrackerSession) -> OwnFilter | None:
