@@ -18,7 +18,9 @@ from trackbench.subjects.doctor.checks.drives import drives
 from trackbench.subjects.doctor.checks.equations import equations
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
+from trackbench.subjects.doctor.checks.instants import late_measurements, same_instant
 from trackbench.subjects.doctor.checks.modes import modes
+from trackbench.subjects.doctor.checks.motion import course, no_time
 from trackbench.subjects.doctor.checks.outliers import gate, outliers
 from trackbench.subjects.doctor.checks.prediction import motion_prediction
 from trackbench.subjects.doctor.checks.process_noise import growth_by_noise
@@ -43,6 +45,7 @@ from trackbench.trackers.builtin import ekf, kf, ukf
 
 #: Faults of one object by the check that names them.
 FOUND_BY: dict[Part, list[str]] = {
+    course: ["seventeen_numbers"],
     confidence: ["first_velocity_variance_per_dt"],
     equations: [
         "covariance_never_stored",
@@ -102,6 +105,7 @@ def test_a_scene_shows_its_fault_and_nothing_of_the_base(check: Any, name: str) 
 
 def test_every_check_of_one_object_has_a_fault_that_it_names() -> None:
     others = {drives.__name__, gain.__name__, outliers.__name__, validity.__name__, "steps"}
+    others |= {late_measurements.__name__, no_time.__name__, same_instant.__name__}
     assert {check.name for check in checks_of(CHECKS)} == {part.__name__ for part in FOUND_BY} | others
 
 

@@ -26,7 +26,7 @@ from trackbench.subjects.doctor.report import (
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 
-EXACT = Finding("ego_motion_ignored", 0.95, "it moves", sensor="radar")
+EXACT = Finding("ego_motion_wrong", 0.95, "it moves", sensor="radar")
 GAIN = Finding("r_too_small", 0.9, "the gains are large", sensor="radar")
 FAR = Finding("too_far_off", 0.85, "far")
 MOTION = CheckResult("ego_motion", "Why?", True, "")

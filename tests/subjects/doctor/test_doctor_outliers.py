@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.faults.bases.imm_noises import Tracker as Imm
 from benchmarks.faults.bases.plain_ekf import Tracker as PlainEkf
 from benchmarks.faults.bases.plain_ekf import rotation
 from tests.support.doctor import Part, under_test
@@ -80,12 +81,38 @@ class FromStart(PlainEkf):
         return super().advance(track, scan)._replace(time=track.time)
 
 
+class Underflowing(Imm):
+    """Its likelihoods are 0 far off, and its probabilities 0 / 0."""
+
+    def update(self, scan: Any) -> Any:
+        before = self.mu
+        super().update(scan)
+        likelihoods = [0.0 if model.likelihood == 1e-300 else model.likelihood for model in self.models]
+        with np.errstate(invalid="ignore"):
+            self.mu = before * likelihoods / np.sum(before * likelihoods)
+
+
+class Distrustful(PlainEkf):
+    """Believes no measurement any more after a large innovation."""
+
+    factor = 1.0
+
+    def noise(self, scan: Any) -> Any:
+        return self.factor * super().noise(scan)
+
+    def corrected_mean(self, x: Any, K: Any, y: Any) -> Any:
+        self.factor = 1e6 if self.factor > 1.0 or np.abs(y).max() > 20.0 else 1.0
+        return x + K @ y
+
+
 @pytest.mark.parametrize(
     ("check", "tracker", "fault"),
     [
         (gate, OfNoise, "gate_too_small"),
         (gate, Shut, "gate_never_reopens"),
         (outliers, Weighed, "nonfinite"),
+        (outliers, Underflowing, "imm_likelihood_underflow"),
+        (outliers, Distrustful, "lost_after_outlier"),
         (expectation, Forward, "speed_for_range_rate"),
         (confidence, FirstDeviations, "overconfident_start"),
         (motion_prediction, FromStart, "wrong_dt"),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from trackbench.base.errors import InputError, did_you_mean, similar_names
@@ -27,6 +27,8 @@ class Assumptions:
     """Checks that the user does not ask for, by name or by name and sensor: ``gain``, ``gain.radar``."""
     still: str = ""
     """Why no observer moves; nothing where one does."""
+    late: Mapping[str, float] = field(default_factory=dict)
+    """Latency of each sensor whose scans come late, s."""
 
     def left_out(self, check: DoctorCheck[Any], sensors: Sequence[str], why: str | None = None) -> list[CheckResult]:
         """The questions of a check that are not asked, with the reason.
@@ -39,7 +41,8 @@ class Assumptions:
         results = []
         for question in check.questions:
             reason = self._reason(question) or why
-            names = [f"{question.name}.{sensor}" for sensor in sensors] if question.each_sensor else [question.name]
+            asked_of = self.late if question.late else sensors
+            names = [f"{question.name}.{sensor}" for sensor in asked_of] if question.each_sensor else [question.name]
             for name in names:
                 if question.name in self.skip or name in self.skip:
                     results.append(CheckResult(name, question.asks, None, "skipped (--skip)", skipped=True))

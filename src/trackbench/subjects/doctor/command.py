@@ -14,6 +14,7 @@ import click
 
 from trackbench import results
 from trackbench.base.errors import InputError
+from trackbench.base.files import read_json
 from trackbench.cli.answer import print_answer
 from trackbench.cli.options import isolation_options, out_option
 from trackbench.cli.terminal import progress
@@ -152,8 +153,11 @@ def require_tracker(tracker: str) -> None:
     """Refuse the name of a file in place of a class in it. Nothing in the file is run.
 
     Raises:
-        InputError: a Python file is named.
+        InputError: a Python file, or the folder of a run, is named.
     """
+    for run in Path(tracker).glob(f"**/{results.SUMMARY}") if Path(tracker).is_dir() else ():
+        trackers = ", ".join(f"SCENARIO#{entry['name']}" for entry in read_json(run)["trackers"])
+        raise InputError(f"this is the folder of a run: name a tracker of its scenario: {trackers}", file=run.parent)
     file = Path(tracker) if tracker.endswith(".py") else Path(f"{tracker}.py")
     if ":" not in tracker and "#" not in tracker and file.is_file():
         raise InputError(f"name the class in it: {file.stem}:Class", file=file)

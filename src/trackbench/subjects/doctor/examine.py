@@ -92,8 +92,8 @@ class Doctor:
     """Examines trackers with given sensors.
 
     Args:
-        sensors: by name. Their kinds, noise, rates and mountings are used: in an examination they see all
-            around, and miss and delay nothing.
+        sensors: by name. Their kinds, noise, rates, mountings and latencies are used: in an examination they
+            see all around and miss nothing, and no scan of a drive is late.
         seed: of the noise and of the variation of the probes; None for the probes as they are, and noise of seed 0.
         observer: that carries them; None for one that stands at the origin and the examination's own that move.
         static_sensors: whether no sensor moves, whatever the observer does.
@@ -120,7 +120,8 @@ class Doctor:
             still = "--static-sensors"
         elif observer is not None and not observer.moves:
             still = "the scenario's stands still"
-        self._assumptions = Assumptions(no_misses=no_misses, skip=tuple(skip), still=still)
+        late = {name: sensor.latency[1] for name, sensor in sensors.items() if sensor.latency[1] > 0.0}
+        self._assumptions = Assumptions(no_misses=no_misses, skip=tuple(skip), still=still, late=late)
         self.sensors = {name: simplified(sensor) for name, sensor in sensors.items()}
         probes = Probes() if seed is None else varied(np.random.default_rng(seed))
         # Angles are those of a sensor that has some.

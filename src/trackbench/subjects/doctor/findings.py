@@ -13,6 +13,8 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Generic, NamedTuple, ParamSpec
 
+import numpy as np
+
 #: The packages whose modules are checks: of trackers of one object, and of several.
 CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic_checks"
 P = ParamSpec("P")
@@ -68,6 +70,8 @@ class Question(NamedTuple):
     """Whether it needs scans without a detection."""
     motion: bool = False
     """Whether it needs an observer that moves."""
+    late: bool = False
+    """Whether it is asked of those sensors alone whose scans come late."""
     finds: tuple[str, ...] = ()
     """The faults that it alone finds, where its check has several questions."""
 
@@ -202,7 +206,7 @@ PROVEN = 1.0
 
 
 def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
-    """Keep one finding for each fault and sensor, and order them: root causes, then consequences.
+    """Keep one finding for each fault, and order them: root causes, then consequences.
 
     Among the findings that are as certain, the fault with the lower rank is tried first: its symptoms include the
     others'. A finding is the consequence of the first root cause that it may depend on.
@@ -211,14 +215,11 @@ def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
         findings: in the order in which they were found.
     """
     faults = known_faults()
-    unique: dict[tuple[str, str | None], Finding] = {}
+    of_faults: dict[str, list[Finding]] = {}
     for finding in findings:
-        key = (finding.fault, finding.sensor)
-        if key not in unique or finding.confidence > unique[key].confidence:
-            unique[key] = finding
-    of_sensors = {fault for fault, sensor in unique if sensor is not None}
+        of_faults.setdefault(finding.fault, []).append(finding)
     ordered = sorted(
-        (finding for (fault, sensor), finding in unique.items() if sensor is not None or fault not in of_sensors),
+        map(_of_all_sensors, of_faults.values()),
         key=lambda finding: (
             "driven" in faults[finding.fault].kinds,
             -sum(finding.confidence >= limit for limit in (SURE, CERTAIN, PROVEN)),
@@ -231,6 +232,17 @@ def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
         cause = next((root.fault for root in roots if _explains(root, finding, faults[finding.fault].kinds)), None)
         ranked.append(replace(finding, consequence_of=cause))
     return sorted(ranked, key=lambda finding: finding.consequence_of is not None)
+
+
+def _of_all_sensors(findings: Sequence[Finding]) -> Finding:
+    """Return the clearest of the findings of one fault, without its sensor where several show the fault."""
+    of_sensors = [finding for finding in findings if finding.sensor is not None]
+    clearest = max(of_sensors or findings, key=lambda finding: (finding.confidence, abs(np.log(finding.factor or 1.0))))
+    sensors = {finding.sensor for finding in of_sensors}
+    if len(sensors) < 2:
+        return clearest
+    others = " and ".join(sorted(name for name in sensors if name not in (None, clearest.sensor)))
+    return replace(clearest, sensor=None, evidence=f"{clearest.evidence}; likewise {others}")
 
 
 def _explains(root: Finding, finding: Finding, kinds: Sequence[str]) -> bool:

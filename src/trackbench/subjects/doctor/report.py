@@ -27,6 +27,8 @@ from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faul
 from trackbench.subjects.doctor.replay import examination_replay
 
 WIDTH = 80
+#: Words of the result of a passed check that differs from the equations.
+NO_HARM = "and no harm: "
 #: The end of a fix where the observer of the examination moves.
 STANDING = "If your sensors stand still, say so by --static-sensors, or by --scenario FILE."
 
@@ -57,6 +59,11 @@ class Examination:
     def consequences(self) -> list[Finding]:
         """The others."""
         return [finding for finding in self.findings if finding.consequence_of is not None]
+
+    @property
+    def remarks(self) -> list[str]:
+        """What differs from the equations and does no harm: the results of passed checks that say so."""
+        return [f"{check.name}: {check.result}" for check in self.checks if check.passed and NO_HARM in check.result]
 
     def certainty(self, cause: Finding | None = None) -> Certainty:
         """Say how sure the name of a root cause is; of the first one unless given."""
@@ -232,6 +239,8 @@ def examination_text(examination: Examination, every_check: bool = False) -> str
         every_check: all checks with their results, instead of the failed ones only.
     """
     lines = [*_wrapped(examination_verdict(examination))]
+    for remark in examination.remarks:
+        lines += ["", *_wrapped(f"remark: {remark}", "  ")]
     for number, finding in enumerate(examination.causes, start=1):
         fault = known_faults()[finding.fault]
         facts = _wrapped(f"   {_facts(examination, finding)}", "   ")
@@ -290,6 +299,7 @@ def _verdict(examination: Examination) -> Iterator[Block]:
     passed = sum(check.passed is True for check in made)
     titles = "; ".join(known_faults()[finding.fault].title for finding in examination.causes)
     yield Paragraph(f"{examination_verdict(examination)}{f': {titles}' if titles else ''}", strong=True)
+    yield from (Paragraph(f"Remark: {remark}") for remark in examination.remarks)
     yield Status(*(("no fault found", "good") if examination.healthy else ("not healthy", "bad")))
     yield Status(f"{passed} of {len(made)} checks passed", "good" if passed == len(made) else "bad")
 

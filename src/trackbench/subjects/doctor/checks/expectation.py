@@ -86,8 +86,8 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
             "the sensor's own pose or velocity is left out",
             "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
             "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
-            "target's velocity.",
-            Role("exact ego", rank=10, drive="moving_observer"),
+            "target's velocity. A velocity that is kept or returned in the sensor's frame looks the same.",
+            Role("ego", rank=10, drive="moving_observer"),
         ),
         "ego_motion_wrong": KnownFault(
             "the sensor's own pose or velocity is applied wrongly",
@@ -104,10 +104,10 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
             Role("exact ego", rank=11, drive="stationary"),
         ),
         "measurement_ignored": KnownFault(
-            "the measurements of a sensor, or a component of them, are never used",
-            "Where the tracker chooses its update by the sensor's name or kind, and where the gain is computed.",
-            "Check that scan.kind is compared with the right word, that no column of the gain is zero, and that no "
-            "gate rejects all.",
+            "the measurements of a sensor, or a component of them, move nothing",
+            "Of all of them, where the tracker chooses its update by the sensor's name or kind, and gates; of one "
+            "component, where the gain is computed.",
+            "Compare scan.kind with the right word, and let no column of the gain be zero.",
             Role("exact", rank=28, drive="manoeuvre"),
         ),
     },

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,17 +11,23 @@ from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.inside.interaction import bank_of, models_of
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.samples import has_samples
-from trackbench.subjects.doctor.session import apart, finite, position_sigma
+from trackbench.subjects.doctor.session import TrackerSession, apart, finite, position_sigma
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap
 
 #: Gap after which the prediction is uncertain, s, and distance of a measurement from it, in its standard deviations.
 GAP, ASIDE = 1.0, 1.5
 #: Change of an estimate that is none, in standard deviations; share of the trials, and least number of them.
 NONE, MOST, LEAST = 1e-9, 0.7, 3
-#: Errors of one wild measurement: of lengths, m, and of angles, rad. How long right ones follow it, s.
-LENGTHS, TURNS, AFTER = ((25.0, "m"), (1000.0, "m")), ((np.pi, "rad"),), 1.0
+#: Errors of one wild measurement: of lengths, m, and of angles, rad.
+LENGTHS, TURNS = ((25.0, "m"), (1000.0, "m")), ((np.pi, "rad"),)
+#: How long right measurements follow it, s; the share of its distance from the target that may be left then, and the
+#: change of a model's probability: sound filters without a gate have up to 0.06, and 0.25.
+RECOVERY, LEFT, CHANGED = 3.0, 0.1, 0.5
+#: How long measurements are rejected, s.
+AFTER = 1.0
 #: Distance of the measurements that are rejected, m, and the share of it by which none of them moves the estimate.
 FAR, REJECTED = 100.0, 0.1
 #: Share of the standard deviation without measurements that a gate leaves which stays shut.
@@ -52,11 +58,31 @@ def gate(tracker: TrackerUnderTest) -> PartResult:
     return PartResult().add_evidence("gate", finding, "likely measurements move the estimate")
 
 
-@doctor_check(Question("outliers", "Is every estimate finite after one wild measurement?"), place=165)
+@doctor_check(
+    Question("outliers", "Does the tracker recover from one wild measurement?"),
+    place=165,
+    faults={
+        "imm_likelihood_underflow": KnownFault(
+            "the likelihoods of the models underflow to 0",
+            "Where the likelihoods of the models are computed, multiplied and divided by their sum.",
+            "Add logarithms, l_j = log c_j + log N(y_j; 0, S_j), and take mu_j = exp(l_j - max l), divided by their "
+            "sum: the largest is 1 then, however wild the measurement.",
+            Role("exact", rank=5, drive="manoeuvre"),
+        ),
+        "lost_after_outlier": KnownFault(
+            "one wild measurement loses the target",
+            "Where the innovation is gated or weighed, and where memory of it is kept beside the estimate.",
+            "Reject what is beyond the gate as if it were missed, let the covariance grow until the gate opens again, "
+            "and keep nothing of one measurement for good.",
+            Role("driven", rank=48, drive="manoeuvre"),
+        ),
+    },
+)
 def outliers(tracker: TrackerUnderTest) -> PartResult:
     """Try one wild measurement, and right ones after it."""
-    lost = next((lost for name in tracker.sensors if (lost := _not_finite_after(tracker, name)) is not None), None)
-    return PartResult().add_evidence("outliers", lost, "every estimate after one wild measurement is finite")
+    lost = next((lost for name in tracker.sensors if (lost := _lost_after(tracker, name)) is not None), None)
+    text = f"{RECOVERY:g} s after one wild measurement the estimate is at the target again"
+    return PartResult().add_evidence("outliers", lost, text)
 
 
 def _rejects_likely(tracker: TrackerUnderTest, name: str) -> Finding | None:
@@ -90,12 +116,12 @@ def _likely(prediction: Estimate) -> Array:
     return np.asarray(prediction.mean + of_position @ position)
 
 
-def _scans_after(tracker: TrackerUnderTest, probe: Probe) -> list[Scan]:
+def _scans_after(tracker: TrackerUnderTest, probe: Probe, duration: float = AFTER) -> list[Scan]:
     """Return the scans of all sensors for some time after a probe's time 0."""
     scans = [
         tracker.scan(probe, name, k / probe_rate(sensor))
         for name, sensor in tracker.sensors.items()
-        for k in range(1, int(AFTER * probe_rate(sensor)) + 1)
+        for k in range(1, int(duration * probe_rate(sensor)) + 1)
     ]
     return sorted(scans, key=lambda scan: scan.time)
 
@@ -123,28 +149,61 @@ def _stays_shut(tracker: TrackerUnderTest) -> Finding | None:
     return Finding("gate_never_reopens", 0.96, text, shown_by="manoeuvre")
 
 
-def _not_finite_after(tracker: TrackerUnderTest, name: str) -> Finding | None:
-    """Report the first wild measurement of a sensor after which an estimate is not finite."""
+def _lost_after(tracker: TrackerUnderTest, name: str) -> Finding | None:
+    """Report the first wild measurement of a sensor from which the tracker does not recover."""
     probe = tracker.probes.general[0]
-    session = tracker.session_of_most(probe)
+    session, right = tracker.session_of_most(probe), tracker.scan(probe, name, 0.0)
+    after = _scans_after(tracker, probe, RECOVERY)
     if session is None:
         return None
-    for words, wild in _wild(tracker.scan(probe, name, 0.0)):
-        with tracker.recording_failures(probe.name):
-            twin = session.copy()
-            for scan in [wild, *_scans_after(tracker, probe)]:
-                estimate = twin.step(scan)
-                if estimate is not None and not finite(estimate):
-                    text = f"one {words}, of {name}, leaves an estimate that is not finite"
-                    return Finding("nonfinite", 0.97, text, sensor=name, shown_by="manoeuvre")
+    with tracker.recording_failures(probe.name):
+        usual, expected = _recovered(tracker, session, [right, *after])
+        for words, wild in _wild(right):
+            estimate, probabilities = _recovered(tracker, session, [wild, *after])
+            if usual is None or estimate is None or not finite(usual):
+                continue
+            positions = [SENSOR_MODELS[scan.kind].position(scan).mean for scan in (wild, right)]
+            error, distance = (np.hypot(*(of[0] - of[1])[:2]) for of in ((estimate.mean, usual.mean), positions))
+            if expected is not None and probabilities is not None and not _alike(probabilities, expected):
+                values = ", ".join(f"{value:.2g}" for value in probabilities)
+                fault, left = "imm_likelihood_underflow", f"the probabilities of the models at {values}"
+            elif not finite(estimate):
+                fault, left = "nonfinite", "an estimate that is not finite"
+            elif error > LEFT * distance:
+                fault, left = "lost_after_outlier", f"the estimate {error:.3g} m off {RECOVERY:g} s later"
+            else:
+                continue
+            text = f"one {words}, of {name}, leaves {left}"
+            # A wrong gain or covariance loses the target too.
+            confidence = 0.85 if fault == "lost_after_outlier" else 0.97
+            return Finding(fault, confidence, text, sensor=name, shown_by="manoeuvre")
     return None
+
+
+def _alike(probabilities: Array, expected: Array) -> bool:
+    """Whether probabilities differ by less than a wild measurement may change them by; none that is not finite does."""
+    return bool(np.abs(probabilities - expected).max() < CHANGED)
+
+
+def _recovered(
+    tracker: TrackerUnderTest, session: TrackerSession, scans: Sequence[Scan]
+) -> tuple[Estimate | None, Array | None]:
+    """Return the last estimate of a copy, or the first that is not finite, and its models' probabilities ``(m,)``."""
+    twin, estimate = session.copy(), None
+    for scan in scans:
+        estimate = twin.step(scan)
+        if estimate is not None and not finite(estimate):
+            break
+    bank = tracker.once(bank_of)
+    models = None if bank is None else models_of(twin, bank[0])
+    return estimate, None if models is None else models.probability
 
 
 def _wild(scan: Scan) -> Iterator[tuple[str, Scan]]:
     """Yield the scan with an error of one component, in words and as a scan."""
     model = SENSOR_MODELS[scan.kind]
     for i, component in enumerate(model.components[:2]):
-        for size, unit in TURNS if i in model.angular else LENGTHS:
+        for size, unit in TURNS if i in model.angular else LENGTHS[: 2 - i]:
             measurement = scan.measurement.copy()
             measurement[i] += size
             yield f"{component.replace('_', ' ')} that is {size:.4g} {unit} off", scan._replace(measurement=measurement)

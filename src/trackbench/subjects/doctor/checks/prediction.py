@@ -70,7 +70,7 @@ class PredictedStep(NamedTuple):
             "there is no prediction at a missed scan",
             "Where a scan without a measurement (scan.valid is False) returns early.",
             "Predict to scan.time at every scan, and leave out only the update where there is no measurement.",
-            Role("exact", rank=17, drive="uneven_steps"),
+            Role("exact", rank=11, drive="uneven_steps"),
         ),
     },
 )

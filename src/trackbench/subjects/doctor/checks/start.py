@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.findings import PROVEN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -22,6 +22,8 @@ MEDIAN = 1.39
 STARTS = 60
 #: Velocity of the sensor along the line of sight that counts, and difference that is none, m/s.
 OWN, SAME = 2.0, 0.5
+#: Other orders of an estimate, and where px, py, vx, vy are in them.
+ORDERS = {"px, vx, py, vy": [0, 2, 1, 3], "vx, vy, px, py": [2, 3, 0, 1]}
 #: Number of scans in which a track has to start.
 SCANS = 16
 
@@ -111,6 +113,14 @@ def _started(tracker: TrackerUnderTest, targets: Sequence[Approach]) -> list[Fir
         each_sensor=True,
     ),
     place=30,
+    faults={
+        "state_order": KnownFault(
+            "the components of the estimate are in another order",
+            "Where the estimate is returned.",
+            "Return px, py, vx, vy, and the covariance in that order: covariance[np.ix_(order, order)].",
+            Role("exact", rank=1, drive="tangential_pass"),
+        )
+    },
 )
 def first_position(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks without noise at many probes with each sensor alone."""
@@ -126,9 +136,22 @@ def first_position(tracker: TrackerUnderTest) -> PartResult:
         off = [one for one in started if _error(one) > _allowed(one)]
         worst = max(started, key=_error)
         text = f"{len(off)} of {len(started)} tracks start elsewhere; the largest error is {_error(worst):.3g} m"
-        carried = _own_velocity(name, started) if sensor.type == "radar" else None
-        result.add(f"start.{name}", not off and carried is None, text, carried)
+        found_fault = _another_order(off) if 2 * len(off) > len(started) else None
+        if found_fault is None and sensor.type == "radar":
+            found_fault = _own_velocity(name, started)
+        result.add(f"start.{name}", not off and found_fault is None, text, found_fault)
     return result
+
+
+def _another_order(off: Sequence[FirstEstimate]) -> Finding | None:
+    """Report first estimates that are at their targets if their components are taken in another order."""
+    for names, order in ORDERS.items():
+        errors = [np.hypot(*(first.estimate.mean[order] - first.truth)[:2]) for first in off]
+        if all(error < _allowed(first) for error, first in zip(errors, off, strict=True)):
+            mean, truth = (", ".join(f"{value:.3g}" for value in of[:4]) for of in (off[0].estimate.mean, off[0].truth))
+            text = f"the first estimate {mean} is {names} of a target with px, py, vx, vy = {truth} ({len(off)} tracks)"
+            return Finding("state_order", PROVEN, text, shown_by="tangential_pass")
+    return None
 
 
 def _error(first: FirstEstimate) -> float:

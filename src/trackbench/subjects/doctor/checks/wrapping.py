@@ -8,6 +8,7 @@ turned away.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.inside.values import traced
 from trackbench.subjects.doctor.probes import MOUNTED_TURN, Probe, rotation, turned_mounting
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -40,6 +42,8 @@ SIDES = (-2.0, 2.0)
 SPREAD_OVER, BEYOND = 5.0, 2.0
 #: Angle by which the target is turned, rad: no angle is near pi then.
 TURN = -1.2
+#: Difference of angles that is rounding, rad.
+ROUNDED = 1e-6
 #: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
 NEAR_PI = 0.02
 
@@ -56,6 +60,8 @@ class Jump(NamedTuple):
     """Whether only the measurement is on the other side of pi."""
     without_innovation: bool = False
     """Whether the update by the predicted measurement differs too."""
+    line: str = ""
+    """Where the tracker's code has the difference that is not wrapped."""
     confirmed: bool = False
     """Whether the update is right where the same target is seen by a sensor mounted at another yaw, or by a measurement
     before pi."""
@@ -120,7 +126,7 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
         fault, confidence = "angle_mean_not_circular", 0.95
         text += "; where the prediction's own azimuths are all on one side of pi, it does not; the update by the "
         text += "predicted measurement differs too"
-    return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name)
+    return Finding(fault, confidence, worst.line + text, sensor=worst.sensor, shown_by=worst.probe.name)
 
 
 def _jumps_of(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> list[Jump]:
@@ -198,8 +204,8 @@ def _jump(here: Trial, turned: Trial, back: Array, side: float, probe: Probe) ->
     centre, beside = here.predicted_measurement, _beside(here, side)
     angular = list(SENSOR_MODELS[here.scan.kind].angular)
     measured = bool(np.any(np.abs(beside[angular] - centre[angular]) > np.pi))
-    text = _text(here, side, size)
-    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, measured)
+    text, line = _text(here, side, size), _line(here, beside) if measured and (lost or size >= FAR) else ""
+    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, measured, line=line)
 
 
 def _moved(here: Trial, mounted: Trial) -> bool:
@@ -222,6 +228,23 @@ def _beside(trial: Trial, side: float) -> Array:
     measurement = trial.predicted_measurement.copy()
     measurement[1] = wrap_angle(measurement[1] + side * trial.sigma[1])
     return measurement
+
+
+def _line(trial: Trial, measurement: Array) -> str:
+    """Return the line that leaves the plain difference of the azimuths in a variable, with its value, if one does."""
+    plain, named = measurement[1] - trial.predicted_measurement[1], dict[tuple[str, str], str]()
+    with suppress(StepFailed):
+        twin = trial.session.copy()
+        for entry in traced(lambda: twin.step(trial.scan._replace(measurement=measurement)))[1]:
+            at = np.flatnonzero(np.abs(np.abs(np.ravel(entry.value)) - abs(plain)) < ROUNDED)
+            if not len(at):
+                named.pop((entry.file, entry.name), None)
+                continue
+            name = f"{entry.name}[{at[0]}]" if entry.value.size > 1 else entry.name
+            value = np.ravel(entry.value)[at[0]]
+            words = f"{entry.where}: {name} is {value:.4f}, and wrapped {wrap_angle(value):.4f}; "
+            named.setdefault((entry.file, entry.name), words)
+    return next(iter(named.values()), "")
 
 
 def _text(trial: Trial, side: float, size: float) -> str:
