@@ -11,12 +11,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import COMMON_STATE, Array
+from trackbench.base.types import COMMON_STATE, Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import PROVEN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.samples import OTHER_ANSWERS
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 
@@ -66,7 +65,7 @@ def course(tracker: TrackerUnderTest) -> PartResult:
         session, over = tracker.session_of_most(probe), tracker.predicted(probe, STEP)
         with tracker.recording_failures(probe.name):
             if session is not None and over is not None:
-                measured, at_once = session.step_and_predict(tracker.scan(probe, sensor, 0.0), INSTANT)
+                measured, at_once = _then_missed(session, tracker.scan(probe, sensor, 0.0), INSTANT)
                 if measured and at_once and finite(measured) and np.hypot(*measured.mean[2:]) > STILL:
                     (x, y), (dx, dy) = measured.mean[2:], (at_once.mean - measured.mean)[2:]
                     changes.append(float(np.hypot(dx, dy) / np.hypot(x, y)))
@@ -118,7 +117,7 @@ def course(tracker: TrackerUnderTest) -> PartResult:
 def no_time(tracker: TrackerUnderTest) -> PartResult:
     """Predict over no time, after the first estimate and a missed scan."""
     if tracker.random or tracker.repeats > 1:
-        return PartResult().add("no_time", None, OTHER_ANSWERS)
+        return PartResult().add("no_time", None, "it draws samples of its own")
     targets = [(probe, name) for probe in tracker.probes.general for name in tracker.sensors]
     pairs = [pair for probe, name in targets for pair in _over_no_time(tracker, probe, name)]
     if len(pairs) < LEAST:
@@ -138,6 +137,11 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
     return PartResult().add("no_time", finding is None, text, finding)
 
 
+def _then_missed(session: TrackerSession, scan: Scan, later: float) -> list[Estimate | None]:
+    """Return the estimates of a copy at a scan, and at a missed one ``later`` seconds after it."""
+    return session.copy().follow([scan, empty_scan(scan._replace(time=scan.time + later))])
+
+
 def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[tuple[Array, Array]]:
     """Yield the covariances before and after a prediction over no time, if points can have the first."""
     session = TrackerSession(tracker.make)
@@ -145,7 +149,7 @@ def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterato
         for scan in tracker.approach(probe, (name,)):
             if session.step(scan) is not None:
                 missed = empty_scan(scan._replace(time=scan.time + MISSED))
-                before, after = session.step_and_predict(missed, NO_TIME)
+                before, after = _then_missed(session, missed, NO_TIME)
                 if before and after and finite(after) and least_eigenvalue(before.covariance) > DEFINITE:
                     yield before.covariance, after.covariance
                 return
