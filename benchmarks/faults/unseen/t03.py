@@ -1,8 +1,0 @@
-import numpy as np
-from bases import Imm
-
-
-class Tracker(Imm):
-    def weigh(self, c, fits):
-        likelihood = c * np.exp(fits)
-        return likelihood / likelihood.sum()

@@ -1,6 +1,0 @@
-from bases import Ekf
-
-
-class Tracker(Ekf):
-    def F(self, dt):
-        return Ekf.F(self, 1.0)
