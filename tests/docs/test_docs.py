@@ -47,7 +47,7 @@ def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callabl
 
 @pytest.mark.docs_pages
 def test_the_page_on_ci_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(DOCS / "ci.md", tmp_path) == 6
+    assert run_page(DOCS / "ci.md", tmp_path) == 5
     workflow = yaml.safe_load((tmp_path / "trackers.yml").read_text(encoding="utf-8"))
     steps = workflow["jobs"]["crossing"]["steps"]
     commands = [line for step in steps for line in step.get("run", "").splitlines() if line.startswith("trackbench")]
@@ -56,7 +56,7 @@ def test_the_page_on_ci_runs_as_printed(tmp_path: Path, run_page: Callable[[Path
 
 @pytest.mark.docs_pages
 def test_the_page_on_tuning_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(DOCS / "tune.md", tmp_path) == 4
+    assert run_page(DOCS / "tune.md", tmp_path) == 3
 
 
 @pytest.mark.docs_pages

@@ -12,7 +12,7 @@ from tests.support.places import DOCS
 RESULTS = {
     "student": ["results/loop/report.html", "results/doctor/mine/report.html"],
     "engineer": ["tuned.yaml", "tuned/commute/result.json"],
-    "researcher": ["differences.tex", "latex/tables/ranking.tex", "worlds/comparison.html"],
+    "researcher": ["differences-differences-velocity_rmse.tex", "latex/tables/ranking.tex", "worlds/comparison.html"],
     "team-lead": ["nights.html", "A/approach-envelope/claim.json"],
     "maintainer": ["fading.py", "results/plugged/report.html"],
 }

@@ -6,7 +6,6 @@ import random
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from tests.fuzz.mutations import cases, edited_bytes, edited_mcap, edited_table, edited_text
-from tests.support.exported import SCENARIO
 from tests.support.mcap_files import write_tracks
 from tests.support.ros_bags import Messages, write_bag
 from tests.support.traffic_files import OPTIONS, WRITERS
@@ -25,8 +23,8 @@ from trackbench.runner.filed_tracks import tracks_at_instants
 from trackbench.truth.tracks import TRAFFIC_FORMATS
 
 TIME = np.arange(41) * 0.1
-#: As another program writes them: tracks with covariances in MCAP, exported boxes, and bags.
-OTHERS = ("mcap tracks", "mcap boxes", "ros odometry", "ros markers", "ros detections", "ros mcap")
+#: As another program writes them: tracks with covariances in MCAP, and bags.
+OTHERS = ("mcap tracks", "ros odometry", "ros markers", "ros detections", "ros mcap")
 
 
 def sound(form: str, folder: Path) -> Path:
@@ -36,12 +34,6 @@ def sound(form: str, folder: Path) -> Path:
         columns = {name: np.zeros(len(rows)) for name in ("vx", "vy")}
         write_tracks(type(rows)(rows.id, rows.time, rows.px, rows.py, **columns), folder / "tracks.mcap")
         return folder / "tracks.mcap"
-    if form == "mcap boxes":
-        tb.export(SCENARIO, folder / "scans", folder / "truth", format="mcap")
-        file = (folder / "truth" / "scene0.mcap").rename(folder / "boxes.mcap")
-        for rest in (folder / "scans", folder / "truth"):
-            rmtree(rest)
-        return file
     if form in OTHERS:
         make = Messages()
         kind = {"ros odometry": make.odometry, "ros markers": make.markers}.get(form, make.detections)
