@@ -60,8 +60,7 @@ def test_a_fault_is_named_shown_and_saved(tmp_path: Path, capsys: pytest.Capture
     assert isinstance(found, tb.Examination)
     assert not found.healthy
     assert {(finding.fault, finding.sensor) for finding in found.findings} == {
-        ("r_too_large", "lidar"),
-        ("r_too_large", "radar"),
+        ("r_too_large", None),
     }
     assert "the measurement noise is too large" in str(found)
     assert found._repr_html_().startswith("<iframe srcdoc=")
