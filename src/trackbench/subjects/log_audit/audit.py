@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from trackbench.base.errors import InputError, counted
+from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.files import path_from
 from trackbench.base.types import Progress, no_progress
@@ -20,23 +20,28 @@ from trackbench.scenario.load import scenario_of
 from trackbench.scenario.overrides import set_value, with_moved_paths
 from trackbench.scenario.source import Origin
 from trackbench.scenario.truth import own_source
-from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, quantity_text, sensor_findings
+from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, sensor_findings
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
 from trackbench.subjects.log_audit.noise import detection_shares, residual_noises, unlabelled_detections, with_boxes
 from trackbench.subjects.log_audit.sensor_log import (
-    CLEARLY,
     Clock,
     SensorLog,
     VelocityCheck,
     clock_of,
-    reference_noise,
     velocity_check,
     wrong_units,
 )
-from trackbench.truth.config.columns import UNITS
-from trackbench.truth.recorded import Drive, read_drive
+from trackbench.subjects.log_audit.table_findings import (
+    Recorded,
+    clock_findings,
+    ego_findings,
+    hole_findings,
+    sensor_logs,
+    truth_findings,
+)
+from trackbench.truth.recorded import read_drive
 from trackbench.truth.recorded.cycles import Cycles
-from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles, slope
+from trackbench.truth.recorded.drive import require_measurements, scan_cycles
 from trackbench.truth.sources import RecordingTruth
 
 
@@ -74,8 +79,6 @@ def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
     return SensorAudit(log, units, detection_shares(log, looked, fit.errors), fit, residual_noises(log, fit))
 
 
-#: The truth of a log, and what was read of its files.
-Recorded = tuple[RecordingTruth, Drive]
 #: Median of the size of a normal error, in standard deviations.
 MEDIAN_OF_NORMAL = 0.6745
 #: A sensor whose errors are typically more than this many times what the log states has a fault that was not found.
@@ -115,161 +118,6 @@ class LogAudit:
         return reasons
 
 
-#: Rows of one object of the truth that are further apart than this leave a hole, s, and in usual intervals.
-HOLE_S, HOLE = 1.0, 5.0
-#: More rows than this share without truth are no matter of the first and the last ones.
-OUTSIDE = 0.1
-#: A yaw rate is that of the yaw, in another unit, if the two are correlated by more than this.
-ALIKE = 0.5
-
-
-def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None]) -> Iterator[LogFinding]:
-    """Rows out of order, repetitions, and rows at other times than the truth.
-
-    Args:
-        clocks: of the truth and of the sensors.
-        periods: of the sensors, s; within half of one, rows of several objects may stand in any order.
-    """
-    for clock in clocks:
-        sensor = None if clock.name == "truth" else clock.name
-        order = clock.order
-        if clock.outside > OUTSIDE * order.rows:
-            yield LogFinding(
-                kind="outside",
-                sensor=sensor,
-                title=f"{clock.name}: many rows are at times without truth",
-                evidence=f"{clock.outside} of {counted(order.rows, 'row')} lie outside the time of the truth.",
-                fix="Check the units of time of the files, and whether their clocks begin alike.",
-            )
-        if order.backwards and order.largest_step_back > 0.5 * (periods.get(clock.name) or 0.0):
-            back = quantity_text(order.largest_step_back, "s")
-            yield LogFinding(
-                kind="clock",
-                sensor=sensor,
-                title=f"{clock.name}: time runs backwards",
-                evidence=f"{order.backwards} of {counted(order.rows, 'row')} are earlier than one before them, by up "
-                f"to {back}.",
-                fix="The rows are read in the order of their times. If the clock was set while it ran, split the log "
-                "there: the time offset differs before and after.",
-            )
-        if order.duplicates:
-            yield LogFinding(
-                kind="duplicates",
-                sensor=sensor,
-                title=f"{clock.name}: rows are repeated",
-                evidence=f"{order.duplicates} of {counted(order.rows, 'row')} are of an object and a time that came "
-                "before.",
-                fix="The first of them is read. Remove the others, or give each detection its own time.",
-            )
-
-
-def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """Velocities that contradict the motion, of all objects of one wrong unit together, and jumps."""
-    alike: dict[str | None, list[VelocityCheck]] = {}
-    for check in checks:
-        if check.contradicts:
-            own = check.unit if check.unit is not None and check.name != "observer" else None
-            alike.setdefault(own, []).append(check)
-        elif check.jumps:
-            yield LogFinding(
-                kind="truth_jumps",
-                sensor=None,
-                title=f"truth: {check.name} jumps",
-                evidence=f"{counted(check.jumps, 'window')} of half a second with a displacement that its velocity "
-                "does not explain.",
-                fix="Cut the log there, or repair the positions.",
-                component=check.name,
-            )
-    columns = truth.columns
-    for unit, same in alike.items():
-        changes = {}
-        if unit is not None and columns is not None:
-            keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
-            changes = {f"truth.columns.units.{key}": unit for key in keys}
-        names, worst = ", ".join(check.name for check in same), max(same, key=lambda check: check.difference)
-        yield LogFinding(
-            kind="truth_velocity",
-            sensor=None,
-            title=f"truth: the velocity of {names} is " + (f"in {unit}" if unit else "not that of the displacement"),
-            evidence=f"They differ by {worst.difference:.2g} m/s (median over windows of half a second or more, "
-            f"{worst.name}); the displacement is {worst.scale:.3g} times what the velocity says.",
-            fix="; ".join(f"Set {key}: {value}" for key, value in changes.items()) + "."
-            if changes
-            else "Check unit, frame, sign and time of the velocity; range rates cannot be judged by it.",
-            value=worst.difference,
-            unit="m/s",
-            component=worst.name,
-            changes=changes,
-        )
-
-
-def ego_findings(loaded: Scenario, recorded: Recorded) -> Iterator[LogFinding]:
-    """Yield the column of the observer's yaw, or else of its yaw rate, that fits in another unit."""
-    truth, drive = recorded
-    ego, motion = truth.ego, drive.observer
-    if ego is None or motion is None or motion.heading is None:
-        return
-    yaw_unit, rate_unit = (ego.units.get(key) or truth.units.angle for key in ("yaw", "yaw_rate"))
-    turned = motion._replace(heading=motion.heading * _other_angle(yaw_unit)[1])
-    ratio = _error_ratio(loaded, recorded, (truth, replace(drive, observer=turned)))
-    if ratio > CLEARLY:
-        yield _ego_finding(
-            "yaw", yaw_unit, f"The errors of the sensors are {ratio:.2g} times as large as read (median)."
-        )
-    elif motion.yaw_rate is not None:
-        slope_of_yaw, rate = slope(np.unwrap(motion.heading), motion.time), motion.yaw_rate
-        product, square = float(slope_of_yaw @ rate), float(rate @ rate)
-        correlation = product / max(np.sqrt(square * float(slope_of_yaw @ slope_of_yaw)), 1e-300)
-        scale = product / max(square, 1e-300)
-        if correlation > ALIKE and abs(np.log(scale / _other_angle(rate_unit)[1])) < np.log(CLEARLY):
-            yield _ego_finding("yaw_rate", rate_unit, f"The yaw changes {scale:.3g} times as fast as it says.")
-
-
-def _other_angle(unit: str) -> tuple[str, float]:
-    """Return the other unit of an angle, and what a value that was read in the first is to be multiplied by."""
-    other = "deg" if unit == "rad" else "rad"
-    return other, UNITS["angle"][other] / UNITS["angle"][unit]
-
-
-def _error_ratio(loaded: Scenario, recorded: Recorded, other: Recorded) -> float:
-    """Return the errors of a log over those of another reading of it: medians, geometric mean over all components."""
-    logarithms: list[float] = []
-    for sensor, again in zip(*(_sensor_logs(loaded, each).values() for each in (recorded, other)), strict=True):
-        sizes = np.abs([sensor.residual({}), again.residual({})])
-        known = np.isfinite(sizes).all(axis=(0, 1))
-        if known.any():
-            medians = np.maximum(np.median(sizes[:, :, known], axis=2), 1e-12)
-            logarithms += np.log(medians[0] / medians[1]).tolist()
-    return float(np.exp(np.mean(logarithms))) if logarithms else 1.0
-
-
-def _ego_finding(key: str, unit: str, evidence: str) -> LogFinding:
-    change = {f"truth.ego.units.{key}": _other_angle(unit)[0]}
-    title = f"observer: {key.replace('_', ' ')} is in {_other_angle(unit)[0]}, not {unit}"
-    (setting,) = change.items()
-    return LogFinding("unit", None, title, evidence, f"Set {setting[0]}: {setting[1]}.", component=key, changes=change)
-
-
-def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:
-    """Objects whose truth has holes, through which it is drawn as a straight line."""
-    for name, motion in motions.items():
-        intervals = np.diff(motion.time)
-        if not len(intervals):
-            continue
-        holes = intervals > max(HOLE_S, HOLE * float(np.median(intervals)))
-        if holes.any():
-            longest = int(np.argmax(intervals))
-            yield LogFinding(
-                kind="truth_holes",
-                sensor=None,
-                title=f"truth: {name} has {counted(int(holes.sum()), 'hole')}",
-                evidence=f"The longest, {intervals[longest]:.3g} s, begins at {motion.time[longest]:.2f} s; the truth "
-                "is a straight line through it.",
-                fix="Give the object another name after a hole.",
-                component=name,
-            )
-
-
 @one_blas_thread()
 def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
     """Audit the recorded sensors of a scenario.
@@ -295,7 +143,8 @@ def _audited(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAud
     bodies = [*drive.motions.items(), *([("observer", drive.observer)] if drive.observer is not None else [])]
     checks = (velocity_check(name, motion, unit) for name, motion in bodies)
     velocities = [check for check in checks if check is not None]
-    of_truth = [*truth_findings(truth, velocities), *ego_findings(loaded, recorded)]
+    logs = sensor_logs(loaded, recorded)
+    of_truth = [*truth_findings(truth, velocities), *ego_findings(loaded, recorded, logs)]
     units = [finding for finding in of_truth if finding.changes]
     if units:
         # Sensors are judged by the truth's velocity and the observer's heading, so those are put right first.
@@ -305,7 +154,7 @@ def _audited(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAud
     looked = scan_cycles(drive.clipped())
     clocks = [clock_of("truth", np.concatenate([m.time for m in drive.motions.values()]), drive.order)]
     sensors: dict[str, SensorAudit] = {}
-    for name, sensor in _sensor_logs(loaded, recorded).items():
+    for name, sensor in logs.items():
         progress(len(sensors), len(drive.logs))
         log = drive.logs[name]
         clocks.append(clock_of(name, log.scans, log.order, len(log.time) - len(sensor.log.time)))
@@ -322,15 +171,6 @@ def _audited(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAud
     ]
     duration = max(float(m.time[-1]) for m in drive.motions.values())
     return LogAudit(loaded, sensors, tuple(clocks), tuple(velocities), tuple(findings), duration)
-
-
-def _sensor_logs(loaded: Scenario, recorded: Recorded) -> dict[str, SensorLog]:
-    truth, drive = recorded
-    reference, sensors = reference_noise(drive), loaded.config.sensors
-    return {
-        name: SensorLog(name, sensors[name], log, drive, truth, reference, np.ones(len(sensors[name].components)))
-        for name, log in drive.clipped().logs.items()
-    }
 
 
 def _read(loaded: Scenario) -> Recorded:
@@ -416,7 +256,7 @@ def _squares(loaded: Scenario, recorded: Recorded, logged: Scenario) -> dict[str
     Of unlabelled detections some that are near a box are false alarms.
     """
     squares = {}
-    for name, sensor in _sensor_logs(loaded, recorded).items():
+    for name, sensor in sensor_logs(loaded, recorded).items():
         error, reference = sensor.residual({}) ** 2, sensor.reference_variance({})
         new, stated = (
             error / (np.array(each.config.sensors[name].sigmas())[:, None] ** 2 + reference)
