@@ -13,7 +13,7 @@ from trackbench.subjects.doctor.trial import Trial
 
 
 def linearised_gain(trial: Trial, used: Mask | None = None) -> Array:
-    """``(4, m)`` that of an EKF; with some components ``(m,)`` alone."""
+    """Return the gain ``(4, m)`` of an EKF, with all components of the measurement or with some of them ``(m,)``."""
     p = linalg.symmetrise(trial.prediction.covariance)
     cross = p @ trial.jacobian.T
     return _gain(cross, trial.jacobian @ cross + trial.scan.noise_covariance, used)

@@ -13,6 +13,11 @@ def largest_entry(matrix: Array) -> tuple[int, int]:
     return int(row), int(column)
 
 
+def best_multiple(value: Array, matrix: Array) -> float:
+    """Return the factor of a matrix that comes nearest to a value, in the sum of squares of all entries."""
+    return float(np.sum(value * matrix) / np.sum(matrix**2))
+
+
 def straight(step: float) -> Array:
     """Return the transition ``(4, 4)`` with constant velocity over ``step`` s."""
     return np.eye(4) + step * np.eye(4, k=2)

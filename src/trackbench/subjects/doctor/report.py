@@ -62,7 +62,7 @@ class Examination:
 
     @property
     def remarks(self) -> list[str]:
-        """What differs from the equations and does no harm: the results of passed checks that say so."""
+        """Differences from the equations that do no harm, in the words of the checks that pass with them."""
         return [f"{check.name}: {check.result}" for check in self.checks if check.passed and NO_HARM in check.result]
 
     def certainty(self, cause: Finding | None = None) -> Certainty:

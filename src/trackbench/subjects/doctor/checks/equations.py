@@ -26,7 +26,7 @@ from trackbench.subjects.doctor.findings import PROVEN, Finding, KnownFault, Par
 from trackbench.subjects.doctor.inside.own_filter import NARROW, OwnFilter, covariances_apart, own_filter
 from trackbench.subjects.doctor.inside.values import Assigned
 from trackbench.subjects.doctor.inside.written import last_values, same_matrix, wrong_entry
-from trackbench.subjects.doctor.matrices import largest_entry
+from trackbench.subjects.doctor.matrices import best_multiple, largest_entry
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -129,14 +129,14 @@ def equations(tracker: TrackerUnderTest) -> PartResult:
 
 
 class EquationAnswers(NamedTuple):
-    """What the beliefs that are put into a tracker show."""
+    """Wrong equations of a tracker, and the sensors whose gains are right."""
 
     targets: int
     """Number of targets that were tried, up to the first with a wrong equation; 0 where no belief is found."""
     findings: tuple[Finding, ...]
-    """What is wrong at the last of them."""
+    """Wrong equations at the last target."""
     right: frozenset[str]
-    """Names of the sensors whose gains are those of the covariance that is held, at all targets."""
+    """Names of the sensors whose gains follow from the covariance that is held, at all targets."""
 
 
 def equation_answers(tracker: TrackerUnderTest) -> EquationAnswers:
@@ -165,7 +165,7 @@ def _of_prediction(own: OwnFilter) -> Finding | None:
 
 
 def _of_motion(own: OwnFilter) -> Finding | None:
-    """A prediction that moves covariances otherwise than the mean."""
+    """Report a prediction that moves covariances otherwise than the mean."""
     scan = empty_scan(own.session.given[-1]._replace(time=own.time + OVER))
     narrow = NARROW * own.covariance
     right = own.derivative(scan, lambda after: after.mean, narrow)
@@ -177,7 +177,7 @@ def _of_motion(own: OwnFilter) -> Finding | None:
         return None
     moved, expected = linalg.symmetrise(more.covariance - less.covariance), linalg.symmetrise(right @ narrow @ right.T)
     # A memory may fade on purpose.
-    expected *= max(1.0, float(np.sum(moved * expected) / np.sum(expected**2)))
+    expected *= max(1.0, best_multiple(moved, expected))
     if covariances_apart(expected, moved) < WRONG:
         return None
     for at in last_values(less.assigned, right.shape):
@@ -200,7 +200,7 @@ def _of_motion(own: OwnFilter) -> Finding | None:
 
 
 def _of_noise(own: OwnFilter) -> Finding | None:
-    """A process noise that is none: of another course over time than a noise has, or of another matrix."""
+    """Report a process noise that no acceleration explains: by its growth over time, or by its matrix."""
     stamps = [empty_scan(own.session.given[-1]._replace(time=own.time + time)) for time in TIMES]
     exact = np.finfo(float).eps * own.covariance
     longer = [after for stamp in stamps if (after := own.after(stamp, covariance=exact, trace=True)) is not None]
@@ -218,7 +218,7 @@ def _of_noise(own: OwnFilter) -> Finding | None:
 
 
 def _about_old_mean(own: OwnFilter, noises: Array, *means: Array) -> Finding | None:
-    """A covariance that grows by the square of the motion, over a short and over a long time."""
+    """Report a covariance that grows by the square of the motion, over a short and over a long time."""
     shares = []
     for noise, mean in zip((noises[0], noises[-1]), means, strict=True):
         moved = mean - own.mean
@@ -235,7 +235,7 @@ def _about_old_mean(own: OwnFilter, noises: Array, *means: Array) -> Finding | N
 
 
 def _falling(noises: Array) -> Finding | None:
-    """A process noise of some part of the state that is the smaller, the longer the time."""
+    """Report a variance of the state to which a longer prediction adds less."""
     added = np.diagonal(noises, axis1=1, axis2=2)
     falling = np.flatnonzero((np.diff(added, axis=0) < -FALLS * added[:-1]).all(axis=0))
     if not len(falling):
@@ -249,7 +249,7 @@ def _falling(noises: Array) -> Finding | None:
 
 
 def _added_twice(assigned: Sequence[Assigned], noise: Array) -> Finding | None:
-    """A matrix of a line that is added several times to the predicted covariance."""
+    """Report a matrix of a line that is added several times to the predicted covariance."""
     for at in last_values(assigned, noise.shape):
         for count in TIMES_ADDED:
             if np.abs(at.value).max() > 0.0 and same_matrix(count * at.value, noise):
@@ -259,7 +259,7 @@ def _added_twice(assigned: Sequence[Assigned], noise: Array) -> Finding | None:
 
 
 def _of_another_order(noise: Array) -> Finding | None:
-    """An acceleration along one axis that moves the positions of both alike, and the velocity of none with them."""
+    """Report a noise that moves px and py alike, and neither with its velocity."""
     spread = np.sqrt(np.maximum(np.diag(noise), np.finfo(float).tiny))
     correlation = np.abs(noise) / np.outer(spread, spread)
     if min(correlation[0, 1], correlation[2, 3]) < TIED or max(correlation[0, 2], correlation[1, 3]) > UNTIED:
@@ -272,7 +272,7 @@ def _of_another_order(noise: Array) -> Finding | None:
 
 
 def _of_another_power(noises: Array) -> Finding | None:
-    """An entry of position and velocity that has not the power of time which goes with those of the two others."""
+    """Report an entry of position and velocity whose power of time does not go with the two other entries."""
     for axis in (0, 1):
         entries = ((axis, axis), (axis, axis + 2), (axis + 2, axis + 2))
         values = np.abs([[noise[entry] for entry in entries] for noise in noises])

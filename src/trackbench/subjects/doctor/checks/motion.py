@@ -14,6 +14,7 @@ from trackbench.base import linalg
 from trackbench.base.types import COMMON_STATE, Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import PROVEN, Finding, KnownFault, PartResult, Question, Role, doctor_check
+from trackbench.subjects.doctor.matrices import best_multiple
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -123,7 +124,7 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
     if len(pairs) < LEAST:
         return PartResult().add("no_time", None, "there was no estimate to predict")
     scaled = [[linalg.symmetrise(scaled_covariances(one, like=pair[0])) for one in pair] for pair in pairs]
-    factor = float(np.median([np.sum(now * was) / np.sum(was * was) for was, now in scaled]))
+    factor = float(np.median([best_multiple(now, was) for was, now in scaled]))
     apart = float(np.median([np.linalg.norm(now - factor * was) / np.linalg.norm(now) for was, now in scaled]))
     least, most = np.median([np.linalg.eigvalsh(now - was)[[0, -1]] for was, now in scaled], axis=0)
     text = f"over {NO_TIME:g} s the covariance is multiplied by {factor:.3g} (median of {len(pairs)} predictions)"

@@ -1,4 +1,4 @@
-"""Are the gains and the updated covariances of a filter those of the covariance that its tracker holds?
+"""Do the gains and the updated covariances of a filter follow from the covariance that its tracker holds?
 
 Measurements about the predicted one are given to a filter with chosen covariances. K is the derivative of the mean by
 the measurement. ``K = P H^T (H P H^T + R)^-1`` and ``P = (I - K H) P (I - K H)^T + K R K^T`` have to hold (Bar-Shalom,
@@ -22,6 +22,7 @@ from trackbench.subjects.doctor.findings import PROVEN, Finding
 from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, HeldAfter, OwnFilter, covariances_apart
 from trackbench.subjects.doctor.inside.values import Assigned
 from trackbench.subjects.doctor.inside.written import last_values, same_matrix, wrong_entry
+from trackbench.subjects.doctor.matrices import best_multiple
 from trackbench.subjects.doctor.session import StepFailed
 
 #: Error of a gain relative to the right one from which on it is wrong: Jacobians that are taken elsewhere than at the
@@ -48,12 +49,12 @@ TIMES_ADDED = (2, 3)
 
 
 class UpdateAnswers(NamedTuple):
-    """What measurements about the predicted one do to a belief; m components of them move it."""
+    """Changes of a belief by measurements near the predicted one, m components of which change the estimate."""
 
     covariance: Array
     """``(n, n)`` P, predicted."""
     after: tuple[Array, Array]
-    """``(n, n)`` held an instant after the predicted measurement; as it is, and without what is added without one."""
+    """``(n, n)`` held an instant after the predicted measurement; second, less the growth over that instant."""
     gain: Array
     """``(n, m)`` derivative of the mean that is held an instant after a measurement by it."""
     jacobian: Array
@@ -113,24 +114,22 @@ def _answers(own: OwnFilter, scan: Scan, covariance: Array, after_s: float = INS
     def answer(measurement: Array, *then: Scan, trace: bool = False) -> HeldAfter | None:
         return own.after(scan._replace(measurement=measurement), *then, covariance=covariance, trace=trace)
 
-    at_once, centre = answer(expected), answer(expected, later, trace=True)
+    centre = answer(expected, later, trace=True)
     sides = [[answer(expected + side * step, later) for side in (1, -1)] for step in np.diag(STEP * sigma)]
-    steps = [[answer(expected + side * step) for side in (1, -1)] for step in np.diag(STEP * sigma)]
     gain = _gain(sides, lambda one: one.mean)
-    returned, left = (
-        _gain(of, lambda one: None if one.estimate is None else one.estimate.mean) for of in (steps, sides)
-    )
-    if gain is None or returned is None or left is None or centre is None or at_once is None:
+    returned = _gain(sides, lambda one: None if one.at_once is None else one.at_once.mean)
+    left = _gain(sides, lambda one: None if one.estimate is None else one.estimate.mean)
+    if gain is None or returned is None or left is None or centre is None:
         return None
-    if centre.estimate is None or at_once.estimate is None:
+    if centre.at_once is None or centre.estimate is None:
         return None
     size = np.abs(returned).max(axis=0)
     used = size > NO_GAIN * size.max()
     # What is predicted otherwise than measured has another name.
-    if not used.any() or np.abs(at_once.estimate.mean - before.estimate.mean).max() > NONE * size.max():
+    if not used.any() or np.abs(centre.at_once.mean - before.estimate.mean).max() > NONE * size.max():
         return None
     sigma_before = np.sqrt(np.diag(before.estimate.covariance))
-    pairs = ((before.estimate, at_once.estimate), (unmeasured.estimate, centre.estimate))
+    pairs = ((before.estimate, centre.at_once), (unmeasured.estimate, centre.estimate))
     changes = [(one.covariance - other.covariance) / np.outer(sigma_before, sigma_before) for one, other in pairs]
     return UpdateAnswers(
         linalg.symmetrise(before.covariance),
@@ -160,12 +159,11 @@ def _gain(sides: Sequence[Sequence[HeldAfter | None]], of: Callable[[HeldAfter],
 
 def _share(change: Array, left: Array) -> float:
     """Return how much of a change is left; 1 where there is none."""
-    size = float(np.sum(change**2))
-    return float(np.sum(left * change)) / size if size > 0.0 else 1.0
+    return best_multiple(left, change) if np.any(change) else 1.0
 
 
 def _not_kept(sensor: str, wide: UpdateAnswers) -> Finding | None:
-    """A mean or covariance that a measurement changes where it is returned, and not where it is kept."""
+    """Report a mean or covariance that a measurement changes where it is returned, and not where it is kept."""
     part, share = min(wide.kept.items(), key=lambda entry: abs(entry[1]))
     if abs(share) > LOST:
         return None
@@ -174,7 +172,7 @@ def _not_kept(sensor: str, wide: UpdateAnswers) -> Finding | None:
 
 
 def _of_gain(sensor: str, kind: str, narrow: UpdateAnswers, wide: UpdateAnswers) -> Finding | None:
-    """A gain that is not the right one of the covariance that is held."""
+    """Report a gain that does not follow from the covariance that is held."""
     if not narrow.whole:
         # A component may be left out on purpose, and one that is not has another name.
         return None
@@ -195,7 +193,7 @@ def _of_gain(sensor: str, kind: str, narrow: UpdateAnswers, wide: UpdateAnswers)
         if max(errors) < USED and not same_matrix(at.value, narrow.noise):
             return _of_own_noise(sensor, kind, at, narrow.noise)
     right = narrow.right_gain()
-    factor = float(np.sum(narrow.gain * right) / np.sum(right**2))
+    factor = best_multiple(narrow.gain, right)
     if narrow.apart(factor * right) < USED and abs(np.log(max(factor, 1e-9))) > np.log(TUNING):
         # The covariance after an update with the best gain for some noise is (I - K H) P.
         best = narrow.covariance - narrow.gain @ narrow.jacobian @ narrow.covariance
@@ -235,7 +233,7 @@ def _of_size(text: str, fault: str, sensor: str, factor: float) -> Finding:
 
 
 def _of_multiple(sensor: str, factor: float, *, is_noise: bool, is_stated: bool) -> Finding:
-    """Report a gain that is a multiple of the right one, or is that of a multiple of the stated noise."""
+    """Report a multiple of the right gain, or the gain for a multiple of the stated noise."""
     text = f"measurements of {sensor} move the mean by {factor:.4g} times the gain of the covariance that is kept"
     if not is_noise:
         return Finding("gain_inconsistent", 0.96, text, sensor=sensor, factor=factor)
@@ -249,7 +247,7 @@ def _of_multiple(sensor: str, factor: float, *, is_noise: bool, is_stated: bool)
 
 
 def _of_covariance(sensor: str, wide: UpdateAnswers) -> Finding | None:
-    """A covariance after a measurement that is not that of the gain."""
+    """Report a covariance after a measurement that does not follow from the gain."""
     error = _covariance_error(wide, _joseph(wide))
     if error < WRONG_AFTER:
         return None
@@ -265,13 +263,13 @@ def _covariance_error(answers: UpdateAnswers, right: Array) -> float:
     spread = np.sqrt(np.outer(np.diag(answers.covariance), np.diag(answers.covariance)))
     change = float(np.abs((right - answers.covariance) / spread).max())
     # A memory may fade on purpose.
-    faded = [max(1.0, float(np.sum(after * right) / np.sum(right**2))) * right for after in answers.after]
+    faded = [max(1.0, best_multiple(after, right)) * right for after in answers.after]
     off = [np.abs((one - after) / spread).max() for one, after in zip(faded, answers.after, strict=True)]
     return float(min(off)) / change if change > 0.0 else 0.0
 
 
 def _not_redrawn(own: OwnFilter, scan: Scan) -> Finding | None:
-    """A gain that is right at once, and after a time is that of a predicted covariance without the process noise."""
+    """Report a gain that is right at once, and after a time leaves out the process noise."""
     exact, narrow = np.finfo(float).eps * own.covariance, NARROW * own.covariance
     noise = own.after(empty_scan(scan._replace(time=own.time + LATER)), covariance=exact)
     answers = _answers(own, scan, narrow, LATER)

@@ -32,15 +32,18 @@ SAME = 1e-3
 
 
 class HeldAfter(NamedTuple):
-    """What is held after a step."""
+    """Mean and covariance that a tracker holds after some scans, and its estimates."""
 
     mean: Array
     """``(n,)``"""
     covariance: Array
     """``(n, n)``"""
+    at_once: Estimate | None
+    """Estimate at the first scan."""
     estimate: Estimate | None
+    """Estimate at the last scan."""
     assigned: Sequence[Assigned]
-    """What the lines of the step assign, where they are traced."""
+    """What the lines of the first step assign, where they are traced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +79,8 @@ class OwnFilter:
         for path, value in ((self.mean_at, mean), (self.covariance_at, covariance)):
             if value is not None and not put(copy.inside, path, value):
                 return None
-        estimate, assigned = traced(lambda: copy.step(scan)) if trace else (copy.step(scan), [])
+        at_once, assigned = traced(lambda: copy.step(scan)) if trace else (copy.step(scan), [])
+        estimate = at_once
         for later in then:
             estimate = copy.step(later)
         values = {entry.path: entry.value for entry in held_values(copy.inside)}
@@ -85,7 +89,7 @@ class OwnFilter:
         own, spread = values[self.mean_at].ravel(), values[self.covariance_at]
         if own.shape != self.mean.shape or spread.shape != self.covariance.shape:
             return None
-        return HeldAfter(own, spread, estimate, assigned)
+        return HeldAfter(own, spread, at_once, estimate, assigned)
 
     def derivative(
         self, scan: Scan, of: Callable[[HeldAfter], Array | None], covariance: Array | None = None
