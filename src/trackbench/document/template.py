@@ -11,7 +11,7 @@ from trackbench.document import Block
 
 
 def environment(escape: Callable[[str], str]) -> Environment:
-    """Return an environment that escapes every text that is put in; markup stays as it is.
+    """Return an environment that escapes every text that is put in; markup is kept.
 
     Args:
         escape: makes a text of the document one of the format; HTML's own characters are escaped after it, unless it

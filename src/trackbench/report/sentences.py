@@ -258,5 +258,5 @@ def _whom(names: Sequence[str], number: int, *, every: bool) -> str:
 
 
 def _error(metric: MetricValue) -> str:
-    """Return a value with three digits or more, so that it can be told from those of other runs: "0.0708 m"."""
+    """Return a value with three digits or more, so that other runs have another text: "0.0708 m"."""
     return f"{rounded(metric.value, max(meaningful(metric.value, metric.ci95), decimals([metric.value])))} m"

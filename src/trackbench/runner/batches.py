@@ -1,4 +1,4 @@
-"""The runs that a tracker takes at once: all that differs by whether a detection says of which object it is."""
+"""The runs that a tracker takes at once: all that differs by known or hidden identities."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Batch(Protocol):
 
 
 class KnownIdentities:
-    """Runs of a scene whose detections say of which object they are. A member is one object in one run.
+    """Runs of a scene with known identities: each detection names its object. A member is one object in one run.
 
     Args:
         work: what all blocks share.
@@ -79,7 +79,7 @@ class KnownIdentities:
         return start_stepper(entry, work.folder, self.members, prepare, work.isolation, sensors=work.sensors)
 
     def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring:
-        """Return what scores the estimates of a tracker, and tells of those in the recorded run."""
+        """Return what scores the estimates of a tracker, and reports the recorded run to the observer."""
         return EstimateScoring(self._work, self._piece, name, self._targets, observe)
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
@@ -94,7 +94,7 @@ class KnownIdentities:
 
 
 class HiddenIdentities:
-    """Runs whose detections do not say of which object they are. A member is one run.
+    """Runs with hidden identities: no detection names its object. A member is one run.
 
     Args:
         work: what all blocks share.

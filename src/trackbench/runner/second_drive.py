@@ -1,4 +1,4 @@
-"""Plug-ins driven through some runs a second time: who they are, and with which members."""
+"""The second drive of plug-ins through some runs, with other members beside each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RUNS = 2
 
 
 def asked_again(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
-    """Wrap a plug-in so that it is asked again; return a built-in tracker, or one that draws random numbers, as it is.
+    """Wrap a plug-in so that it is asked again; return other trackers, and those that draw random numbers, unchanged.
 
     A batched one gets half of the batch, permuted; any other two runs in reverse order.
 

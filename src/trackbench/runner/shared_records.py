@@ -21,7 +21,7 @@ Records = dict[str, list[Record]]
 
 
 class FinishedRun(NamedTuple):
-    """What the tables of a run are made of."""
+    """A finished run, from which its tables are made."""
 
     work: Work
     blocks: Sequence[Block]

@@ -250,7 +250,7 @@ class Work:
 
     @property
     def reported_metrics(self) -> list[Metric]:
-        """Metrics of which a result has a value, or the reason why there is none."""
+        """Metrics that a result lists, each with a value or the reason why it has none."""
         if not self.hidden:
             return [*self.metrics]
         return [*TRACK_METRICS.values(), *(metric for metric in self.metrics if "truth" in metric.needs)]

@@ -54,7 +54,7 @@ class SceneBodies(NamedTuple):
     """Numbers of the bodies in a scene."""
 
     carrier: int | None
-    """On which the observer rides; None: on none."""
+    """Body that carries the observer; None where no body does."""
     present: list[int]
     """All that drive there, the carrier too."""
 

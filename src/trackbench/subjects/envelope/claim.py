@@ -185,7 +185,7 @@ class Claim(ResultModel):
 
     @property
     def base_point(self) -> Point:
-        """The scenario's own point, within the map; the middle of an axis of which the scenario has no value."""
+        """The scenario's own point, within the map; the middle of an axis for which the scenario has no value."""
         return tuple(axis.nearest(value) for axis, value in zip(self.axes, self.base, strict=True))
 
     def limits_of(self, tracker: str) -> list[ClaimedLimit]:

@@ -207,7 +207,7 @@ class EnvelopeMap:
         return [point for point in points if absent[point] is None]
 
     def _look(self, cells: Sequence[MapCell], look: int, extent: Extent, progress: NotedProgress) -> None:
-        """Look at those of some cells that are not decided."""
+        """Look at the undecided ones among some cells."""
         waiting = [cell for cell in cells if cell.undecided]
         for first in range(0, len(waiting), AHEAD):
             begun = [self._begun(cell, look, extent) for cell in waiting[first : first + AHEAD]]

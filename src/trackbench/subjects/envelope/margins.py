@@ -293,7 +293,7 @@ class Border(NamedTuple):
 
     @property
     def is_line(self) -> bool:
-        """Whether there is a line: an undecided cell whose value is that of the limit makes none."""
+        """Whether there is a line: an undecided cell whose value equals the limit makes none."""
         return bool(self.beyond.min() < -_NEXT_TO / 2 and self.beyond.max() > _NEXT_TO / 2)
 
 

@@ -50,7 +50,7 @@ def mcap_scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
 
 
 def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
-    """Write the scans of one run; the log time of a message is that of arrival.
+    """Write the scans of one run; the log time of a message is its arrival.
 
     Raises:
         InputError: the package is missing.

@@ -1,4 +1,4 @@
-"""What functions decide in the recorded run: a lane for the truth and each tracker."""
+"""Decisions of functions in the recorded run: a lane for the truth and each tracker."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def send_functions(
     Args:
         stream: the recording.
         decisions: the table.
-        events: those of the recorded run in which something was wrong.
+        events: wrong decisions in the recorded run.
         colours: by tracker.
     """
     by_function: dict[str, dict[str, Columns]] = {}

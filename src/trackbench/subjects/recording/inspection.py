@@ -1,4 +1,4 @@
-"""What a recorded run shows at a time, and its worst moments, for a terminal."""
+"""The state of a recorded run at a time, and its worst moments, for a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one client is answered: its tracker, its truth and the running RMSE."""
+"""The answers to one client: its tracker, its truth and the running RMSE."""
 
 from __future__ import annotations
 

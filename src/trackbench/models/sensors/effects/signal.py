@@ -91,7 +91,7 @@ class SignalToNoise(SignalRange, Effect):
         exceeds the threshold of a false alarm probability of 1e-6.
 
         The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with
-        the mean power P0 at ``stated_at_m``. Slow errors have the mean of that factor over detections.
+        the mean power P0 at ``stated_at_m``. Slow errors have the mean of this factor over detections.
 
         Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Richards (2014),
         "Fundamentals of Radar Signal Processing", equation 2.63, for the aspect that decorrelates; Barton (2005),
