@@ -129,7 +129,8 @@ def test_the_metric_is_in_the_result_and_in_the_reports(installed: Trackbench, t
     assert re.search("<th[^>]*>largest_error, m</th>", page)
     for name, value in values.items():
         low, high = value["ci95"]
-        cell = re.escape(f"{value['value']:.3f} ({low:.3f} to {high:.3f})")
+        assert high - value["value"] == pytest.approx(value["value"] - low, abs=5e-4)
+        cell = re.escape(f"{value['value']:.3f} (±{(high - low) / 2:.3f})")
         assert re.search(rf"^\| \*\*{name}\*\* \|.* {cell} \|", text, re.M)
         assert re.search(f"<td[^>]*>{value['value']:.3f}<", page)
 

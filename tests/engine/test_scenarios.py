@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.support.udacity import data_folder
 
+from trackbench.results import Result
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.shipped import shipped
@@ -27,11 +29,30 @@ OTHER = ("step_time", "engine", "why_numpy", "command")
 def same(name: str, *settings: str) -> None:
     loaded = load_scenario(name, settings)
     truths = truths_of(loaded)
-    by_numpy, fused = (run_scenario(loaded, truths, engine=engine).summary for engine in ("numpy", "fused"))
+    results = [run_scenario(loaded, truths, engine=engine) for engine in ("numpy", "fused")]
+    by_numpy, fused = (result.summary for result in results)
     assert by_numpy.engine == "numpy"
     assert fused.engine != "numpy"
     assert [tracker.name for tracker in fused.trackers if tracker.failed] == []
-    assert list(differences(fused.model_dump(), by_numpy.model_dump())) == []
+    found = list(differences(fused.model_dump(), by_numpy.model_dump()))
+    assert [difference for difference in found if not _is_rounding(difference, results[0])] == []
+
+
+def _is_rounding(difference: tuple[str, Any, Any], result: Result) -> bool:
+    """Whether it is of the NEES of a covariance so near to singular that its inverse has no more digits."""
+    at, one, other = difference
+    if ".nees." not in at or not (isinstance(one, float) and isinstance(other, float)):
+        return False
+    name = result.summary.trackers[int(at.split(".")[2])].name
+    estimates = result.tables["estimates"].to_pandas()
+    table = estimates[estimates["tracker"] == name]
+    rows, columns = np.triu_indices(4)
+    covariances = np.empty((len(table), 4, 4))
+    covariances[:, rows, columns] = table[[f"p_{i}{j}" for i, j in zip(rows, columns, strict=True)]]
+    covariances[:, columns, rows] = covariances[:, rows, columns]
+    sigmas = np.sqrt(np.einsum("nii->ni", covariances))
+    conditions = np.linalg.cond(covariances / sigmas[:, :, None] / sigmas[:, None, :])
+    return math.isclose(one, other, rel_tol=float(np.finfo(float).eps * conditions.max()))
 
 
 def differences(one: Any, other: Any, at: str = "", least: float = LEAST) -> Iterator[tuple[str, Any, Any]]:
