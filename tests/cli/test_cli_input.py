@@ -34,9 +34,9 @@ BAD_USAGE = [
     (["doctor", "tiny.yaml"], "tiny.yaml: name the tracker in it: tiny.yaml#raw or tiny.yaml#ekf"),
     (
         ["inspect", "exam"],
-        "exam: no result.json in this folder: it is that of an examination, which `trackbench report` shows",
+        "exam: no result.json in this folder: it is that of an examination: open its report.html; `trackbench view`",
     ),
-    (["compare", "exam"], "exam: an examination is not compared; `trackbench report` shows it"),
+    (["report", "exam"], "exam: no result.json in this folder: it is that of an examination: open its report.html"),
     (["report", "tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json; a scenario is run first"),
     (["inspect", "tiny.yaml"], "tiny.yaml: not a Rerun recording (.rrd); a scenario is run first: `trackbench run`"),
     (["run", "emty/"], "emty: there is no such file; `trackbench list scenarios` shows those that come with"),

@@ -108,7 +108,7 @@ def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
     [
         (["base/tiny", "gone"], "gone: there is no such folder"),
         (["tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json"),
-        (["empty"], "empty: no result.json in this folder, nor in the folders in it"),
+        (["empty"], "empty: no result.json in this folder: it is not the folder of a run"),
         (["base/tiny", "--trackers", "ekv"], "--trackers: no tracker 'ekv' in these results; did you mean 'ekf'?"),
         (["base/tiny", "--metric", "position"], "--metric: 'position' is not compared run by run; did you mean"),
         (["base/tiny", "--metric", "step_time"], "--metric: 'step_time' is not compared run by run; "),

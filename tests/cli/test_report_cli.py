@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -13,8 +12,6 @@ import pytest
 from trackbench.document.html import to_html
 from trackbench.report.result import result_document
 from trackbench.results import Result
-from trackbench.subjects.doctor.findings import CheckResult, Finding
-from trackbench.subjects.doctor.report import Examination
 
 Cli = Callable[..., Any]
 
@@ -80,37 +77,6 @@ def test_several_runs_are_a_comparison(cli: Cli, two: Path) -> None:
     done = cli("report", str(two), "--format", "csv")
     assert done.status == 0
     assert (two / "tables").is_dir()
-
-
-def examination(folder: Path) -> Examination:
-    finding = Finding("azimuth_not_wrapped", 0.9, "It jumped by 6.28 rad.", "radar", None, "probe")
-    found = Examination("mine", [finding], [CheckResult("wrapping", "Is it wrapped?", False, "no")])
-    folder.mkdir()
-    (folder / "examination.json").write_text(json.dumps(found.json()), encoding="utf-8")
-    return found
-
-
-def test_an_examination(cli: Cli, tmp_path: Path) -> None:
-    found = examination(tmp_path / "examined")
-    assert Examination.load(tmp_path / "examined" / "examination.json").json() == found.json()
-    shown = cli("report", str(tmp_path / "examined")).out
-    assert "It jumped by 6.28 rad." in shown
-    assert "0 of 1 checks passed" in shown
-    done = cli("report", str(tmp_path / "examined"), "--format", "svg")
-    assert done.status == 2
-    assert "nothing to write as svg" in done.err
-
-
-@pytest.mark.parametrize(
-    "content", ["{", "[]", '{"tracker": "x"}', '{"tracker": "x", "findings": [{"fault": "none"}]}']
-)
-def test_a_damaged_examination_is_one_message(cli: Cli, tmp_path: Path, content: str) -> None:
-    examination(tmp_path / "examined")
-    (tmp_path / "examined" / "examination.json").write_text(content, encoding="utf-8")
-    done = cli("report", str(tmp_path / "examined"))
-    assert done.status == 2
-    assert done.err.count("\n") == 1
-    assert "examination.json" in done.err
 
 
 def test_a_file_where_a_folder_is_needed(cli: Cli, two: Path) -> None:

@@ -24,11 +24,10 @@ if TYPE_CHECKING:
 
 _SAVED = dict(offered("documents"))
 _KINDS = "".join(f" or of {kind_of_file(name)}," for name in _SAVED)
-_NOTES = [offer.summary for offer in _SAVED.values() if offer.summary]
 _REPORT_HELP = f"""Write the report of a saved result in any format.
 
 RUN is the folder of a run, of several runs, which are compared,{_KINDS}
-or a comparison.json. {"; ".join(["Nothing is run again", *_NOTES])}.
+or a comparison.json. Nothing is run again.
 
 \b
 Examples:

@@ -177,12 +177,10 @@ def find_results(path: Path) -> ResultSet:
     """
     folders = [path]
     if path.is_dir() and not (path / results.SUMMARY).is_file():
-        folders = sorted(file.parent for file in path.glob(f"[!.]*/{results.SUMMARY}"))
+        folders = sorted(file.parent for file in path.glob(f"[!.]*/{results.SUMMARY}")) or [path]
         for file, _ in offered("documents"):
             if (path / file).is_file():
                 raise InputError(f"{kind_of_file(file)} is not compared; `trackbench report` shows it", file=path)
-        if not folders:
-            raise InputError(f"no {results.SUMMARY} in this folder, nor in the folders in it", file=path)
     entries = tuple(Entry(str(folder), Result.load(folder)) for folder in folders)
     labels: dict[str, str] = {}
     for entry in entries:

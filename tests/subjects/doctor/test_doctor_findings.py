@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -60,14 +59,9 @@ def test_the_word_follows_from_what_is_explained(
     word: str,
     explained: int,
     besides: tuple[str, ...],
-    tmp_path: Path,
 ) -> None:
     examination = Examination("mine", findings, checks)
     assert examination.certainty() == (word, explained, besides)
-    # What is saved has no number, and the same word.
-    file = tmp_path / "examination.json"
-    file.write_text(json.dumps(examination.json()))
-    assert Examination.load(file).certainty() == examination.certainty()
 
 
 def test_a_consequence_of_another_root_is_not_explained() -> None:

@@ -8,9 +8,4 @@ SUBJECT = Subject(
     examiners={"doctor": f"{__name__}.api:remark"},
     lists={"checks": Offer(f"{__name__}.certainty:listed_checks", "The checks are those of `trackbench doctor`.")},
     terms={name: f"{__name__}.certainty:{name}_terms" for name in ("faults", "checks", "examination")},
-    documents={
-        "examination.json": Offer(
-            f"{__name__}.report:saved_examination", "of an examination the figures are in its report.html alone"
-        )
-    },
 )

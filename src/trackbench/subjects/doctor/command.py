@@ -52,7 +52,6 @@ FIRST = 200
     "--skip", multiple=True, metavar="CHECK", help="Leave a check out; `trackbench list checks` shows their names."
 )
 @isolation_options
-@click.option("--all-checks", is_flag=True, help="Print the result of every check.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON, and nothing else.")
 def doctor_command(
     tracker: str,
@@ -64,7 +63,6 @@ def doctor_command(
     no_misses: bool,
     skip: tuple[str, ...],
     isolation: Isolation,
-    all_checks: bool,
     as_json: bool,
 ) -> None:
     """Find the faults of a tracker, with evidence.
@@ -125,7 +123,7 @@ def doctor_command(
     if as_json:
         print_answer(results.json_text(examination.json()), nl=False)
     else:
-        print_answer(examination_text(examination, every_check=all_checks))
+        print_answer(examination_text(examination))
         files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)
         print_answer(f"\n{files}")
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)

@@ -23,12 +23,7 @@ from trackbench.trackers.answers import tracks_of_run
 
 #: Checks that do not hold for a track: it starts with several measurements, ends soon after its last one, and takes
 #: none beyond its gate. How near it is to its object the scenes show.
-LEFT_OUT = {
-    "confidence",
-    "continuity",
-    "growth_by_noise",
-    "drives",
-}
+LEFT_OUT = {"confidence", "growth_by_noise", "drives"}
 #: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic
 #: association, too, the update is that of the filter.
 DETECTION, DENSITY = 0.9, 1e-12

@@ -9,18 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
-
 from trackbench import results
 from trackbench.api.result import Report
-from trackbench.base.errors import InputError, counted
-from trackbench.base.files import read_json
+from trackbench.base.errors import counted
 from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.results import EXAMINATION
-from trackbench.subjects.doctor.certainty import LEAST, Certainty, Word, certainty
+from trackbench.subjects.doctor.certainty import Certainty, certainty
 from trackbench.subjects.doctor.drive_figures import evidence_figures
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults, questions
@@ -96,25 +93,6 @@ class Examination:
             "shown_by": finding.shown_by,
         }
 
-    @classmethod
-    def load(cls, file: Path) -> Examination:
-        """The examination in a file of :meth:`json`.
-
-        Raises:
-            InputError: it cannot be read, or is no examination.
-        """
-        try:
-            values = read_json(file)
-            findings = [_loaded(entry) for entry in values["findings"]]
-            checks = TypeAdapter(list[CheckResult]).validate_python(values["checks"])
-            return cls(str(values["tracker"]), findings, checks)
-        except ValidationError as invalid:
-            first = invalid.errors()[0]
-            where = ".".join(map(str, first["loc"]))
-            raise InputError(f"not a readable examination: {where}: {first['msg']}", file=file) from None
-        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            raise InputError(f"not a readable examination: {error}", file=file) from error
-
     def report(self) -> Report:
         """The report, as ``trackbench doctor`` writes it."""
         return Report(examination_document(self))
@@ -142,30 +120,6 @@ class Examination:
 
     def _repr_html_(self) -> str:
         return self.report()._repr_html_()
-
-
-class _SavedFinding(BaseModel):
-    """A finding as it is saved."""
-
-    fault: str
-    confidence: Word | None
-    evidence: str
-    sensor: str | None
-    factor: float | None
-    consequence_of: str | None
-    shown_by: str | None = None
-
-
-def _loaded(entry: Any) -> Finding:
-    """A saved finding, with the least confidence of its word, without what shows it.
-
-    Raises:
-        ValueError: the fault is none of the known ones, or a value is of another type.
-    """
-    saved = _SavedFinding.model_validate(entry)
-    if saved.fault not in known_faults():
-        raise ValueError(f"unknown fault {saved.fault!r}")
-    return Finding(**saved.model_dump() | {"confidence": LEAST[saved.confidence or "unclear"]})
 
 
 def examination_verdict(examination: Examination) -> str:
@@ -217,11 +171,6 @@ def _points(examination: Examination, finding: Finding) -> list[tuple[str, str]]
     return [*points, ("besides", f"not explained by it: {', '.join(besides)}")] if besides else points
 
 
-def _mark(check: CheckResult) -> str:
-    """Whether the check passed."""
-    return "skipped" if check.skipped else {True: "passed", False: "FAILED", None: "not made"}[check.passed]
-
-
 def _not_made(examination: Examination) -> list[tuple[str, str]]:
     """The reasons for which checks were not made, with the names of these checks."""
     reasons: dict[str, list[str]] = {}
@@ -231,13 +180,8 @@ def _not_made(examination: Examination) -> list[tuple[str, str]]:
     return [(reason, ", ".join(names)) for reason, names in reasons.items()]
 
 
-def examination_text(examination: Examination, every_check: bool = False) -> str:
-    """The verdict, each root cause with its evidence and fix, the consequences, and the checks.
-
-    Args:
-        examination: the findings and checks.
-        every_check: all checks with their results, instead of the failed ones only.
-    """
+def examination_text(examination: Examination) -> str:
+    """The verdict, each root cause with its evidence and fix, the consequences, and the checks that failed."""
     lines = [*_wrapped(examination_verdict(examination))]
     for remark in examination.remarks:
         lines += ["", *_wrapped(f"remark: {remark}", "  ")]
@@ -253,18 +197,14 @@ def examination_text(examination: Examination, every_check: bool = False) -> str
             lines += _wrapped(f"  {finding.fault} (of {finding.consequence_of}): {finding.evidence}", "    ")
     made = [check for check in examination.checks if check.passed is not None]
     failed = [check for check in made if not check.passed]
-    names_follow = ", failed:" if failed and not every_check else ""
+    names_follow = ", failed:" if failed else ""
     lines += ["", f"Checks: {len(made) - len(failed)} of {len(made)} passed{names_follow}"]
-    for check in examination.checks if every_check else failed:
-        if every_check:
-            lines += _wrapped(f"  {_mark(check):<8} {check.name}: {check.question}", " " * 11)
-            lines += _wrapped(f"{' ' * 11}{check.result}", " " * 11)
-        else:
-            # What is found says the rest.
-            result = "" if check.faults else f" {check.result}"
-            lines += _wrapped(f"  {check.name}: {check.question}{result}", "    ")
+    for check in failed:
+        # What is found says the rest.
+        result = "" if check.faults else f" {check.result}"
+        lines += _wrapped(f"  {check.name}: {check.question}{result}", "    ")
     left_out = len(examination.checks) - len(made)
-    if left_out and not every_check:
+    if left_out:
         lines.append(f"{counted(left_out, 'check')} not made:")
         for reason, names in _not_made(examination):
             lines += _wrapped(f"  {names}: {reason}", "    ")
@@ -276,7 +216,7 @@ def _wrapped(line: str, indent: str = "") -> list[str]:
 
 
 def examination_document(examination: Examination) -> Document:
-    """The report of an examination, with the figures of the runs that show its findings; a saved one has no runs."""
+    """The report of an examination, with the figures of the runs that show its findings."""
     failed, passed = ([check for check in examination.checks if check.passed is state] for state in (False, True))
     blocks = [
         *_verdict(examination),
@@ -328,8 +268,3 @@ def _drive(run: EvidenceRun) -> Section:
     titles = dict.fromkeys(known_faults()[finding.fault].title for finding in run.findings)
     shows = [Paragraph(f"It shows: {'; '.join(titles)}.")] if titles else []
     return Section(f"Drive: {run.description}", (*shows, Row(tuple(evidence_figures(run)))))
-
-
-def saved_examination(file: Path) -> Document:
-    """The report of a saved examination."""
-    return examination_document(Examination.load(file))
