@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from trackbench.base import linalg
@@ -15,14 +17,25 @@ CHUNK = 32
 
 
 def _innovation(values: Values) -> Values:
-    white, used, pair = values["white"], values["used"], values["used"] & values["used_before"]
-    nis = np.einsum("m...,m...->...", white, white)
-    inside, missing = used & (nis < values["point95"]), values["due"] & ~used
-    product = np.einsum("m...,m...->...", white, values["white_before"])
+    white, used, nis = _counted(values["white"], values["used"])
+    white_before, used_before, _ = _counted(values["white_before"], values["used_before"])
+    pair, inside, missing = used & used_before, used & (nis < values["point95"]), values["due"] & ~used
+    product = np.where(pair, np.einsum("m...,m...->...", white, white_before), 0.0)
     return {"rows": linalg.vector([used, nis, inside, pair, product, np.where(pair, nis, 0.0), missing])}
 
 
-#: Of a whitened innovation ``white`` and the one before it, which are zero unless they are ``used``: ``rows`` as
+def _counted(white: Array, used: Any) -> tuple[Array, Any, Array]:
+    """Innovations that count, zero elsewhere, which of them do, and their NIS: those that are used and can be summed.
+
+    A sequence of calls leaves what is not used as it is, so that it may be anything.
+    """
+    white = np.where(used, white, 0.0)
+    nis = np.einsum("m...,m...->...", white, white)
+    counted = used & (nis < OVERFLOW)
+    return white, counted, np.where(counted, nis, 0.0)
+
+
+#: Of a whitened innovation ``white`` and the one before it, which are anything unless they are ``used``: ``rows`` as
 #: NIS_FIELDS. ``due``: whether there should be one.
 INNOVATION = Equations(
     "whitened innovation",
@@ -100,9 +113,6 @@ class Innovations:
         here, before = slice(self._first, self._next), slice(self._first - 1, self._next - 1)
         if self._next == self._first:
             return
-        # A sequence of calls leaves what is not used as it is, so the row before may hold anything too.
-        every = slice(self._first - 1, self._next)
-        _clear(self._white[every], self._used[every])
         white, used = self._white[here], self._used[here]
         inputs = {
             "white": white.swapaxes(0, 1),
@@ -126,12 +136,3 @@ class Innovations:
             count = self._per_step.shape[1]
             per_part = added(self._per_step, np.arange(count) * stretches // max(count, 1))
         return NisScores(self._dof, self._per_step, self._per_run, per_part)
-
-
-def _clear(white: Array, used: Mask) -> None:
-    """Set innovations ``(count, m, batch)`` to zero that are not used ``(count, batch)``, or cannot be summed."""
-    if not used.all():
-        np.copyto(white, 0.0, where=~used[:, None])
-    if not np.vdot(white, white) < OVERFLOW:
-        used &= np.einsum("tml,tml->tl", white, white) < OVERFLOW
-        np.copyto(white, 0.0, where=~used[:, None])
