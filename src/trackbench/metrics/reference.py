@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -123,7 +124,6 @@ def conditional_bound(
         over both axes; one for all runs where the measurements of all are of the same instants. Zero before the first
         measurement, or before the target's time in the scene where tracks start from the truth.
     """
-    motion = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma)
     # Of one run where all are alike.
     masks = {
         name: valid[name][..., :1] if bool((valid[name] == valid[name][..., :1]).all()) else valid[name]
@@ -144,11 +144,15 @@ def conditional_bound(
     covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, *shape))
     begun = np.zeros(shape, dtype=bool)
     latest = instants[0]
+
+    def after(equations: Equations, **values: Array) -> tuple[Array, Array]:
+        computed = compute(equations, {"covariance": covariance, "begun": begun, **values})
+        return computed["covariance"], computed["bound"]
+
     for row, step in enumerate(instants):
         moves, at_end = drawn[(drawn > latest) & (drawn <= step)], False
         if len(moves) > 0:
-            values = {"covariance": covariance, "begun": begun, "motion": _motion(motion, truth.time[[latest, *moves]])}
-            covariance, result[:, row] = _step(compute, PREDICTION, values)
+            covariance, bound = after(PREDICTION, motion=_motion(acceleration_sigma, truth.time[[latest, *moves]]))
             latest, at_end = moves[-1], True
         for name, of in sensors.items():
             k = int(np.searchsorted(of.steps, step))
@@ -156,30 +160,31 @@ def conditional_bound(
                 continue
             if start.position_sigma is not None:
                 begun = begun | truth.alive[step][:, None]
-            values = {"root": of.root[k][..., None], "first": firsts[name][k][..., None]}
-            values |= {"covariance": covariance, "begun": begun, "seen": np.broadcast_to(masks[name][k], shape)}
-            covariance, result[:, row] = _step(compute, MEASUREMENT, values)
+            told = {"root": of.root[k][..., None], "first": firsts[name][k][..., None]}
+            covariance, bound = after(MEASUREMENT, seen=np.broadcast_to(masks[name][k], shape), **told)
             begun, at_end = begun | masks[name][k], True
         if step != latest or not at_end:
             # The recursion does not go on from it.
-            values = {"covariance": covariance, "begun": begun, "motion": _motion(motion, truth.time[[latest, step]])}
-            _, result[:, row] = _step(compute, PREDICTION, values)
+            _, bound = after(PREDICTION, motion=_motion(acceleration_sigma, truth.time[[latest, step]]))
+        result[:, row] = bound
     return result
 
 
-def _step(compute: Compute, equations: Equations, values: Values) -> tuple[Array, Array]:
-    computed = compute(equations, values)
-    return computed["covariance"], computed["bound"]
-
-
-def _motion(motion: ConstantVelocity, times: Array) -> Array:
+def _motion(acceleration_sigma: float, times: Array) -> Array:
     """``(4,)`` from one time to the last: the elapsed time, s, and the process noise of position, of both, and of
     velocity, per axis; the acceleration is drawn at each of the times but the last."""
-    nowhere, q = np.zeros(4), np.zeros((4, 4))
+    q = np.zeros((4, 4))
     for dt in map(float, np.diff(times)):
-        step = motion.jacobian(nowhere, dt)
-        q = step @ q @ step.T + process_noise_covariance(motion, nowhere, dt)
+        step, noise = _transition(acceleration_sigma, dt)
+        q = step @ q @ step.T + noise
     return np.array([times[-1] - times[0], q[0, 0], q[0, 2], q[2, 2]])
+
+
+@lru_cache(maxsize=1024)
+def _transition(acceleration_sigma: float, dt: float) -> tuple[Array, Array]:
+    """Return the transition and the process noise ``(4, 4)`` of a constant velocity over ``dt`` s."""
+    motion, nowhere = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma), np.zeros(4)
+    return motion.jacobian(nowhere, dt), process_noise_covariance(motion, nowhere, dt)
 
 
 def _predicted(values: Values) -> Values:
