@@ -92,13 +92,14 @@ class Executor:
         try:
             firsts = {id(call[0]): call[0] for call in waiting}
             contents = {key: notebook_classes.dumps((function, first)) for key, first in firsts.items()}
+            packed = [(contents[id(first)], notebook_classes.dumps(others)) for first, *others in waiting]
         except Exception as error:
             log.info("this process makes what cannot be sent to another one: %s", one_line(error))
             return deque()
         place = (folder, Path.cwd()), self._command
         with _deaths_explained():
             submit = self._start()
-            sent = deque(submit(_make_call, contents[id(call[0])], call[1:], *place) for call in waiting)
+            sent = deque(submit(_make_call, content, others, *place) for content, others in packed)
         waiting.clear()
         return sent
 
@@ -116,13 +117,13 @@ def _deaths_explained() -> Iterator[None]:
         raise
 
 
-def _make_call(content: bytes, args: tuple[Any, ...], folders: tuple[Path | None, ...], command: str) -> Any:
+def _make_call(content: bytes, others: bytes, folders: tuple[Path | None, ...], command: str) -> Any:
     with _ONE_CALL, searched(*folders):
         try:
             _forget_modules(folders, command)
             function, first = notebook_classes.loads(content)
             with one_blas_thread():
-                return function(first, *args)
+                return function(first, *notebook_classes.loads(others))
         except TrackbenchError:
             raise
         except BaseException as error:

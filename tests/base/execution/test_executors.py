@@ -24,6 +24,7 @@ from trackbench.api.run import run_prepared as run_all
 from trackbench.base import execution
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.execution import Executor, executor
+from trackbench.base.notebook_classes import dumps
 from trackbench.base.plugins import searched
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario
@@ -154,5 +155,5 @@ def test_another_command_loads_a_changed_module_anew(tmp_path: Path) -> None:
         subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
         content = (tmp_path / "content").read_bytes()
         for _ in range(2):
-            assert execution._make_call(content, (), (tmp_path,), str(command)) == answer
+            assert execution._make_call(content, dumps(()), (tmp_path,), str(command)) == answer
     del sys.modules["changing"]
