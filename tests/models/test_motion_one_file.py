@@ -1,4 +1,4 @@
-"""One class in one file makes a motion model: every command knows it, beside a scenario or published by a package."""
+"""One class in one file beside a scenario makes a motion model: every command knows it."""
 
 from __future__ import annotations
 
@@ -34,27 +34,13 @@ monte_carlo: {{runs: 8, seed: 3}}
 """
 
 
-@pytest.fixture(scope="module", params=["beside", "published"])
-def scenario(
-    request: pytest.FixtureRequest,
-    tmp_path_factory: pytest.TempPathFactory,
-    write_module: Callable[[Path, str], str],
-) -> Any:
-    """A scenario of a stranger's motion model: of a module beside it, or under the name that a package publishes."""
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory: pytest.TempPathFactory, write_module: Callable[[Path, str], str]) -> Path:
+    """A scenario of a stranger's motion model, of a module beside it."""
     place = tmp_path_factory.mktemp("motion")
-    module = write_module(place, CODE)
-    name = f"{module}:Singer"
-    with pytest.MonkeyPatch.context() as patch:
-        if request.param == "published":
-            info = place / "stranger-1.0.dist-info"
-            info.mkdir()
-            (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1.0\n", encoding="utf-8")
-            published = f"[trackbench.motion_models]\ncorrelated = {name}\n"
-            (info / "entry_points.txt").write_text(published, encoding="utf-8")
-            patch.syspath_prepend(place)
-            name = "correlated"
-        (place / "one_file.yaml").write_text(SCENARIO.format(motion=name), encoding="utf-8")
-        yield place / "one_file.yaml"
+    name = f"{write_module(place, CODE)}:Singer"
+    (place / "one_file.yaml").write_text(SCENARIO.format(motion=name), encoding="utf-8")
+    return place / "one_file.yaml"
 
 
 def test_filters_of_every_kind_run_with_it(scenario: Path, tmp_path: Path, cli: Callable[..., Any]) -> None:
