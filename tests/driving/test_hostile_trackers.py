@@ -278,7 +278,7 @@ def test_its_own_streams_work_as_anywhere(tiny: Path, write_module: Any, trackbe
         code += f"class T{number}:\n    def step(self, state, scan):\n"
         code += f"        {body.replace('said', f'said{number};')}\n        return 0, (np.zeros(4), np.eye(4))\n"
     module = write_module(tiny.parent, code)
-    command = [trackbench, "run", "tiny.yaml", "--json", "--no-recording"]
+    command = [trackbench, "run", "tiny.yaml", "--json", "--no-recording", "--runs", "1"]
     for number in range(len(STREAMS)):
         command += ["--set", f"trackers.t{number}.use={module}:T{number}"]
     done = subprocess.run(command, cwd=tiny.parent, capture_output=True, text=True, check=False, timeout=120)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -51,12 +50,6 @@ def test_filters_of_every_kind_run_with_it(scenario: Path, tmp_path: Path, cli: 
     assert max(rmse) < 0.15
     # The model is linear: both filters see the same measurements and differ by the radar's linearisation alone.
     np.testing.assert_allclose(rmse[0], rmse[1], rtol=0.01)
-
-
-def test_the_doctor_examines_a_tracker_with_it(scenario: Path, tmp_path: Path, cli: Callable[..., Any]) -> None:
-    done = cli("doctor", f"{scenario}#ekf", "--json", "--out", tmp_path, "--in-process")
-    assert done.status == 0, done.err or done.out
-    assert json.loads(done.out)["healthy"]
 
 
 def test_its_options_can_be_tuned(scenario: Path, tmp_path: Path, cli: Callable[..., Any]) -> None:
