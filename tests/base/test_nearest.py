@@ -7,9 +7,7 @@ import pytest
 from trackbench.base.errors import similar_names
 
 FILTERS = ["ckf", "ekf", "kf", "ukf"]
-MOTION = ["bicycle", "ca", "ct", "cv", "singer"]
 METRICS = ["nees.mean", "nis.roof.mean", "position_rmse", "rmse.vx", "rmse.vy", "velocity_rmse"]
-LIMITS = ["above", "below", "better_than", "is", "metric", "tracker", "worlds"]
 FUNCTIONS = ["emergency_braking", "forward_collision_warning", "lane_change"]
 
 

@@ -26,20 +26,6 @@ def test_filters_in_cpp_give_the_same_estimates(problem: engines.Problem, name: 
     assert program.run() > 0
 
 
-def test_without_a_compiler_it_is_said_why(problem: engines.Problem, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(programs.shutil, "which", lambda name: None)
-    monkeypatch.delenv("CXX", raising=False)
-    with pytest.raises(programs.Missing, match=r"no C\+\+ compiler"):
-        programs.program(problem, "EKF, CV", tmp_path)
-
-
-def test_a_source_that_is_not_compiled_is_no_traceback(problem: engines.Problem, tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("CXX", "false")
-    monkeypatch.setattr(programs, "flags_of_eigen", list)
-    with pytest.raises(programs.Missing, match=r"ekf_cv\.cpp was not compiled"):
-        programs.program(problem, "EKF, CV", tmp_path)
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(unavailable() is not None, reason=unavailable() or "")
 def test_all_agree_and_are_timed(monkeypatch):

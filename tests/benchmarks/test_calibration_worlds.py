@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.calibration import worlds
 
+pytestmark = pytest.mark.slow
 TRIALS = 150
 #: Three times the Monte-Carlo error of 5 %.
 ERROR = 3 * (0.05 * 0.95 / TRIALS) ** 0.5
@@ -27,9 +28,3 @@ def test_a_tracker_that_is_much_better_is_called_so() -> None:
     words, _ = worlds.verdicts("ideal", "position", draws, equal=False)
     pair = worlds.PAIRS.index(("raw", "imm_cv_ca"))
     assert (words["the default margin"][:, pair] == "worse").mean() >= 0.95
-
-
-def test_every_world_has_its_scenes() -> None:
-    for world in worlds.SIZES:
-        number = worlds.SCENES if world != "recorded" else len(worlds.starts(world))
-        assert 0.9 * number <= len(worlds.pool(world)["count"]) <= number

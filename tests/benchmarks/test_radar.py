@@ -38,27 +38,6 @@ def test_the_share_and_the_time_of_slow_errors_are_found(slow):
         assert high - low < 0.35 * true
 
 
-def test_residuals_have_the_autocorrelation_of_the_formula():
-    """Of rows without a pause, whose motion is a parabola."""
-    time, random = np.arange(240) * radar.PERIOD_S, np.random.default_rng(2)
-    errors = gauss_markov(time, 0.3, random.standard_normal((240, 200)))
-    segments = [
-        radar.Segment(number, time, np.tile(values + 3 * time - 0.5 * time**2, (3, 1)))
-        for number, values in enumerate(errors.T)
-    ]
-    of = radar.autocorrelations(radar.lagged(segments)["all"])[0]
-    lag = np.arange(60) * radar.PERIOD_S
-    expected = radar.of_model(np.exp(-lag / 0.3))
-    assert (np.abs(of[1:, 0] - expected[1:] / expected[0]) < 4.5 * of[1:, 1:].std(axis=-1)).all()
-
-
-def test_a_recording_is_parted_in_time():
-    time = np.arange(1200) * radar.PERIOD_S
-    first, second = radar.parted([radar.Segment(3, time, np.zeros((3, 1200)))])
-    assert first[0].time[-1] < radar.HALF_S <= second[0].time[0]
-    assert len(first[0].time) + len(second[0].time) == 1200
-
-
 def test_the_committed_page_is_of_the_typical_figures_and_passes_far_away_on_the_half_that_is_held_back():
     page = (Path(radar.__file__).parents[1] / "results" / "radar" / "radar.md").read_text(encoding="utf-8")
     (used,) = (of for of in typical("radar", Radar.components) if of["type"] == "correlated_errors")

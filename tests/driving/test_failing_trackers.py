@@ -93,6 +93,10 @@ WHOLE = {
         "        return 1, (mean, covariance)",
         "the estimate is not finite",
     ),
+    "batch_asymmetric": (
+        "batched = True\n    def step(self, state, scan): mean, P = usual(scan); P[0, 1, 5] = 0.5; return 1, (mean, P)",
+        "the covariance is not symmetric: mirrored entries differ by up to 0.5",
+    ),
     "batch_shape": (
         "batched = True\n    def step(self, state, scan): return 1, (np.ones(4), np.eye(4))",
         "the mean has the shape (4,), where (4, 8) is needed",
@@ -189,19 +193,11 @@ def test_a_run_whose_only_tracker_fails_still_leaves_everything(
 BROKEN_MODULES = [
     ("class T\n    pass\n", "T", "cannot import '{0}:T': SyntaxError: expected ':'"),
     ("import no_such_package\n", "T", "cannot import '{0}:T': no module named 'no_such_package'"),
-    ("import sys\nsys.exit(0)\n", "T", "cannot import '{0}:T': SystemExit: 0"),
-    ("class Tracker:\n    pass\n", "Trackr", "module '{0}' has no 'Trackr': did you mean 'Tracker'?"),
     ("class T:\n    pass\n", "T", "'{0}:T' is no tracker: T has no method step(state, scan)"),
-    ("T = 3\n", "T", "'{0}:T' is no tracker: it is neither a class"),
     (
         "class T:\n    def step(self, state, scan): ...\n    def __init__(self): raise RuntimeError('no licence')\n",
         "T",
         "'{0}:T' does not start with these options: RuntimeError: no licence",
-    ),
-    (
-        "class T:\n    def __init__(self):\n        exit(0)\n    def step(self, state, scan): ...\n",
-        "T",
-        "'{0}:T' does not start with these options: SystemExit: 0",
     ),
 ]
 

@@ -28,26 +28,11 @@ class GivesTracks:
         return 1, Tracks(np.array([0]), np.zeros((4, 1)), np.eye(4)[..., None])
 
 
-class GivesPartsOfTracks:
-    def step(self, state, scan):
-        return 1, (np.array([0]), np.zeros((4, 1)), np.eye(4)[..., None])
-
-
 class GivesTracksOfAllRuns:
     batched = True
 
     def step(self, state, scan):
         return 1, Tracks(np.zeros((1, 2), int), np.zeros((4, 1, 2)), np.zeros((4, 4, 1, 2)))
-
-
-class TakesTheMeanOfDetections:
-    def step(self, state, scan):
-        return 1, (scan.measurement.mean(axis=1), np.eye(4))
-
-
-class CountsDetections:
-    def step(self, state, scan):
-        return 1, [scan.measurement[:, d] for d in range(scan.measurement.shape[1])]
 
 
 class UnpacksTheShape:
@@ -63,11 +48,6 @@ class FailsLater:
         return 1, (np.array([20.0, 0, 5, 0]), np.eye(4))
 
 
-class CannotStart:
-    def step(self, state, scan):
-        raise KeyError("weights")
-
-
 def cause_of(tracker: type) -> str:
     result = tb.run(
         {**SCENE, "trackers": {"raw": {"use": "raw"}, "mine": {"use": f"{__name__}:{tracker.__name__}"}}},
@@ -79,19 +59,11 @@ def cause_of(tracker: type) -> str:
 
 @pytest.mark.parametrize(
     "tracker",
-    [
-        GivesTracks,
-        GivesPartsOfTracks,
-        GivesTracksOfAllRuns,
-        TakesTheMeanOfDetections,
-        CountsDetections,
-        UnpacksTheShape,
-    ],
+    [GivesTracks, GivesTracksOfAllRuns, UnpacksTheShape],
 )
 def test_a_tracker_of_several_objects_is_told_of_the_key(tracker: type) -> None:
     assert KEY in cause_of(tracker)
 
 
-@pytest.mark.parametrize("tracker", [FailsLater, CannotStart])
-def test_a_tracker_of_one_object_is_not_asked(tracker: type) -> None:
-    assert KEY not in cause_of(tracker)
+def test_a_tracker_of_one_object_is_not_asked() -> None:
+    assert KEY not in cause_of(FailsLater)

@@ -52,12 +52,6 @@ def test_a_copy_has_the_state_of_when_it_was_made(tracker: ProgramTracker) -> No
     assert (steps(before), steps(before)) == (2.0, 3.0)
 
 
-def test_a_copy_of_a_copy_is_of_that_one(tracker: ProgramTracker) -> None:
-    first = copy.deepcopy(tracker)
-    second = copy.deepcopy(first)
-    assert (steps(first), steps(first), steps(second), steps(tracker)) == (1.0, 2.0, 1.0, 1.0)
-
-
 def test_a_copy_outlives_what_it_is_of(tracker: ProgramTracker) -> None:
     assert steps(tracker) == 1.0
     twin = copy.deepcopy(copy.deepcopy(tracker))

@@ -64,19 +64,6 @@ class Nonlinear(Fading):
         return super().jacobian(x, dt)
 
 
-class ComputedFirst(Fading):
-    """Keeps what it computed of its options when it was made."""
-
-    pure = True
-    _rate: float = PrivateAttr(0.0)
-
-    def model_post_init(self, context: Any) -> None:
-        self._rate = 1.0 / self.time_constant_s
-
-    def left(self, x: Array, dt: float) -> Any:
-        return np.exp(-dt * self._rate)
-
-
 class ComputedOnce(Fading):
     """Computes something of its options at the first use."""
 
@@ -139,32 +126,6 @@ class ChangesItsInput(Fading):
         return x.copy()
 
 
-class Swallows(Fading):
-    """Does what it can, and something else where it cannot."""
-
-    pure = True
-
-    def left(self, x: Array, dt: float) -> Any:
-        try:
-            return math.exp(-dt / self.time_constant_s)
-        except Exception:
-            return 0.5
-
-
-class Random(Fading):
-    """Draws how much is left."""
-
-    linear: ClassVar[bool] = False
-    pure = True
-    _random: Any = PrivateAttr(None)
-
-    def model_post_init(self, context: Any) -> None:
-        self._random = np.random.default_rng(3)
-
-    def left(self, x: Array, dt: float) -> Any:
-        return self._random.uniform(0.8, 1.0)
-
-
 class CountsCalls(Fading):
     """Grows tired, but not at once."""
 
@@ -177,15 +138,6 @@ class CountsCalls(Fading):
         return super().transition(x, dt) * (1.0 if self._calls < 8 else 0.5)
 
 
-class TakesTheLargest(Nonlinear):
-    """Looks at all objects together, which no model may."""
-
-    pure = True
-
-    def left(self, x: Array, dt: float) -> Any:
-        return np.exp(-dt * np.max(np.abs(x[2]), axis=-1)[..., None] / 100.0)
-
-
 class LooksAtTheNext(Fading):
     """Takes an object's speed for that of another."""
 
@@ -194,15 +146,6 @@ class LooksAtTheNext(Fading):
 
     def transition(self, x: Array, dt: float) -> Array:
         return super().transition(x + 0.1 * (x - x[..., ::-1]), dt)
-
-
-class AsksForATime(Fading):
-    """Does something else with a time that is no number."""
-
-    pure = True
-
-    def left(self, x: Array, dt: float) -> Any:
-        return np.exp(-dt / self.time_constant_s) if np.isscalar(dt) else np.exp(-dt / 0.3)
 
 
 class AsksForAnArray(Fading):

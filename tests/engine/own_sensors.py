@@ -66,22 +66,3 @@ class Named(Lidar):
     def position(cls, scan: Scan) -> Gaussian:
         mean, covariance = super().position(scan)
         return Gaussian(mean + 1.0 if scan.sensor == "lidar" else mean, covariance)
-
-
-class Silent(Lidar):
-    """Does not say that it is pure."""
-
-    position_sigma_m: float = 0.15
-
-
-class Counting(Lidar):
-    """Says wrongly that it is pure: it counts what is asked of it."""
-
-    position_sigma_m: float = 0.15
-    calls: ClassVar[list[int]] = []
-    pure = True
-
-    @classmethod
-    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
-        cls.calls.append(1)
-        return super().measure(target, pose, velocity) + (0.0 if len(cls.calls) % 2 else 1e-3)

@@ -1,24 +1,20 @@
-"""The same bits however a batch is split, on every processor, and by however many workers."""
+"""The same bits however a batch is split, and by however many workers."""
 
 from __future__ import annotations
 
 import itertools
-import platform
 from pathlib import Path
 
-import llvmlite.binding as llvm
 import numpy as np
 import pytest
 from tests.base.execution.results import without_times
 from tests.engine.agreement import Drive, drive
-from tests.support.places import SCENARIOS
 
 from trackbench.base.execution import executor
 from trackbench.base.types import Array
 from trackbench.engine.beliefs import REUSED, belief_values
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
-from trackbench.engine.machine import Processor
 from trackbench.runner import work
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
@@ -29,10 +25,6 @@ BATCH = 1000
 SPLITS = [[125] * 8, [3, 5, 8, 9, 475, 500], [997, 3]]
 #: Tracks that start with an unknown course lead many members into the branches that NumPy computes.
 STARTS = {"near the truth": None, "unknown": {"from": "first_measurement", "velocity_sigma_mps": 10}}
-#: Filters that take a while to compile.
-SLOW = ["ukf-ctrv", "ekf-imm"]
-#: Older processors, and this one.
-PROCESSORS = ["x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", None]
 
 
 def said(given: Drive, name: str, start: str, kernels: Kernels) -> list[Array]:
@@ -58,32 +50,6 @@ def test_however_a_batch_is_split(name: str, start: str, kernels: Kernels) -> No
         parts = [said(given.part(slice(*each)), name, start, kernels) for each in itertools.pairwise(ends)]
         for expected, *found in zip(whole, *parts, strict=True):
             assert np.concatenate(found, axis=-1).tobytes() == expected.tobytes(), sizes
-
-
-def supported(processor: str | None) -> bool:
-    """Whether this machine runs code for a processor."""
-    features = llvm.get_host_cpu_features()
-    needed = {"x86-64-v2": "sse4.2", "x86-64-v3": "avx2", "x86-64-v4": "avx512bw"}
-    return processor is None or (platform.machine() == "x86_64" and features.get(needed.get(processor, "sse2"), False))
-
-
-@pytest.mark.parametrize(
-    ("name", "processors"),
-    [
-        ("ekf-cv", PROCESSORS[::4]),
-        *(pytest.param(name, PROCESSORS[::2], marks=pytest.mark.slow) for name in ["kf-ca", "ekf-cv", *SLOW]),
-    ],
-)
-def test_on_every_processor(name: str, processors: list[str | None], kernels: Kernels) -> None:
-    given = drive(12, 50)
-    for start in STARTS:
-        found = {
-            processor: b"".join(part.tobytes() for part in said(given, name, start, Kernels(Processor(processor))))
-            for processor in processors
-            if supported(processor)
-        }
-        assert len(found) >= 1
-        assert len(set(found.values())) == 1, list(found)
 
 
 SCENARIO = """\
@@ -113,13 +79,6 @@ def test_by_however_many_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     file = tmp_path / "bits.yaml"
     file.write_text(SCENARIO, encoding="utf-8")
     assert_same_with_two_workers(load_scenario(file))
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("kernels")
-@pytest.mark.parametrize("scenario", ["fusion.yaml", "traffic/cut_in.yaml"])
-def test_shipped_scenarios_by_however_many_workers(scenario: str) -> None:
-    assert_same_with_two_workers(load_scenario(SCENARIOS / scenario, ["monte_carlo.runs=6"]))
 
 
 def assert_same_with_two_workers(loaded: Scenario) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 
-import trackbench as tb
 from trackbench.engine import choice
 from trackbench.engine.choice import chosen
 from trackbench.engine.equations import EngineUsed
@@ -25,11 +24,6 @@ from trackbench.trackers.filtered import FilterTracker
 Cli = Callable[..., Any]
 
 NO_LLVMLITE = "engine: the fused engine cannot be used: llvmlite is not installed: pip install 'trackbench[fast]'"
-OWN = """\
-class Nearest:
-    def step(self, state, scan):
-        return state, None
-"""
 HIDDEN = """\
 name: hidden
 truth:
@@ -72,14 +66,6 @@ def result_of(tmp_path: Path) -> dict[str, Any]:
 def said(error: str) -> list[str]:
     """What --verbose said, without the times."""
     return [re.sub(r"^ *\d+ ms  ", "", line) for line in error.splitlines() if " ms  " in line]
-
-
-@pytest.mark.parametrize("command", [("run", "tiny.yaml"), ("tune", "tiny.yaml", "--trackers", "ekf")])
-def test_an_unknown_engine_is_answered_with_the_nearest(cli: Cli, tiny: Path, command: tuple[str, ...]) -> None:
-    done = cli(*command, "--engine", "fuse")
-    assert done.status == 2
-    assert "'fuse' is not one of 'auto', 'numpy', 'fused'. Did you mean 'fused'?" in done.err
-    assert [file.name for file in tiny.parent.iterdir()] == ["tiny.yaml"]
 
 
 @pytest.mark.usefixtures("without_llvmlite")
@@ -152,15 +138,3 @@ def test_a_worker_without_the_fused_engine_computes_by_numpy_and_says_so(
     block = run_block(sent, sent.pieces()[0])
     reason = "llvmlite is not installed: pip install 'trackbench[fast]'"
     assert set(block.engines.values()) == {EngineUsed("numpy", reason)}
-
-
-def test_a_tracker_of_ones_own_has_no_engine(
-    tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str]
-) -> None:
-    name = write_module(tmp_path, OWN)
-    found = tb.run(tb.load(tiny, set=[f"trackers.own={{use: '{name}:Nearest'}}"]), in_process=True, engine="numpy")
-    assert {tracker.name: tracker.engine for tracker in found.summary.trackers} == {
-        "raw": None,
-        "ekf": "numpy",
-        "own": None,
-    }

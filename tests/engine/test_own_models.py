@@ -59,7 +59,6 @@ def difference(said: list[Estimate], other: list[Estimate]) -> float:
 COMPILED = [
     own_models.Fading,
     own_models.Nonlinear,
-    own_models.ComputedFirst,
     own_models.ComputedOnce,
     own_models.OptionAsNumber,
     own_models.ReadsModule,
@@ -68,14 +67,10 @@ NOT_TRACED = {
     own_models.ByLinearAlgebra: "a number is asked for",
     own_models.BranchOnTime: "a branch on a single value",
     own_models.ChangesItsInput: "read-only",
-    own_models.Swallows: "a number is asked for",
 }
 NOT_PURE = [
-    own_models.Random,
     own_models.CountsCalls,
-    own_models.TakesTheLargest,
     own_models.LooksAtTheNext,
-    own_models.AsksForATime,
     own_models.AsksForAnArray,
 ]
 
@@ -166,13 +161,3 @@ def test_a_model_that_is_edited_has_its_new_equations(edited: Callable[[float], 
         assert difference(said, tracked(module.Edited(), "numpy")[0]) < agreement.LIMIT
         found.append(said[-1].mean[2, 0])
     assert found[0] != found[1]
-
-
-@pytest.mark.parametrize("model", [*COMPILED, own_models.BranchOnTime], ids=lambda model: model.__name__)
-def test_a_start_from_the_first_measurement(model: type[Fading]) -> None:
-    start = InitialConfig.model_validate({"velocity_sigma_mps": 10})
-    said, used = tracked(model(), "fused", start=start)
-    expected, _ = tracked(model(), "numpy", start=start)
-    assert np.isfinite(said[-1].mean).all()
-    assert used.engine == "fused" or model not in COMPILED
-    assert difference(said, expected) < 1e-10

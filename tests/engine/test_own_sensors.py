@@ -66,23 +66,6 @@ def test_a_sensor_that_reads_more_of_a_scan_is_computed_by_numpy(kind: str, why:
     assert pair("ekf-cv", scans(kind))[1] == EngineUsed("fused")
 
 
-def test_a_sensor_that_counts_is_found_to_differ() -> None:
-    largest, used = pair("ekf-cv", scans("Counting"))
-    assert "Counting says pure = True, but machine code and NumPy give different numbers" in used.why_numpy
-    assert used.differs
-    assert used.of_pure
-    # NumPy's own numbers depend on how often it is asked.
-    assert largest < 1e-2
-
-
-def test_a_sensor_that_does_not_say_that_it_is_pure_is_numpys() -> None:
-    largest, used = pair("ekf-cv", scans("Silent"))
-    assert used.engine == "numpy"
-    assert "Silent does not say pure = True" in used.why_numpy
-    assert not used.of_pure
-    assert largest < agreement.LIMIT
-
-
 def test_a_sensor_that_is_edited_has_its_new_equations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As soon as it is looked up again, also by the tracker that runs."""
     monkeypatch.syspath_prepend(tmp_path)

@@ -7,12 +7,10 @@ import re
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.engine.agreement import FILTERS
@@ -27,9 +25,7 @@ from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter, Sigma
 from trackbench.filters.kalman import CUBATURE, SymmetricSet
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truths_of
 from trackbench.trackers.filtered import SmoothedTracker
 
 BATCH = 4
@@ -233,67 +229,11 @@ def test_a_hundred_thousand_steps(name: str) -> None:
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ("lidar.position_sigma_m=1.0e-200", "at least 1e-06"),
         ("lidar.position_sigma_m=1.0e-9", "at least 1e-06"),
         ("lidar.position_sigma_m=1.0e+5", "at most 10000"),
         ("radar.azimuth_sigma_deg=1.0e-8", "at least 1e-07"),
-        ("radar.azimuth_sigma_deg=91", "at most 90"),
-        ("radar.range_rate_sigma_mps=1.0e-7", "at least 1e-06"),
     ],
 )
 def test_errors_beyond_the_ranges_are_refused_with_the_reason(stated: str, words: str) -> None:
     with pytest.raises(TrackbenchError, match=re.escape(words)):
         load_scenario(SCENARIOS / "scripted" / "figure_eight.yaml", [f"sensors.{stated}"])
-
-
-def test_the_ends_of_the_ranges_run_through() -> None:
-    ends = [
-        {"lidar.position_sigma_m": "0.000001", "radar.range_sigma_m": "10000", "radar.azimuth_sigma_deg": "60"},
-        {"lidar.position_sigma_m": "10000", "radar.range_sigma_m": "0.000001", "radar.azimuth_sigma_deg": "0.0000001"},
-    ]
-    for values, engine in product(ends, ("numpy", "fused")):
-        overrides = [f"sensors.{key}={value}" for key, value in values.items()]
-        overrides += ["monte_carlo.runs=2", "expect=[]"]
-        loaded = load_scenario(SCENARIOS / "scripted" / "figure_eight.yaml", overrides)
-        result = run_scenario(loaded, truths_of(loaded), engine=engine)
-        assert [tracker.name for tracker in result.summary.trackers if tracker.failed] == []
-
-
-TURNING = """
-name: turning
-truth:
-  source: scripted
-  duration_s: 4
-  rate_hz: 10
-  objects:
-    car:
-      start: {x: 30, y: -10, speed_mps: 12, course_deg: 90}
-      pieces: [{for_s: 1.5}, {for_s: 2.5, turn_rate_degps: 30}]
-monte_carlo: {runs: 3, seed: 1}
-"""
-SCORED = ("kf-ca", "ekf-ca", "ekf-ctra", "ckf-ctrv", "ukf-ctrv", "kf-imm", "ukf-imm")
-#: Of a range, an azimuth in degrees and a range rate; of a position.
-ENDS = [(1e-6, 1e-7, 1e-6), (1e-6, 60, 1e4), (0.01, 0.01, 1e4), (1, 1, 1), (1e4, 1e-7, 1e-6), (1e4, 60, 1e4)]
-ENDS += [(1e-6,), (1e-3,), (1e4,)]
-#: Of a tracker that is further from its own covariance, rounding is amplified until its scores differ.
-LOST = 1e5
-ALIKE = ("position_rmse", "velocity_rmse", "nees")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("sigmas", ENDS, ids=str)
-def test_the_engines_fail_alike_and_score_alike_unless_lost(sigmas: tuple[float, ...], tmp_path: Path) -> None:
-    names = ("range_sigma_m", "azimuth_sigma_deg", "range_rate_sigma_mps") if len(sigmas) > 1 else ("position_sigma_m",)
-    sensor = {"type": "radar" if len(sigmas) > 1 else "lidar", "rate_hz": 10, **dict(zip(names, sigmas, strict=True))}
-    trackers = {name.replace("-", "_"): dict(FILTERS[name]) for name in SCORED}
-    file = tmp_path / "turning.yaml"
-    file.write_text(yaml.safe_dump({**yaml.safe_load(TURNING), "sensors": {"seen": sensor}, "trackers": trackers}))
-    loaded = load_scenario(file)
-    by_numpy, fused = (run_scenario(loaded, truths_of(loaded), engine=engine).summary for engine in ("numpy", "fused"))
-    for one, other in zip(by_numpy.trackers, fused.trackers, strict=True):
-        assert one.failed is None
-        assert other.failed is None
-        assert one.health.repaired_covariances == other.health.repaired_covariances == 0
-        values = [{path: tracker.metrics[path].value for path in ALIKE} for tracker in (one, other)]
-        if values[0]["nees"] < LOST:
-            assert values[1] == pytest.approx(values[0], rel=1e-3)

@@ -1,6 +1,5 @@
 """The interacting multiple model estimator."""
 
-import filterpy.kalman
 import numpy as np
 import pytest
 from scipy import stats
@@ -144,27 +143,6 @@ def test_it_is_the_textbook_one_for_two_levels_of_noise():
     assert quiet[25:].mean() < 0.3
 
 
-def test_filterpy_agrees():
-    dt, chain = 0.2, transition_probabilities((2.0, 1.0), 0.2)
-    own = imm(KalmanFilter, QUIET, LIVELY, stay=(2.0, 1.0), initial=(0.6, 0.4))
-    updates = run(own, own.begin(lambda _: Gaussian(MEAN, COVARIANCE)), linear_case(), dt)
-    filters = []
-    for motion in (QUIET, LIVELY):
-        kalman = filterpy.kalman.KalmanFilter(4, 2)
-        kalman.x, kalman.P = MEAN.copy(), COVARIANCE.copy()
-        kalman.F, kalman.Q = motion.jacobian(MEAN, dt), process_noise_covariance(motion, MEAN, dt)
-        kalman.H, kalman.R = np.eye(2, 4), LIDAR_NOISE
-        filters.append(kalman)
-    theirs = filterpy.kalman.IMMEstimator(filters, [0.6, 0.4], chain)
-    for seen, found in zip(linear_case(), updates, strict=True):
-        theirs.predict()
-        theirs.update(seen.measurement)
-        np.testing.assert_allclose(found.belief.probability, theirs.mu, rtol=1e-8)
-        estimate = own.cartesian(found.belief)
-        np.testing.assert_allclose(estimate.mean, theirs.x, rtol=1e-8, atol=1e-9)
-        np.testing.assert_allclose(estimate.covariance, theirs.P, rtol=1e-8, atol=1e-9)
-
-
 @pytest.mark.parametrize("stay", [(2.0, 5.0), (1.0, 2.0, 8.0)])
 def test_the_chain_does_not_depend_on_the_rate_of_scans(stay):
     once = transition_probabilities(stay, 1.0)
@@ -291,48 +269,3 @@ def test_a_velocity_that_leaves_the_yaw_open_leaves_it_alone():
         np.testing.assert_allclose(mixed.mean, [40.2, 19.9, direction @ velocity, 0.8, 0.1], rtol=1e-12)
         along = direction @ np.diag([0.03, 0.02]) @ direction
         np.testing.assert_allclose(mixed.covariance, np.diag([0.05, 0.05, along, 0.01, 0.04]), rtol=1e-12)
-
-
-def test_a_switching_truth_of_its_own_model_is_consistent():
-    """The mean NEES and NIS of runs whose motion switches as the chain says.
-
-    Both are of the mixture's mean and covariance: if these are right, the expectations are the numbers of components,
-    though the mixture is no Gaussian. That the mixing is an approximation shows in the mode probabilities most.
-    """
-    runs, steps, dt, stay = 4000, 60, 0.2, (3.0, 2.0)
-    random = np.random.default_rng(5)
-    sigmas, chain = np.array([0.5, 3.0]), transition_probabilities(stay, dt)
-    filter = imm(
-        KalmanFilter,
-        *(ConstantVelocity(acceleration_sigma_mps2=sigma) for sigma in sigmas),
-        stay=stay,
-        initial=(0.6, 0.4),
-    )
-    first = np.broadcast_to(COVARIANCE[..., None], (4, 4, runs))
-    belief = filter.begin(lambda _: Gaussian(np.zeros((4, runs)), first))
-    x = np.sqrt(np.diag(COVARIANCE))[:, None] * random.normal(size=(4, runs))
-    mode = (random.random(runs) > 0.6).astype(int)
-    nees, nis, right = [], [], []
-    for k in range(1, steps + 1):
-        mode = (random.random(runs) > chain[mode, 0]).astype(int)
-        x = QUIET.transition(x, dt) + QUIET.noise_gain(x, dt) @ (sigmas[mode] * random.normal(size=(2, runs)))
-        measurement = x[:2] + np.sqrt(LIDAR_NOISE[0, 0]) * random.normal(size=(2, runs))
-        update = filter.update(filter.predict(belief, dt), scan("lidar", k * dt, measurement))
-        belief = update.belief
-        estimate = filter.cartesian(belief)
-        error = x - estimate.mean
-        scaled_error = np.linalg.solve(estimate.covariance.T, error.T[..., None])[..., 0].T
-        nees.append(np.mean(np.sum(error * scaled_error, axis=0)))
-        nis.append(np.mean(np.sum(update.whitened_innovation**2, axis=0)))
-        right.append((belief.probability[0], mode == 0))
-    late = slice(20, None)
-    assert np.mean(nees[late]) == pytest.approx(4.0, abs=0.08)
-    assert np.mean(nis[late]) == pytest.approx(2.0, abs=0.04)
-    low, high = stats.chi2.ppf([0.005, 0.995], 4 * runs) / runs
-    assert low < nees[-1] < high
-    # Where a mode is said to be probable, it is as often the true one.
-    said, true = (np.concatenate(part) for part in zip(*right[20:], strict=True))
-    for low in (0.2, 0.4, 0.6, 0.8):
-        inside = (said >= low) & (said < low + 0.2)
-        assert inside.sum() > 20_000
-        assert true[inside].mean() == pytest.approx(said[inside].mean(), abs=0.03)

@@ -59,7 +59,7 @@ def messages_of(form: str, folder: Path, read: Callable[[], Any]) -> list[str]:
     files = [file for file in folder.rglob("*") if file.is_file()]
     whole = {file: file.read_bytes() for file in files}
     messages: list[str] = []
-    for case in cases(8):
+    for case in cases(5):
         chance = random.Random(f"{form} {case}")
         chosen = chance.choice(files)
         damage(chance, chosen, whole[chosen])

@@ -24,18 +24,6 @@ def test_normalised_square_by_hand():
     assert value == pytest.approx((2 * 1 - 2 * 2 + 2 * 4) / 3)
 
 
-@given(st.integers(1, 6), st.integers(0, 10_000))
-def test_normalised_square_agrees_with_numpy(size, seed):
-    random = np.random.default_rng(seed)
-    root_ = random.normal(size=(7, size, size))
-    covariance = root_ @ np.swapaxes(root_, 1, 2) + 0.1 * np.eye(size)
-    error = random.normal(size=(7, size))
-    expected = np.einsum("bi,bij,bj->b", error, np.linalg.inv(covariance), error)
-    value, _, positive = normalised_square(error.T, np.moveaxis(covariance, 0, -1))
-    np.testing.assert_allclose(value, expected, rtol=1e-8)
-    assert positive.all()
-
-
 def test_an_indefinite_covariance_is_told():
     stack = np.stack([np.eye(2), np.diag([1.0, -1.0])], axis=-1)
     np.testing.assert_array_equal(normalised_square(np.ones((2, 2)), stack)[2], [True, False])
@@ -134,14 +122,6 @@ def test_paired_differences_of_root_mean_squares_are_near_those_of_the_runs():
     assert found.p_value < 1e-6
 
 
-def test_equal_and_constant_differences():
-    a = ratio(np.array([1.0, 2.0, 3.0]), np.ones(3))
-    same = paired(a, a)
-    assert (same.value, same.p_value) == (0.0, 1.0)
-    shifted = paired(a, ratio(np.array([2.0, 3.0, 4.0]), np.ones(3)))
-    assert (shifted.value, shifted.p_value) == (-1.0, 0.25)
-
-
 @pytest.mark.parametrize("runs", [8, 20])
 def test_intervals_of_skewed_sums_cover_as_often_as_they_say(runs):
     random = np.random.default_rng(8)
@@ -174,16 +154,6 @@ def test_an_interval_keeps_to_a_limit_from_either_side():
     assert above_one.ci95 == pytest.approx((1 + lost.ci95[0], 1 + lost.ci95[1]))
 
 
-def test_intervals_of_shares_near_one_cover_as_often_as_they_say():
-    random = np.random.default_rng(8)
-    inside, runs, tries = 0, 10, 100
-    for _ in range(2000):
-        found = ratio(random.binomial(tries, 0.97, runs), np.full(runs, float(tries)), at_least=0.0, at_most=1.0)
-        assert found.ci95 is not None
-        inside += found.ci95[0] <= 0.97 <= found.ci95[1]
-    assert 1860 <= inside <= 1940
-
-
 def test_runs_that_are_all_the_same_have_no_interval():
     none = ratio(np.zeros(10), np.full(10, 0.7), at_least=0.0)
     assert (none.value, none.ci95) == (0.0, None)
@@ -214,11 +184,3 @@ def test_holm_against_known_values():
     assert holm([0.6, 0.7]) == pytest.approx([1.0, 1.0])
     assert holm([0.02]) == [0.02]
     assert holm([]) == []
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=12))
-def test_holm_is_never_below_the_p_value_and_keeps_the_order(p_values):
-    corrected, p = np.array(holm(p_values)), np.array(p_values)
-    assert np.all((corrected >= p) & (corrected <= 1.0))
-    assert corrected[np.argmin(p)] == pytest.approx(min(1.0, len(p) * p.min()))
-    assert np.all(np.diff(corrected[np.argsort(p, kind="stable")]) >= 0)

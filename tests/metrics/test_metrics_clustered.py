@@ -102,16 +102,6 @@ def test_a_difference_of_errors_over_scenes_reaches_further_by_what_they_do_not_
     assert compare(*shares).ci95[1] == pytest.approx(value + (1 + 1.5 / 3) * (of_runs[1] - value))
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_the_shares_of_scene_and_noise_are_those_that_were_put_in(share: float) -> None:
-    random = np.random.default_rng(11)
-    sizes = random.integers(2, 10, 3000)
-    scene = np.repeat(np.arange(3000), sizes)
-    values = np.sqrt(share) * random.normal(size=3000)[scene] + np.sqrt(1 - share) * random.normal(size=len(scene))
-    found = scene_share(ratio(values, np.ones(len(scene))), scene)
-    assert found == pytest.approx(share, abs=0.02)
-
-
 def test_shares_by_hand() -> None:
     # Two scenes of two runs: mean squares 16 between and 1 within, so the scenes' variance is (16 - 1) / 2.
     found = scene_share(ratio(np.array([1.0, 1.0 + np.sqrt(2), 5.0, 5.0 + np.sqrt(2)]), np.ones(4)), [0, 0, 1, 1])

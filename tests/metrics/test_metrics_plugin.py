@@ -11,7 +11,6 @@ import pytest
 from trackbench.base.errors import InputError
 from trackbench.compare.comparability import stored_metric
 from trackbench.results import Result
-from trackbench.runner import work
 from trackbench.scenario import load_scenario
 
 Run = Callable[..., Result]
@@ -126,19 +125,6 @@ def test_the_table_of_runs_gives_it_back(found: Result) -> None:
     assert interval._replace(at_least=0.0).ci95 == pytest.approx(found["ekf"].square.ci95, rel=1e-9)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_blocks_and_workers_change_nothing(
-    found: Result, run_tiny: Run, module: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, workers: int
-) -> None:
-    name, folder = module
-    monkeypatch.setattr(work, "BATCH_SIZE", 6)
-    overrides = (f"score.metrics=['{name}:Square']", "monte_carlo.runs=8", "score.settle_s=0.5")
-    merged = run_tiny(*overrides, folder=folder, workers=workers)
-    for tracker in ("raw", "ekf"):
-        assert merged[tracker].square.value == pytest.approx(found[tracker].square.value, rel=1e-12)
-        assert merged[tracker].square.ci95 == pytest.approx(found[tracker].square.ci95, rel=1e-12)
-
-
 @pytest.mark.parametrize("method", ["init", "update", "merge"])
 def test_one_whose_sums_raise_ends_the_run(run_tiny: Run, tmp_path: Path, write_module: Write, method: str) -> None:
     broken = CODE + f"\nclass Broken(Square):\n    def {method}(self, *_):\n        raise RuntimeError('no luck')\n"
@@ -208,19 +194,12 @@ NO_NAME = "class Nameless(Metric):\n    unit, meaning = '1', 'none'\n    def ini
 @pytest.mark.parametrize(
     ("metrics", "key", "message"),
     [
-        ("['{0}:Squar']", "score.metrics.0", "module '{0}' has no 'Squar': did you mean 'Square'?"),
-        ("[square]", "score.metrics.0", "no metric is published as 'square': there is none to choose from"),
         ("['math:pi']", "score.metrics.0", "'math:pi' is no metric: it must be a subclass of trackbench.metrics"),
         ("['{0}:Nameless']", "score.metrics.0", "'{0}:Nameless' is no metric: it lacks name and finish"),
         ("['{0}:Taken']", "score.metrics.0", "'{0}:Taken' is no metric: its name 'nees' is that of a built-in one"),
         ("['{0}:Square', '{0}:Square']", "score.metrics.1", "a second metric of the name square"),
         ("[{{use: '{0}:Within', option: {{}}}}]", "score.metrics.0.option", "unknown key; did you mean 'options'?"),
         ("[{{options: {{}}}}]", "score.metrics.0.use", "missing; choose from: module:Class"),
-        (
-            "[{{use: '{0}:Within', options: {{limit: 1}}}}]",
-            "score.metrics.0.options.limit",
-            "limit_m",
-        ),
         ("[{{use: '{0}:Within', options: {{limit_m: far}}}}]", "score.metrics.0.options.limit_m", "a number in metres"),
     ],
 )  # fmt: skip
@@ -258,27 +237,3 @@ class Odd(type(Metric)):
         load_scenario(tiny, [f"score.metrics=['{name}:Wrong']"])
     assert message in caught.value.message
     assert caught.value.key == "score.metrics.0"
-
-
-MODEL = """
-from trackbench.models.motion import ConstantVelocity
-class Own(ConstantVelocity):
-    {}
-"""
-
-
-TILTING = """
-import numpy as np
-from trackbench.models.motion import ConstantVelocity
-class Own(ConstantVelocity):
-    components = ("px", "py", "vx", "vy", "tilt")
-    first_sigmas = {"tilt": 0.3}
-    def transition(self, x, dt):
-        return np.concatenate([super().transition(x[:4], dt), x[4:]])
-    def jacobian(self, x, dt):
-        f = np.eye(5)
-        f[:4, :4] = super().jacobian(x[:4], dt)
-        return f
-    def noise_gain(self, x, dt):
-        return np.concatenate([super().noise_gain(x[:4], dt), np.zeros((1, 2))])
-"""

@@ -158,15 +158,6 @@ def test_between_its_measurements_the_bound_is_that_of_a_prediction_from_the_lat
     np.testing.assert_allclose(at_all[:, 1, 0, 0], both(belief.covariance), rtol=1e-9)
 
 
-def test_a_long_track_settles_and_stays_symmetric_enough():
-    """5,000 measurements, whose variances no longer change after the first hundred."""
-    time = np.arange(5_001) * 0.1
-    still = np.zeros((len(time), 1, 1))
-    of = truth(time, still + 20.0, still, still, still)
-    found = bound(of, {"lidar": LIDAR}, BoundStart(velocity_sigma=20.0))[0][:, 100:, 0, 0]
-    np.testing.assert_allclose(found, np.broadcast_to(found[:, :1], found.shape), rtol=1e-9)
-
-
 def test_a_target_that_starts_at_the_sensor_leaves_the_bound_finite():
     objects = {"car": {"pieces": [{"white": {"motion": "cv", "acceleration_sigma_mps2": 1.0}}]}}
     config = ScriptedTruth.model_validate({"duration_s": 2.0, "rate_hz": 10, "objects": objects})
@@ -190,23 +181,6 @@ def test_the_typical_acceleration_of_a_turn_is_that_of_its_velocity_vector():
     chord = 2 * 10.0 * np.sin(0.4 / 20 / 2) * 20
     assert typical_acceleration([turn]) == pytest.approx(chord / np.sqrt(2), rel=1e-9)
     assert typical_acceleration([turn]) == pytest.approx(4.0 / np.sqrt(2), rel=1e-4)
-
-
-def test_the_typical_acceleration_counts_speed_and_turn():
-    braking = scripted(acceleration_mps2=-0.7)
-    assert typical_acceleration([braking]) == pytest.approx(0.7 / np.sqrt(2), rel=1e-9)
-
-
-def test_the_typical_acceleration_of_a_slip_is_found_where_the_heading_stays():
-    turn = scripted(turn_rate_degps=float(np.rad2deg(0.4)))
-    sliding = replace(turn, heading=np.zeros_like(turn.heading), yaw_rate=np.zeros_like(turn.yaw_rate))
-    assert typical_acceleration([sliding]) == typical_acceleration([turn])
-
-
-def test_the_typical_acceleration_of_white_motion_is_its_sigma():
-    white = scripted(white={"motion": "cv", "acceleration_sigma_mps2": 2.0})
-    # 160,000 drawn numbers: a standard error of 0.0035.
-    assert typical_acceleration([white]) == pytest.approx(2.0, abs=0.012)
 
 
 def test_the_typical_acceleration_is_that_of_the_living():

@@ -10,7 +10,6 @@ from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import independent_scores
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.results import Failure
 from trackbench.sensing.scans import sense_known
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -161,23 +160,6 @@ def test_a_track_that_ends_is_charged_the_worse_of_its_last_estimate_and_the_mea
     assert health(scores).missing_estimates == 7
 
 
-@pytest.mark.parametrize("batch", [1, 15], ids=["one by one", "in threes"])
-def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, monkeypatch):
-    of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
-    whole = work(of, SENSORS, TWO, 5)
-    expected = block_of(whole, range(5)).outcomes
-    monkeypatch.setattr(scorer, "BATCH", batch)
-    for name, outcome in block_of(whole, range(5)).outcomes.items():
-        found = outcome.scores
-        for field in ("due", "diverged", "repaired"):
-            a, b = getattr(found, field), getattr(expected[name].scores, field)
-            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
-        same_errors(found, expected[name].scores)
-        for sensor in SENSORS:
-            a, b = found.nis[sensor].per_run, expected[name].scores.nis[sensor].per_run
-            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
-
-
 def test_innovations_by_hand():
     # Two runs, three measurements of a lidar; the second run misses the second one.
     spread = np.broadcast_to((4.0 * np.eye(2))[..., None], (2, 2, 2))
@@ -261,19 +243,6 @@ def test_merged_blocks_are_one_block(own):
         np.testing.assert_array_equal(one.detections[sensor], sum(part.detections[sensor] for part in parts))
 
 
-def test_a_block_scores_what_the_tracker_says_of_the_truth():
-    # Measurements without noise: the raw tracker's position is exact, and its velocity that of constant motion.
-    time = np.arange(20) * 0.1
-    of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
-    exact = {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)}
-    scores = block_of(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).outcomes["raw"].scores
-    found = values(scores)
-    assert found["position_rmse"].value < 1e-5
-    assert found["velocity_rmse"].without_charged < 1e-4
-    # It has no velocity before the second measurement.
-    assert scores.per_run[ERROR["given"]].tolist() == [19, 19, 19]
-
-
 def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over():
     of = random_walk(40, 60, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
     rare = {"lidar": SENSORS["lidar"].model_copy(update={"detection_probability": 0.3})}
@@ -283,53 +252,3 @@ def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over()
     first = np.argmax(valid, axis=0)
     # Thirty measurements, 0.1 s apart.
     np.testing.assert_array_equal(scores.due, np.maximum(30 - (first + 10), 0))
-
-
-class Faulty:
-    """Tells nothing but what its options say."""
-
-    batched = True
-
-    def __init__(self, how: str) -> None:
-        self._how = how
-
-    def step(self, state, seen):
-        state = 0 if state is None else state + 1
-        mean, covariance = np.zeros((4, 6)), np.broadcast_to(np.eye(4)[..., None], (4, 4, 6)).copy()
-        if state == 3:
-            match self._how:
-                case "raises":
-                    raise ValueError("no such luck")
-                case "nan":
-                    mean[2, 5] = np.nan
-                case "shape":
-                    mean = mean[:3]
-                case "indefinite":
-                    covariance[0, 0, 5] = -1
-                case "asymmetric":
-                    covariance[0, 1, 5] = 0.5
-        return state, None if self._how == "silent" else (mean, covariance)
-
-
-@pytest.mark.parametrize(
-    ("how", "cause", "member"),
-    [
-        ("raises", "ValueError: no such luck", False),
-        ("nan", NOT_FINITE, True),
-        ("shape", "the mean has the shape (3, 6), where (4, 6) is needed", False),
-        ("indefinite", NOT_DEFINITE, True),
-        ("asymmetric", "the covariance is not symmetric: mirrored entries differ by up to 0.5", False),
-        ("silent", "it gave no estimate at all", False),
-    ],
-)
-def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, member):
-    of = random_walk(6, 20, 0.1, 1.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
-    trackers = {"bad": PluginConfig(use=f"{__name__}:Faulty", options={"how": how}), "good": TWO["ekf"]}
-    block = block_of(work(of, {"lidar": SENSORS["lidar"]}, trackers, 6), range(6))
-    failure = block.outcomes["bad"]
-    assert isinstance(failure, Failure)
-    assert failure.cause == cause
-    assert not isinstance(block.outcomes["good"], Failure)
-    if how != "silent":
-        assert (failure.step, failure.time_s) == (3, pytest.approx(0.3))
-    assert (failure.run, failure.object) == ((5, "v1") if member else (None, None))

@@ -72,13 +72,6 @@ def test_innovations_that_are_missing_or_impossible_are_counted():
     assert nis.mean == 1.0
 
 
-def test_a_tracker_that_never_gives_an_innovation_has_all_of_them_missing():
-    seen = [[scan("lidar", float(k), np.zeros((2, 1)))] for k in range(4)]
-    given = [estimate(np.zeros((4, 1)))] * 4
-    scores = scored(target(np.zeros((4, 4, 1)), 1), list(zip(seen, given, strict=True)), {"lidar": 4})
-    np.testing.assert_array_equal(scores.nis["lidar"].per_run[:, 0], [0, 0, 0, 0, 0, 0, 3])
-
-
 def scenes(count, runs):
     """The same sensors and trackers in several scenes, each with a truth of its own."""
     start = np.array([40.0, 10.0, 10.0, 5.0])

@@ -7,77 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from trackbench.compare import compare_results, find_results
-from trackbench.compare.limits import Limit
 from trackbench.results import Result
-
-CODE = """
-import numpy as np
-from trackbench.metrics import Metric, ratio
-
-class Near(Metric):
-    name, unit, better = "near", "1", "larger"
-    meaning = "share of the estimates that are near the truth"
-    def init(self, scope):
-        return np.zeros((2, scope.runs))
-    def update(self, sums, chunk):
-        return sums + [chunk.by_run(np.hypot(chunk.error[0], chunk.error[1]) < 0.3), chunk.by_run(1.0)]
-    def merge(self, blocks):
-        return np.concatenate(blocks, axis=1)
-    def finish(self, sums):
-        return ratio(*sums, at_least=0.0, at_most=1.0)
-"""
-
-
-@pytest.fixture(scope="module")
-def folder(
-    run_tiny: Callable[..., Result], write_module: Callable[[Path, str], str], tmp_path_factory: pytest.TempPathFactory
-) -> Path:
-    """A saved result with a metric of a module that is beside the scenario."""
-    place = tmp_path_factory.mktemp("one_file")
-    expect = "[{tracker: ekf, metric: near, above: 0}, {tracker: ekf, metric: near, better_than: raw}]"
-    metrics = f"['{write_module(place, CODE)}:Near']"
-    result = run_tiny("monte_carlo.runs=12", f"score.metrics={metrics}", f"expect={expect}", folder=place)
-    result.save(place / "tiny")
-    return place / "tiny"
-
-
-def test_a_run_has_it_and_expects_something_of_it(folder: Path) -> None:
-    result = Result.load(folder)
-    value = result["ekf"].metrics["near"]
-    assert value.value is not None
-    assert value.ci95 is not None
-    assert [item.passed for item in result.summary.expectations if item.metric == "near"] == [True, True]
-    assert [item.better for item in result.differences if item.metric == "near"] == ["ekf"]
-    assert result.tables.runs["near_per_run"].to_numpy().mean() > 0
-
-
-def test_a_comparison_and_a_gate_know_it(folder: Path) -> None:
-    (item,) = compare_results([find_results(folder)], metrics=["near"]).differences
-    assert (item.metric, item.entrant.tracker, item.verdict) == ("near", "ekf", "better")
-    gates = compare_results([find_results(folder), find_results(folder)], limits=[Limit("near", 1.0)]).gates
-    assert {gate.outcome for gate in gates} == {"passed"}
-
-
-def test_it_can_be_tuned_for(
-    tiny: Path,
-    tmp_path: Path,
-    write_module: Callable[[Path, str], str],
-    cli: Callable[..., Any],
-) -> None:
-    metrics = f"['{write_module(tiny.parent, CODE)}:Near']"
-    text = tiny.read_text(encoding="utf-8").replace("score: {", f"score: {{metrics: {metrics}, ")
-    assert "metrics" in text
-    tiny.write_text(text, encoding="utf-8")
-    options = ("--trackers", "ekf", "--objective", "near", "--trials", "3", "--out", tmp_path / "out.yaml")
-    done = cli("tune", tiny, *options, "--in-process")
-    assert done.status == 0, done.err
-    found = json.loads(next(tmp_path.glob("*.json")).read_text(encoding="utf-8"))
-    assert found["objective"] == "near"
-    assert "near" in {item["metric"] for tracker in found["trackers"] for item in tracker["held_out"]}
-
 
 TRACKS = """
 import numpy as np

@@ -49,14 +49,6 @@ def test_the_effect_of_the_page_is_seen_in_the_measurements(tmp_path: Path, spik
     assert 5 < far.sum() < 80
 
 
-def test_it_runs_and_the_report_names_it(tmp_path: Path, spikes: str, cli: Callable[..., Any]) -> None:
-    file = written(tmp_path, f'{{type: "{spikes}:Spikes", probability: 0.05, size_m: 20}}')
-    done = cli("run", file, "--no-recording", "--out", tmp_path)
-    assert done.status == 0, done.err
-    report = (tmp_path / "one_file" / "report.md").read_text(encoding="utf-8")
-    assert f"{spikes}:Spikes" in report
-
-
 @pytest.mark.parametrize(
     ("effect", "message"),
     [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from tests.support.scenes import scan
 
 from trackbench.base.errors import InputErrors, TrackbenchError
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.results import Result
 from trackbench.scenario import load_scenario
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
@@ -54,14 +52,6 @@ def test_one_of_several_objects_assumes_it_too() -> None:
     seen = scan("lidar", 0.0, np.array([[5.0], [2.0]]), noise=np.diag([0.04, 0.04]))
     _, tracks = tracker(**with_gnn, measurement_noise={"lidar": {"position_sigma_m": 2.0}}).step(None, seen)
     np.testing.assert_allclose(np.diag(tracks.covariance[..., 0])[:2], 4.0)
-
-
-def test_a_run_names_it_and_the_innovations_follow(run_tiny: Callable[..., Result]) -> None:
-    key = "trackers.ekf.measurement_noise.lidar.position_sigma_m"
-    stated, doubled = run_tiny(), run_tiny(f"{key}=0.6")
-    values = [item["ekf"].metrics["nis.lidar"].value for item in (stated, doubled)]
-    assert values[1] < values[0] / 2
-    assert "lidar with position sigma 0.6 m," in doubled["ekf"].describe
 
 
 @pytest.mark.parametrize(

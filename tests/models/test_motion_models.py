@@ -1,7 +1,5 @@
 """Motion models against finite differences, numerical integration and simulation."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -125,24 +123,6 @@ def test_transition_agrees_with_numerical_integration(model, dt):
     np.testing.assert_allclose(model.transition(x, dt), expected, atol=1e-7)
 
 
-@every_model
-def test_two_transitions_in_a_row_are_one(model):
-    x = states(model)
-    for first, second in product(INTERVALS, repeat=2):
-        np.testing.assert_allclose(
-            model.transition(model.transition(x, first), second), model.transition(x, first + second), atol=1e-10
-        )
-
-
-@every_model
-def test_nothing_moves_in_no_time(model):
-    x = states(model)
-    size = len(x)
-    np.testing.assert_allclose(model.transition(x, 0.0), x, atol=1e-14)
-    np.testing.assert_allclose(each(model.jacobian(x, 0.0), x), each(np.eye(size), x), atol=1e-14)
-    np.testing.assert_array_equal(each(process_noise_covariance(model, x, 0.0), x), np.zeros((size, size, SIZE)))
-
-
 @stepwise_models
 @pytest.mark.parametrize("driver", [0, 1, 2])
 @pytest.mark.parametrize("dt", [0.05, 0.7, 2.0])
@@ -164,20 +144,6 @@ def test_process_noise_of_constant_velocity_in_closed_form():
     np.testing.assert_allclose(
         process_noise_covariance(MODELS["cv"], np.zeros(4), dt), np.kron(axis, np.eye(2)), rtol=1e-14
     )
-
-
-@every_model
-def test_process_noise_is_the_covariance_of_simulated_steps(model):
-    random = np.random.default_rng(5)
-    dt, samples = 0.5, 200_000
-    x = np.linspace(1.0, 2.0, len(model.components))
-    noise = random.normal(size=(len(model.noise_sigma), samples)) * np.asarray(model.noise_sigma)[:, None]
-    simulated = np.cov(model.noise_gain(x, dt) @ noise)
-    expected = process_noise_covariance(model, x, dt)
-    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    assert np.abs(simulated - expected).max() < 0.02 * scale.max()
-    # The smallest entries are right too.
-    np.testing.assert_allclose(np.diag(simulated), np.diag(expected), rtol=0.02)
 
 
 @every_model

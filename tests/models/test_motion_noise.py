@@ -7,7 +7,6 @@ from decimal import Decimal, getcontext
 
 import numpy as np
 import pytest
-from scipy import stats
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import minimize_scalar
 from tests.support.reference import smoothed
@@ -198,46 +197,6 @@ def test_the_noise_that_blair_s_table_states_is_best_against_a_constant_accelera
         belief = filter.update(filter.predict(belief, 1.0), scan("lidar", k, [x, 0.0], noise=np.eye(2))).belief
     alpha, beta = steady_gains(k1 * deterministic)
     assert x - belief.mean[0] == pytest.approx((1 - alpha) / beta * deterministic, rel=1e-6)
-
-
-def test_with_continuous_noise_consistency_does_not_depend_on_the_rate():
-    """A truth of white acceleration, its measurements thinned: the NEES stays 4, by chi-square bounds of 99 %."""
-    runs, dt, density = 2000, 0.05, 0.45
-    random = np.random.default_rng(11)
-    model = ContinuousNoiseVelocity(acceleration_density_mps1p5=density)
-    gain, states = density * model.noise_gain(np.zeros(4), dt), [np.zeros((4, runs))]
-    for _ in range(80):
-        states.append(model.transition(states[-1], dt) + gain @ random.normal(size=(4, runs)))
-    measured = [x[:2] + 0.15 * random.normal(size=(2, runs)) for x in states]
-
-    def at_the_end(every: int, noise) -> tuple[float, float]:
-        filter = tracker(filter="kf", **noise).filter
-        belief = Belief(random.normal(size=(4, runs)), np.eye(4)[..., None] * np.ones(runs))
-        for k in range(0, 81, every):
-            belief = belief if k == 0 else filter.predict(belief, every * dt)
-            belief = filter.update(belief, scan("lidar", k * dt, measured[k])).belief
-        error = belief.mean - states[-1]
-        p = np.moveaxis(belief.covariance, -1, 0)
-        return float(np.einsum("ir,rij,jr->", error, np.linalg.inv(p), error)), float(p[0, 2, 2])
-
-    low, high = stats.chi2.ppf([0.005, 0.995], 4 * runs)
-    continuous = {"motion": "cv_continuous", "acceleration_density_mps1p5": density}
-    for every in (1, 2, 4, 8):
-        assert low < at_the_end(every, continuous)[0] < high, every
-    # Piecewise constant noise that is right at one rate is too large at an eighth of it.
-    piecewise = {"motion": "cv", "acceleration_sigma_mps2": density / np.sqrt(dt)}
-    assert low < at_the_end(1, piecewise)[0] < high
-    assert at_the_end(8, piecewise)[0] < 0.8 * low
-
-
-@pytest.mark.parametrize("steps", [1, 20])
-def test_a_density_is_the_spread_of_the_velocity_after_a_second_at_any_rate(steps):
-    model = ContinuousNoiseVelocity(acceleration_density_mps1p5=3.1)
-    x, p = np.zeros(4), np.zeros((4, 4))
-    for _ in range(steps):
-        f = model.jacobian(x, 1.0 / steps)
-        p = f @ p @ f.T + process_noise_covariance(model, x, 1.0 / steps)
-    assert np.sqrt(p[2, 2]) == pytest.approx(3.1, rel=1e-12)
 
 
 AIRCRAFT = {

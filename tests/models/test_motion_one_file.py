@@ -1,8 +1,7 @@
-"""One class in one file makes a motion model: every command knows it, beside a scenario or published by a package."""
+"""One class in one file beside a scenario makes a motion model: every command knows it."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -34,27 +33,13 @@ monte_carlo: {{runs: 8, seed: 3}}
 """
 
 
-@pytest.fixture(scope="module", params=["beside", "published"])
-def scenario(
-    request: pytest.FixtureRequest,
-    tmp_path_factory: pytest.TempPathFactory,
-    write_module: Callable[[Path, str], str],
-) -> Any:
-    """A scenario of a stranger's motion model: of a module beside it, or under the name that a package publishes."""
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory: pytest.TempPathFactory, write_module: Callable[[Path, str], str]) -> Path:
+    """A scenario of a stranger's motion model, of a module beside it."""
     place = tmp_path_factory.mktemp("motion")
-    module = write_module(place, CODE)
-    name = f"{module}:Singer"
-    with pytest.MonkeyPatch.context() as patch:
-        if request.param == "published":
-            info = place / "stranger-1.0.dist-info"
-            info.mkdir()
-            (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1.0\n", encoding="utf-8")
-            published = f"[trackbench.motion_models]\ncorrelated = {name}\n"
-            (info / "entry_points.txt").write_text(published, encoding="utf-8")
-            patch.syspath_prepend(place)
-            name = "correlated"
-        (place / "one_file.yaml").write_text(SCENARIO.format(motion=name), encoding="utf-8")
-        yield place / "one_file.yaml"
+    name = f"{write_module(place, CODE)}:Singer"
+    (place / "one_file.yaml").write_text(SCENARIO.format(motion=name), encoding="utf-8")
+    return place / "one_file.yaml"
 
 
 def test_filters_of_every_kind_run_with_it(scenario: Path, tmp_path: Path, cli: Callable[..., Any]) -> None:
@@ -65,12 +50,6 @@ def test_filters_of_every_kind_run_with_it(scenario: Path, tmp_path: Path, cli: 
     assert max(rmse) < 0.15
     # The model is linear: both filters see the same measurements and differ by the radar's linearisation alone.
     np.testing.assert_allclose(rmse[0], rmse[1], rtol=0.01)
-
-
-def test_the_doctor_examines_a_tracker_with_it(scenario: Path, tmp_path: Path, cli: Callable[..., Any]) -> None:
-    done = cli("doctor", f"{scenario}#ekf", "--json", "--out", tmp_path, "--in-process")
-    assert done.status == 0, done.err or done.out
-    assert json.loads(done.out)["healthy"]
 
 
 def test_its_options_can_be_tuned(scenario: Path, tmp_path: Path, cli: Callable[..., Any]) -> None:

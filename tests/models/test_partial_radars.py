@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from tests.models.test_motion_models import finite_difference
 from tests.models.test_sensor_models import situations
 from tests.support.scenes import fixed_observer, scan, truth
 
 from trackbench.base.config.key_units import split_key
 from trackbench.base.types import FieldOfView
-from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS, Radar
 from trackbench.models.sensors.presets import presets, typical
 from trackbench.models.sensors.radar import PARTIAL_RADARS
@@ -48,15 +46,6 @@ def test_measurements_and_jacobian_are_rows_of_the_full_radar(measures: tuple[st
     np.testing.assert_array_equal(model.jacobian(target, pose, own), Radar.jacobian(target, pose, own)[rows])
     assert [model.components, model.units] == [measures, tuple(Radar.units[i] for i in rows)]
     assert [model.components[i] for i in model.angular] == [name for name in measures if name == "azimuth"]
-
-
-@every_subset
-def test_jacobian_agrees_with_finite_differences(measures: tuple[str, ...]) -> None:
-    pose, own, target = situations(seed=1)
-    model = SENSOR_MODELS[kind(measures)]
-    centre = model.measure(target, pose, own)
-    expected = finite_difference(lambda x: difference(model.measure(x, pose, own), centre, model.angular), target)
-    np.testing.assert_allclose(model.jacobian(target, pose, own), expected, atol=1e-6)
 
 
 @every_subset
@@ -156,6 +145,7 @@ def test_density_times_volume_is_the_number_of_false_alarms(measures: tuple[str,
         assert abs(count - expected) < 4 * np.sqrt(expected)
 
 
+@pytest.mark.slow
 @every_subset
 def test_new_objects_have_the_density_of_objects_uniform_in_view(measures: tuple[str, ...]) -> None:
     """At half of the range and at the mean velocity, where the density is that of one object over the volume."""

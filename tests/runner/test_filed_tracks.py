@@ -121,6 +121,7 @@ def test_nothing_is_said_of_an_offset_that_cannot_be_told(tmp_path: Path) -> Non
     assert not scored(tmp_path, exact(INSTANTS))["theirs"].offset_shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cars", "bias"), [(6, 0.0), (6, 0.3), (12, 0.3)])
 def test_the_interval_of_an_offset_covers_it(cars: int, bias: float) -> None:
     """Errors that stay alike for half a second, and a constant one of each car."""
@@ -159,27 +160,3 @@ def test_mistakes_are_one_line(tmp_path: Path, override: str, message: str) -> N
     with pytest.raises(InputError, match=message) as raised:
         scored(tmp_path, exact(np.arange(0, 10, 0.05)), override)
     assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    ("speed", "noise", "seed"), [(0.23, 0.0, 2), (0.23, 0.02, 3), (0.23, 0.05, 104), (0.05, 0.002, 105)]
-)
-def test_a_slow_robot_tells_a_time_offset(tmp_path: Path, speed: float, noise: float, seed: int) -> None:
-    result = score_robot(tmp_path, speed, noise, seed)
-    low, high = result.time_offset.ci95
-    assert result.time_offset.value == pytest.approx(-0.2, abs=0.025)
-    assert high - low < 0.1
-    assert result.offset_shown
-
-
-def score_robot(folder: Path, speed: float, noise: float, seed: int) -> Any:
-    """A robot that drives for 150 s, and its track with stamps that are 0.2 s late; the result of the track."""
-    random, time = np.random.default_rng(seed), np.arange(1500) / 10
-    fine = np.linspace(-1, 151, 152_001)
-    heading, driven = 0.5 * np.sin(fine / 6), speed * (1 + 0.6 * np.sin(fine / 3)) * 1e-3
-    x, y = (np.interp(time, fine, np.cumsum(driven * part)) for part in (np.cos(heading), np.sin(heading)))
-    for name, stamp, sigma in (("boxes", time, noise), ("tracks", time + 0.2, 0.01)):
-        place = np.stack([x, y]) + sigma * random.normal(size=(2, len(time)))
-        rows = "".join(f"{at!r},1,{px!r},{py!r}\n" for at, px, py in zip(stamp.tolist(), *place.tolist(), strict=True))
-        (folder / f"{name}.csv").write_text("time,id,x,y\n" + rows)
-    return tb.score(folder / "tracks.csv", folder / "boxes.csv")["tracks"]

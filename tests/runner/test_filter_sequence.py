@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from trackbench.runner.tracker_run import TrackerRun
 pytestmark = pytest.mark.skipif(unavailable() is not None, reason=f"no machine code here: {unavailable()}")
 
 #: Effects of what is left to steps: a track that starts late, and one whose course is lost.
-SCENARIOS = ("highway", "sensor_dropout", "intersection")
+SCENARIOS = ("sensor_dropout", "intersection")
 #: No multiple of the members of a vector.
 RUNS = 26
 
@@ -177,33 +176,3 @@ for tracker in tb.run(scenario, engine="fused").summary.trackers:
     )
     assert strong
     assert strong == weak
-
-
-#: A radar that is not read and a lidar that fire in turn, and an object that drives straight ahead.
-UNREAD = """
-name: unread
-description: Instants that end with a measurement, and others that end with a prediction
-truth:
-  source: scripted
-  duration_s: 6
-  rate_hz: 20
-  observer: {x: 0, y: 0, yaw_deg: 0}
-  objects:
-    a: {start: {x: 20, y: 5, speed_mps: 5, course_deg: 10}, pieces: [{for_s: 6}]}
-sensors:
-  radar: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
-  lidar: {type: lidar, rate_hz: 10, phase_s: 0.05, position_sigma_m: 0.5}
-trackers:
-  mine: {filter: kf, motion: cv, acceleration_sigma_mps2: 0.5, sensors: [lidar], advance_at: all_scans}
-monte_carlo: {runs: 64, seed: 7}
-score: {settle_s: 1}
-"""
-
-
-def test_estimates_after_measurements_and_after_predictions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    file = tmp_path / "unread.yaml"
-    file.write_text(UNREAD, encoding="utf-8")
-    by_sequences, by_steps = (outcomes(monkeypatch, tb.load(file), steps) for steps in (False, True))
-    same(by_sequences["mine"], by_steps["mine"], "mine")
-    errors = by_sequences["mine"].scores.per_run
-    assert np.sqrt((errors[1] + errors[2]).sum() / errors[0].sum()) < 0.5

@@ -42,36 +42,6 @@ class ReadsRuns:
         return apart, (states[:, apart.argmin(axis=0)], 1e-2 * np.eye(4)[:, :, None] + np.zeros(scan.valid.size))
 
 
-class Particles:
-    "A bootstrap particle filter; all members take their numbers from one generator, in the order of the batch."
-    batched = True
-    random = True
-
-    def __init__(self, particles=100, seed=None):
-        self.count, self.draws = particles, np.random.default_rng(seed)
-
-    def step(self, state, scan):
-        time, particles = (scan.time, np.full((4, self.count, scan.valid.size), np.nan)) if state is None else state
-        dt, new = scan.time - time, np.isnan(particles[0, 0]) & scan.valid
-        a = 3.0 * self.draws.standard_normal(particles[:2].shape)
-        moved = np.concatenate([particles[:2] + dt * particles[2:] + dt**2 / 2 * a, particles[2:] + dt * a])
-        z, sigma = position(scan)[:, None], np.sqrt(scan.noise_covariance[0, 0])
-        first = self.draws.standard_normal(moved.shape) * np.array([sigma, sigma, 10, 10])[:, None, None]
-        first[:2] += z
-        moved = np.where(new, first, moved)
-        weight = np.exp(-((z - moved[:2]) ** 2).sum(axis=0) / (2 * sigma**2)) + 1e-300
-        sums = np.cumsum(weight / weight.sum(axis=0), axis=0)
-        points = (np.arange(self.count)[:, None] + self.draws.random(scan.valid.size)) / self.count
-        drawn = (points[:, None] > sums[None, :-1]).sum(axis=1) if self.count < 200 else np.stack(
-            [np.searchsorted(own[:-1], at) for own, at in zip(sums.T, points.T)], axis=1)
-        drawn = np.where(scan.valid & ~new, drawn, np.arange(self.count)[:, None])
-        particles = np.take_along_axis(moved, drawn[None], axis=1)
-        mean = particles.mean(axis=1)
-        apart = particles - mean[:, None]
-        return (scan.time, particles), (
-            mean, np.einsum("ikm,jkm->ijm", apart, apart) / self.count + 1e-3 * np.eye(4)[:, :, None])
-
-
 def position(scan):
     x, y, yaw = scan.sensor_pose
     z = scan.measurement
@@ -117,16 +87,6 @@ def printed(result: Result) -> str:
     console = Console(width=200, record=True, file=io.StringIO())
     print_summary(result, console)
     return console.export_text()
-
-
-@pytest.mark.parametrize(
-    "options", [{"particles": 50}, {"particles": 100, "seed": 3}, {"particles": 500}], ids=["few", "seeded", "many"]
-)
-def test_an_honest_particle_filter_is_ranked(run: Callable[..., Result], options: dict[str, Any]) -> None:
-    result = run(STEADY, "Particles", runs=20, **options)
-    assert result["mine"].failed is None
-    assert not result.why_unscored(result["mine"])
-    assert "random" in result["mine"].marks
 
 
 def test_one_that_beats_the_bound_is_said_first_and_ends_with_status_1(run: Callable[..., Result]) -> None:

@@ -14,6 +14,7 @@ from tests.support.exported import write_scenes
 from tests.support.scenes import scan, tracker
 from tests.support.udacity import data_folder
 
+import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import Estimate, Scan
 from trackbench.engine.choice import Engine
@@ -151,53 +152,6 @@ def test_a_range_rate_of_no_information_changes_nothing(name: str, engine: Engin
             assert np.max(np.abs(ours.covariance - theirs.covariance) / (deviation[:, None] * deviation)) < tolerance
 
 
-ALL_FILTERS = {
-    **FILTERS,
-    "kf": {"filter": "kf", **CV},
-    "smoother": {**EKF, "smoother": "rts"},
-    "raw": {"use": "raw"},
-    "ctrv": {"filter": "ukf", "motion": "ctrv", "acceleration_sigma_mps2": 2, "yaw_acceleration_sigma_radps2": 0.5},
-}
-
-
-def test_known_objects_give_the_same_by_both_engines_and_their_covariances_are_right(tmp_path: Path) -> None:
-    sensors = {"front": RANGE_BEARING, "side": {**BEARING, "mount": {"y_m": 5}, "detection_probability": 0.8}}
-    trackers = {**ALL_FILTERS, "kf": {**ALL_FILTERS["kf"], "sensors": ["front"]}}
-    numpy, fused = (result(tmp_path, scenario(sensors, trackers), engine=engine) for engine in ("numpy", "fused"))
-    assert [tracker.name for tracker in numpy.summary.trackers if tracker.failed] == []
-    assert list(differences(fused.summary.model_dump(), numpy.summary.model_dump())) == []
-    assert {name: (of.kind, of.dof) for name, of in numpy.summary.sensors.items()} == {
-        "front": ("radar(range, azimuth)", 2),
-        "side": ("radar(azimuth)", 1),
-    }
-    for each in numpy.summary.trackers:
-        if each.name in ("ekf", "ukf", "ckf"):
-            for metric, expected in (("nees", 4), ("nis.front", 2), ("nis.side", 1)):
-                low, high = each.metrics[metric].ci95
-                # Of 200 runs, by a margin for what is curved: 2 % of the expectation.
-                assert low - 0.02 * expected < expected < high + 0.02 * expected, (each.name, metric)
-
-
-def test_two_bearings_from_different_places_triangulate(tmp_path: Path) -> None:
-    """From a drawn start with 5 m of error the position comes down to what two bearings give, and is stated right."""
-    start = {"from": "truth", "position_sigma_m": 5, "velocity_sigma_mps": 1}
-    trackers = {
-        "both": {**EKF, "initial": start},
-        "left": {**EKF, "initial": start, "sensors": ["left"]},
-        "imm": {**IMM, "initial": start},
-    }
-    sensors = {"left": {**BEARING, "mount": {"y_m": 20}}, "right": {**BEARING, "mount": {"y_m": -20, "yaw_deg": 40}}}
-    given = result(tmp_path, scenario(sensors, trackers, runs=400))
-    both, left = given["both"], given["left"]
-    # At 40 m bearings of 0.3 degrees from places 40 m apart: some 0.3 m a scan.
-    assert both.position_rmse.value < 0.4 < 3 * both.position_rmse.value < left.position_rmse.value
-    # Of one bearing the range is not observable, and the linearised covariance of it is known to be too small.
-    low, high = both.nees.ci95
-    assert low - 0.1 < 4 < high + 0.1
-    # The bound is that of the mean information over places, which is above that of most.
-    assert 0.97 < both.metrics["position_over_reference"].value < 1.2
-
-
 def test_a_track_waits_for_a_sensor_that_measures_a_position() -> None:
     made, state = tracker(**EKF), None
     bearing = scan("radar(azimuth)", 0.0, [[0.1, 0.2]], noise=np.eye(1) * 1e-4)
@@ -262,12 +216,11 @@ def associated(filter: dict[str, Any], *methods: str) -> dict[str, Any]:
 
 def test_every_association_gives_the_same_by_both_engines(tmp_path: Path) -> None:
     sensors = {"front": {**RANGE_BEARING, **ROAD}, "cam": {**BEARING, **ROAD, "fov_deg": 90}}
-    trackers = associated(EKF, *METHODS) | {"imm": {**IMM, "associate": {"method": "pmb"}}}
-    trackers["kf"] = {"filter": "kf", **CV, "sensors": ["front"], "associate": {"method": "pmb"}}
+    trackers = associated(EKF, "gnn", "pmb") | {"imm": {**IMM, "associate": {"method": "pmb"}}}
     numpy, fused = (result(tmp_path, hidden(sensors, trackers, 2), engine=engine) for engine in ("numpy", "fused"))
     assert [tracker.name for tracker in numpy.summary.trackers if tracker.failed] == []
     assert list(differences(fused.summary.model_dump(), numpy.summary.model_dump())) == []
-    for name in ("ekf-pmb", "ekf-jipda", "imm", "kf"):
+    for name in ("ekf-pmb", "imm"):
         assert numpy[name].metrics["matched_share"].value > 0.95
 
 
@@ -277,58 +230,6 @@ def test_a_bearing_begins_no_track(tmp_path: Path) -> None:
     for each in given.summary.trackers:
         assert each.metrics["matched_share"].value == 0.0
         assert each.metrics["false_tracks"].value == 0.0
-
-
-@pytest.mark.parametrize("measures", [["range", "azimuth"], ["azimuth", "range", "range_rate"]])
-def test_an_imm_and_a_pmb_on_a_log_score_as_on_the_simulation_it_is_of(tmp_path: Path, measures: list[str]) -> None:
-    front = {**RANGE_BEARING, **ROAD, "measures": measures}
-    if "range_rate" in measures:
-        front["range_rate_sigma_mps"] = 0.1
-    trackers = {"pmb": associated(EKF, "pmb")["ekf-pmb"], "imm": {**IMM, "associate": {"method": "pmb"}}}
-    file = tmp_path / "scenario.yaml"
-    file.write_text(yaml.safe_dump(hidden({"front": front}, trackers, 1)), encoding="utf-8")
-    original = load_scenario(file)
-    simulated = run_scenario(original, truths_of(original))
-    log = load_scenario(write_scenes(tmp_path, original)[0])
-    recorded = run_scenario(log, truths_of(log))
-    for name in trackers:
-        assert recorded[name].metrics["matched_share"].value > 0.95
-        for metric in ("gospa", "hota", "position_rmse", "matched_share"):
-            expected = simulated[name].metrics[metric].value
-            assert recorded[name].metrics[metric].value == pytest.approx(expected, rel=1e-6), metric
-
-
-@pytest.mark.skipif(not (data_folder() / "comma2k19").is_dir(), reason="no comma2k19 in TRACKBENCH_DATA")
-def test_an_imm_and_a_pmb_run_on_a_recorded_radar_without_its_range_rate(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
-    content = yaml.safe_load(load_scenario("recorded/comma2k19").text)
-    start = {"from": "first_measurement", "velocity_sigma_mps": 5}
-    filters = {"pmb": {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}, "imm": IMM}
-    trackers = {name: {**of, "initial": start, "associate": {"method": "pmb"}} for name, of in filters.items()}
-    del content["truth"]["readings"]["radar"]["range_rate"]
-    del content["sensors"]["radar"]["range_rate_sigma_mps"]
-    content["sensors"]["radar"] |= {"measures": ["range", "azimuth"]}
-    content["trackers"] = trackers
-    given = result(tmp_path, content)
-    for name in trackers:
-        metrics = given[name].metrics
-        # With the range rate the PMB uses 98.8 % of the detections and follows 7.5 cars at a time.
-        assert metrics["used_share"].value > 0.98
-        assert 7 < metrics["track_count"].value < 8
-
-
-def test_a_stated_range_of_detection_keeps_tracks_of_cars_far_away(tmp_path: Path) -> None:
-    """The same detections, of which half are missing at 60 m: with and without the sensor saying so."""
-    front = {**RANGE_BEARING, **ROAD, "detection_probability": 1, "detection": {"half_range_m": 60}}
-    trackers = associated(EKF, "pmb", "jipda")
-    silent = result(tmp_path, hidden({"front": front}, trackers, 30))
-    stated = result(tmp_path, hidden({"front": {**front, "states": {"half_range_m": 60}}}, trackers, 30))
-    for name in trackers:
-        before, after = silent[name].metrics, stated[name].metrics
-        assert after["gospa_missed"].value < 0.96 * before["gospa_missed"].value
-        assert after["gospa"].value < 0.96 * before["gospa"].value
 
 
 def test_a_recorded_sensor_states_the_range_of_detection(tmp_path: Path) -> None:
@@ -369,7 +270,7 @@ def test_the_simulators_radar_lines_feed_a_radar_that_measures_less(
     (before,) = truths_of(full)
     file = tmp_path / "less.yaml"
     file.write_text(text.replace(", range_rate_sigma_mps: 0.3", ""), encoding="utf-8")
-    part = load_scenario(file)
+    part = tb.load(file, trackers=["ekf", "ekf_lidar"])
     (after,) = truths_of(part)
     np.testing.assert_array_equal(after.measurements["radar"].measurement, before.measurements["radar"].measurement[:2])
     given = run_scenario(part, [after])

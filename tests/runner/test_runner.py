@@ -322,19 +322,6 @@ def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
     assert column(result.tables["steps"], "count", tracker="ekf").max() == 4
 
 
-def test_objects_that_stand_still(run_tiny: Run) -> None:
-    """Parked cars: a standing observer sees no range rate."""
-    result = run_tiny(
-        "truth={source: highway-env, env: parking-v0, config: {vehicles_count: 2}, duration_s: 2, rate_hz: 10, "
-        "ego: idle, observer: {x: -40}, targets: {nearest: 2}}"
-    )
-    json.loads(json_text(result.json()), parse_constant=pytest.fail)
-    assert column(result.tables["truth"], "speed_mps", role="target").max() == 0
-    for entry in result.json()["trackers"]:
-        assert entry["failed"] is None
-    assert tracker(result, "ekf")["metrics"]["position_rmse"]["value"] < 1
-
-
 def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
     ukf = "trackers.ukf={filter: ukf, motion: cv, acceleration_sigma_mps2: 3}"
     result = run_tiny(ukf, "monte_carlo.runs=8", "score.settle_s=0.5")

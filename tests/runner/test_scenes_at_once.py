@@ -98,7 +98,7 @@ def assert_same(outcome: object, alone: object) -> None:
 @pytest.mark.parametrize(("engine", "largest_exact"), [("numpy", 6), ("fused", 6), ("fused", 1)])
 def test_each_scene_is_as_it_is_by_itself(engine: Any, largest_exact: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(association, "MAX_CLUSTER", largest_exact)
-    whole = work(engine, steps=16)
+    whole = work(engine, steps=10)
     pieces = whole.pieces()
     assert whole.groups(pieces) == [pieces]
     for block, piece in zip(run_blocks(whole, pieces), pieces, strict=True):

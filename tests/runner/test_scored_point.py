@@ -13,7 +13,6 @@ import yaml
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import Observer, Truth
-from trackbench.scenario.truth import truth_of
 from trackbench.sensing.scored_point import truth_of_point
 
 LENGTH, WIDTH, YAW = 4.0, 1.6, 110.0
@@ -136,15 +135,6 @@ def test_the_errors_name_line_and_key(tmp_path: Path) -> None:
     file = scenario(False, "rear", tmp_path, functions=functions)
     with pytest.raises(InputError, match=r"standing.yaml:\d+: score.point: functions reckon from the centre"):
         tb.load(file, {"truth.observer": {"start": {"speed_mps": 20}}})
-
-
-def test_the_velocity_of_a_turning_car_is_the_rate_of_its_place() -> None:
-    truth = truth_of(tb.load("scripted/figure_eight")).truth
-    rear = truth_of_point(truth, "rear")
-    error = np.abs(np.gradient(rear.py[:, 0, 0], truth.time) - rear.vy[:, 0, 0])[2:-2]
-    steady = np.abs(np.gradient(truth.yaw_rate[:, 0, 0]))[2:-2] < 1e-6
-    assert error[steady].max() < 1e-3
-    assert np.abs(truth.vy - rear.vy).max() > 0.3
 
 
 def test_no_bound_is_compared_with_at_another_point(tmp_path: Path) -> None:

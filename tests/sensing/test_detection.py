@@ -133,18 +133,3 @@ def test_the_noise_of_a_merged_measurement_is_that_of_the_strongest() -> None:
     weight = 41.0**-4 / (41.0**-4 + 40.0**-4)
     for (z, origins, _), (one, _, _) in zip(own, merged, strict=True):
         np.testing.assert_allclose(one[:, 0], z[:, origins == 1][:, 0] + [weight, 0, 0], atol=1e-12)
-
-
-def test_without_effects_the_same_detections_as_with_known_identities() -> None:
-    random = np.random.default_rng(2)
-    of = resting([tuple(place) for place in random.uniform(-50, 50, (6, 2))], 30)
-    sensors = ideal_sensors(
-        of, {"a": Radar(detection_probability=0.7, **RADAR), "b": Lidar(rate_hz=5, position_sigma_m=1)}
-    )
-    known, hidden = sense_known(sensors, 3, "x", range(3)), sense_hidden(sensors, 3, "x", range(3))
-    for one, other in zip(known.scans, hidden.scans, strict=True):
-        assert (one.time, one.sensor) == (other.time, other.sensor)
-        for run in range(3):
-            labelled = one.measurement.reshape(-1, 6, 3)[:, one.valid.reshape(6, 3)[:, run], run]
-            free = other.measurement[:, other.valid[:, run], run]
-            assert {tuple(column) for column in labelled.T} == {tuple(column) for column in free.T}

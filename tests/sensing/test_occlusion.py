@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from tests.support.scenes import truth
 
-import trackbench as tb
 from trackbench.base.types import Array, Mask, Truth
 from trackbench.sensing import view
 from trackbench.sensing.view import crosses, occluded
@@ -102,26 +101,3 @@ def test_what_is_no_target_hides_targets_as_among_all() -> None:
     alone = of.with_hiders()
     assert alone.ids == tuple(of.ids[i] for i in (0, 3, 6))
     np.testing.assert_array_equal(occluded(alone, steps, origin), occluded(of, steps, origin)[:, of.target])
-
-
-def test_with_known_identities_the_cars_between_hide_a_far_one() -> None:
-    sensor = {"type": "radar", "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5}
-    scenario = {
-        "name": "hides",
-        "truth": {
-            "source": "highway-env",
-            "env": "highway-v0",
-            "config": {"vehicles_count": 12, "lanes_count": 1},
-            "seed": 1,
-            "duration_s": 2,
-            "rate_hz": 10,
-            "targets": {"ids": ["v6"]},
-        },
-        "sensors": {"front": {**sensor, "range_rate_sigma_mps": 0.1}},
-        "trackers": {"raw": {"use": "raw"}},
-        "monte_carlo": {"runs": 1},
-    }
-    assert all(scan.valid.all() for scan in tb.sense(scenario))
-    scenario["sensors"]["front"]["occlusion"] = True
-    assert tb.truth(scenario).ids == ("v6",)
-    assert not any(scan.valid.any() for scan in tb.sense(scenario))

@@ -11,7 +11,6 @@ from scipy import stats
 from tests.support.places import ROOT
 from tests.support.scenes import fixed_observer, truth
 
-from trackbench.base.streams import stream
 from trackbench.base.types import Observer
 from trackbench.models.sensors import Dropout, Lidar, Mount, Radar
 from trackbench.runner.work import work_of
@@ -224,12 +223,6 @@ def test_runs_and_sensors_differ_and_fingerprints_tell():
     assert len(set(measurements.digests)) == 3
     again = sense_known(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(1, 3))
     assert again.digests == measurements.digests[1:]
-
-
-def test_streams_are_independent_by_purpose():
-    draws = [stream(*key).random() for key in [(1, "s", 0, "a"), (1, "s", 0, "b"), (1, "s", 1, "a"), (2, "s", 0, "a")]]
-    assert len(set(draws)) == 4
-    assert stream(1, "s", 0, "a").random() == draws[0]
 
 
 def test_a_truth_that_differs_from_run_to_run_is_read_run_by_run():

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from tests.filters.test_filters_properties import TRUTH_START, measurements, through
 from tests.support.places import ROOT
-from tests.support.scenes import NOISE, member, tracker
+from tests.support.scenes import NOISE, tracker
 
 from trackbench.base.errors import TrackbenchError
 from trackbench.models.motion import Kinematics
@@ -30,28 +30,6 @@ def primed(made, size):
     return whole, [
         made.with_prior(times[i], Kinematics(*(value[i] for value in motion)), normal[:, i]) for i in range(size)
     ]
-
-
-@pytest.mark.parametrize("start", STARTS)
-@pytest.mark.parametrize("filter", FILTERS)
-def test_a_batch_is_the_loop_over_its_members(filter, start):
-    size = 4
-    motion = {"imm": [CV, CTRV], "stay_s": [3, 2]}
-    made = tracker(filter=filter, motion=motion, initial=TRUTH_START if start == "truth" else start)
-    whole, alone = primed(made, size) if start == "truth" else (made, [made] * size)
-    seen = list(measurements(size, 14, seed=3))
-    estimates = through(whole, seen)
-    assert not np.isnan(estimates[-1].mean[:, :3]).any()
-    for i in range(size):
-        for a, b in zip(estimates, through(alone[i], [member(one, i) for one in seen]), strict=True):
-            for name in ("mean", "covariance", "mode_probabilities"):
-                part = getattr(a, name)[..., i]
-                np.testing.assert_allclose(part, getattr(b, name), rtol=1e-8, atol=1e-9, err_msg=name)
-            started = ~np.isnan(b.mean[0])
-            assert np.isnan(b.mode_probabilities).all() == (not started)
-            if started:
-                assert b.mode_probabilities.sum() == pytest.approx(1.0, abs=1e-12)
-                assert np.linalg.eigvalsh(b.covariance)[0] > 0.0
 
 
 @pytest.mark.parametrize("start", STARTS)
@@ -108,17 +86,10 @@ def test_its_first_probabilities_are_those_that_the_chain_comes_to():
             "motion.imm.1.acceleration_sigma_mps2",
             "unknown key; choose from: jerk_sigma_mps3",
         ),
-        (
-            {"model": "ca", "acceleration_sigma_mps2": 0.3},
-            "motion.acceleration_sigma_mps2",
-            "unknown key; choose from: jerk_sigma_mps3",
-        ),
         ({"imm": [CV, {**CTRV, "model": "ctrw"}], "stay_s": [1, 2]}, "motion.imm.1.model", "did you mean 'ctrv'?"),
         ({"imm": [CV, "cv"], "stay_s": [1, 2]}, "motion.imm.1.acceleration_sigma_mps2", "missing"),
         ({"imm": [CV, CTRV], "stay_s": [1, 2, 3]}, "motion.stay_s", "one number for each of the 2 models is needed"),
         ({"imm": [CV, CTRV]}, "motion.stay_s", "missing; for each model the mean time"),
-        ({"imm": [CV, CTRV], "stay": [1, 2]}, "motion.stay", "unknown key; use stay_s"),
-        ({"imm": [CV, CTRV], "stay_s": [1, -2]}, "motion.stay_s.1", "must be"),
     ],
 )
 def test_mistakes_are_told_at_their_place(tmp_path, change, at, message):

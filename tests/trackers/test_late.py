@@ -11,7 +11,6 @@ from tests.support.late_scans import WhiteAcceleration, late_tracker, lidar_scan
 from tests.support.scenes import NOISE, TRACKERS, scan
 from tests.support.traffic_scans import traffic, vehicles
 
-import trackbench as tb
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
@@ -186,31 +185,3 @@ def test_replay_of_several_objects_is_as_in_order(method: str) -> None:
 def test_what_does_not_go_together_is_said(keys: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         FilterConfig.model_validate(keys)
-
-
-def test_replay_is_consistent_and_as_new_is_not() -> None:
-    """On truth of the filters' own model, whose noise is constant over the steps that they predict."""
-    own = {"motion": "cv", "acceleration_sigma_mps2": 2}
-    start = {"from": "truth", "velocity_sigma_mps": 5}
-    scenario = {
-        "name": "late",
-        "description": "A late lidar between prompt ones",
-        "truth": {
-            "source": "scripted",
-            "duration_s": 4,
-            "rate_hz": 10,
-            "objects": {"car": {"start": {"x": 60, "speed_mps": 15, "course_deg": 90}, "pieces": [{"white": own}]}},
-        },
-        "sensors": {
-            "prompt": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.3},
-            "late": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15, "latency_s": 0.1},
-        },
-        "trackers": {late: {"filter": "ekf", "late": late, "initial": start, **own} for late in ("as_new", "replay")},
-        "monte_carlo": {"runs": 400, "seed": 3},
-        "score": {"settle_s": 1},
-    }
-    found = {one.name: one for one in tb.run(tb.load(scenario)).summary.trackers}
-    assert found["replay"].nees.mean == pytest.approx(4.0, abs=0.3)
-    assert found["as_new"].nees.mean > 20
-    rmse = {name: one.metrics["position_rmse"].value for name, one in found.items()}
-    assert rmse["as_new"] > 3 * rmse["replay"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.conftest import Outcome, Run
+from tests.conftest import Outcome
 from tests.support.scenes import scan
 
 import trackbench as tb
@@ -17,25 +17,6 @@ from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import Measurements, arrivals, ideal_sensors, sense_known
-
-#: Fails where scans do not come as they arrive. It stays where it is.
-STRICT = """
-import numpy as np
-
-
-class Strict:
-    batched = True
-
-    def step(self, state, scan):
-        arrived, late, asked = state or (0.0, 0, 0)
-        assert scan.arrival_time >= arrived
-        assert not (scan.asked and scan.valid.any())
-        late, asked = late + (scan.arrival_time > scan.time), asked + scan.asked
-        # The lidar's first two scans are at 0 and 0.2 s, and 0.15 s late.
-        assert scan.time < 1.7 or (late >= 8 and asked == 0)
-        mean = np.zeros((4, *scan.valid.shape))
-        return (scan.arrival_time, late, asked), (mean, np.zeros((4, *mean.shape)) + np.eye(4)[..., None])
-"""
 
 
 def seen(sensor: str, time: float, latency: float = 0.0) -> Scan:
@@ -73,17 +54,6 @@ def test_scans_are_given_as_they_arrive_and_estimates_are_asked_for() -> None:
     ]
     asked = list(deliveries(scans))[1][0].scan
     assert (asked.time, asked.arrival_time, asked.valid.any(), np.isnan(asked.measurement).all()) == (0.1, 0.1, 0, 1)
-
-
-def test_a_tracker_of_ones_own_gets_scans_as_they_arrive(
-    run_tiny: Run, tmp_path: Path, write_module: Callable[[Path, str], str]
-) -> None:
-    use = f"trackers.mine={{use: '{write_module(tmp_path, STRICT)}:Strict'}}"
-    result = run_tiny(use, "sensors.lidar.latency_s=0.15", "monte_carlo.runs=1", folder=tmp_path)
-    assert result["mine"].failed is None
-    # It does find out where it is asked, which it is not while the radar is prompt.
-    result = run_tiny(use, "sensors.lidar.latency_s=0.15", "sensors.radar.latency_s=0.05", folder=tmp_path)
-    assert "AssertionError" in str(result["mine"].failed)
 
 
 def test_a_drawn_latency_is_the_same_in_every_run_and_between_its_ends(tiny: Path) -> None:

@@ -81,17 +81,3 @@ def test_what_is_no_probability_is_refused(tmp_path, batched):
     failed = of(tmp_path, MINE.format(batched=batched, probabilities="[np.ones(7)]"))["mine"].failed
     assert failed is not None
     assert "mode probabilities" in failed.cause
-
-
-@pytest.mark.slow
-def test_in_the_shipped_scenario_the_modes_are_what_the_car_does():
-    result = tb.run(tb.load("scripted/manoeuvres", runs=20))
-    assert result.summary.passed
-    table = result.tables.modes.to_pandas()
-    driving = {"cv": (3, 6.5), "ca": (8, 9.5), "ctrv": (11, 12)}
-    for tracker, least in (("imm", 0.6), ("imm_offline", 0.85)):
-        for mode, (begin, end) in driving.items():
-            rows = table[(table["tracker"] == tracker) & (table["mode"] == mode) & table["time_s"].between(begin, end)]
-            assert rows["probability"].mean() > least, (tracker, mode)
-    imm, offline = result["imm"], result["imm_offline"]
-    assert offline.position_rmse.value < 0.6 * imm.position_rmse.value

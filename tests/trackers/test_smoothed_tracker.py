@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.filters.test_filters_properties import TRUTH_START, measurements, through
+from tests.filters.test_filters_properties import measurements, through
 from tests.support.reference import smoothed
 from tests.support.scenes import NOISE, member, scan, tracker
-from tests.trackers.test_imm_tracker import primed
 
 import trackbench as tb
 from trackbench.base.errors import InputError
@@ -53,24 +52,6 @@ def test_it_is_the_smoother_of_the_filters_beliefs_from_where_each_track_starts(
             np.testing.assert_allclose(found[k].mean[:, i], mean, rtol=1e-7, atol=1e-7)
             np.testing.assert_allclose(found[k].covariance[..., i], covariance, rtol=1e-7, atol=1e-7)
         assert np.isnan(found[0].mean[:, i]).all()
-
-
-@every_kind
-@pytest.mark.parametrize("start", ["first_measurement", TRUTH_START], ids=["first reading", "truth"])
-def test_the_last_estimate_is_the_filters_and_the_others_are_more_certain(keys, start):
-    made, scans = tracker(**keys, initial=start), list(measurements(3, 20, seed=8, detection=1.0))
-    if start == TRUTH_START:
-        made, _ = primed(made, 3)
-    filtered, found = through(made, scans), SmoothedTracker(made).estimates(scans)
-    started = ~np.isnan(filtered[-1].mean[0])
-    np.testing.assert_array_equal(found[-1].mean[:, started], filtered[-1].mean[:, started])
-    spread = [
-        np.trace(np.mean([one.covariance[..., started] for one in each[5:-5]], axis=0)) for each in (filtered, found)
-    ]
-    assert np.all(spread[1] < 0.9 * spread[0])
-    assert all(one.innovation is None for one in found)
-    if keys is KEYS["imm"]:
-        assert found[7].mode_probabilities[:, started].sum(axis=0) == pytest.approx(1.0)
 
 
 @every_kind

@@ -13,7 +13,6 @@ from tests.support.scenes import NOISE, TRACKERS, scan, tracker
 
 from trackbench.runner.loop import run_block
 from trackbench.runner.recorded import RecordedEstimates
-from trackbench.runner.run import run_scenario
 from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
@@ -107,29 +106,3 @@ def test_a_sensor_that_only_starts_tracks_advances_the_state() -> None:
     assert made.advances("radar")
     assert made.advances("lidar")
     assert not made.advances("camera")
-
-
-def test_the_process_noise_belongs_to_the_interval() -> None:
-    """NEES of a lidar at full and at half the rate, with sigma left as it was and scaled."""
-    lidar = {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15}
-    silent = {**RADAR, "dropouts": [{"from_s": 0, "to_s": 60}]}
-    kf = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "sensors": ["lidar"]}
-    # White in continuous time, with the variance per second that the truth has.
-    white = {**kf, "motion": "cv_continuous", "acceleration_density_mps1p5": 2 * 0.05**0.5}
-    white.pop("acceleration_sigma_mps2")
-    trackers = {"kf": kf, "scaled": {**kf, "acceleration_sigma_mps2": 2 * 0.5**0.5}, "white": white}
-
-    def nees(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, float]:
-        loaded = scenario(sensors, trackers, duration_s=20, runs=400)
-        return {
-            item["name"]: item["metrics"]["nees"]["mean"]
-            for item in run_scenario(loaded, truths_of(loaded)).json()["trackers"]
-        }
-
-    often = nees({"lidar": {**lidar, "rate_hz": 20}}, {"kf": kf, "white": white})
-    alone = nees({"lidar": lidar}, trackers)
-    beside = nees({"lidar": lidar, "radar": silent}, {"kf": kf})
-    every = nees({"lidar": lidar, "radar": silent}, {"kf": {**kf, "advance_at": "all_scans"}})
-    found = [often["kf"], alone["kf"], alone["scaled"], beside["kf"], every["kf"]]
-    assert found == pytest.approx([4.04, 3.08, 4.03, 3.13, 4.02], abs=0.01)
-    assert [often["white"], alone["white"]] == pytest.approx([4.03, 4.01], abs=0.01)

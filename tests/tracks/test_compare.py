@@ -37,19 +37,6 @@ def _pair(result: Result) -> tuple[str, str]:
     return result.summary.ranking[0], result.summary.ranking[-1]
 
 
-@pytest.mark.parametrize("metric", ["hota", "position_rmse", "nees.mean", "id_switches"])
-def test_every_metric_of_the_run_is_compared(traffic_result: Result, metric: str) -> None:
-    for item in compare_results([traffic_result], metrics=[metric]).differences:
-        ours = traffic_result[item.entrant.tracker].metrics[metric.removesuffix(".mean")].value
-        assert item.value == pytest.approx(ours)
-
-
-def test_a_result_is_the_same_as_itself(cli: Callable[..., Any], traffic_folder: Path) -> None:
-    done = cli("compare", traffic_folder, traffic_folder, "--fail-on-regression", "gospa:1")
-    assert done.status == 0
-    assert "4 of 4 limits kept" in done.out
-
-
 def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
     page = document_text(comparison_document(compare_results([[traffic_result, other]])))

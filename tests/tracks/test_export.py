@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.places import ROOT
 from trackeval.datasets import MotChallenge2DBox
 from trackeval.metrics import CLEAR
 
-import trackbench as tb
 from trackbench.results import Result
 
 QUIET = {"PRINT_CONFIG": False}
@@ -63,18 +61,6 @@ def test_trackeval_reads_it(exported: Path, traffic_result: Result) -> None:
         assert data["num_gt_dets"] == (due["status"] == 2).sum()
         assert data["num_gt_ids"] == 3
         mota = of_recorded_run(traffic_result, tracker, "mota")
-        assert CLEAR(QUIET).eval_sequence(data)["MOTA"] == pytest.approx(mota, abs=0.01)
-
-
-def test_the_mota_of_the_pages_scenario_is_that_of_trackeval(cli: Callable[..., Any], tmp_path: Path) -> None:
-    page = (ROOT / "docs/traffic.md").read_text(encoding="utf-8")
-    (tmp_path / "motorway.yaml").write_text(page.split("```yaml\n")[1].split("```")[0], encoding="utf-8")
-    result = tb.run(tmp_path / "motorway.yaml", out=tmp_path, recording=False)
-    assert cli("report", tmp_path / "motorway", "--format", "mot", "--out", tmp_path / "out").status == 0
-    dataset = read(tmp_path / "out/mot", "motorway")
-    for tracker in ("gnn", "pmb"):
-        data = data_of(dataset, tracker, "motorway")
-        mota = of_recorded_run(result, tracker, "mota")
         assert CLEAR(QUIET).eval_sequence(data)["MOTA"] == pytest.approx(mota, abs=0.01)
 
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.path import Path as Outline
 
 import trackbench as tb
 from trackbench.base.types import Scan
@@ -84,23 +82,3 @@ def test_the_edge_is_where_the_distance_is_the_threshold() -> None:
         spread = covariance[:2, :2, track] + rotation @ noise @ rotation.T
         away = np.stack([x[track], y[track]]) - mean[:2, track, None]
         np.testing.assert_allclose(np.einsum("ic,ij,jc->c", away, np.linalg.inv(spread), away), 9.0)
-
-
-@pytest.mark.parametrize("tracker", ["gnn", "naive"])
-def test_a_detection_that_was_taken_is_in_its_gate(traffic_result: Result, tracker: str) -> None:
-    gates, taken = (traffic_result.to_pandas(name) for name in ("gates", "taken"))
-    edges = {key: rows[["x_m", "y_m"]].to_numpy() for key, rows in _own(gates, tracker).groupby(["scan", "track"])}
-    rows = traffic_result.to_pandas("measurements").itertuples()
-    detections = {(row.scan, row.detection): (row.x_m, row.y_m) for row in rows}
-    found = [
-        Outline(edges[row.scan, row.track]).contains_point(detections[row.scan, row.detection])
-        for row in _own(taken, tracker).itertuples()
-        if (row.scan, row.track) in edges
-    ]
-    assert len(found) > 50
-    # The corners cut off a fiftieth of the gate's reach.
-    assert np.mean(found) > 0.99
-
-
-def _own(table: Any, tracker: str) -> Any:
-    return table[table["tracker"] == tracker]

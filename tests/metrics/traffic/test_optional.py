@@ -92,11 +92,3 @@ def test_hota_clear_and_identity_are_trackevals_of_what_is_left(seed: int) -> No
     theirs = [np.mean(found[0]["HOTA"]), found[1]["MOTA"], found[2]["IDF1"]]
     assert ours == pytest.approx(theirs, abs=1e-12)
     assert len(counted.excused.instant) > 5
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_costs_of_events_are_gospas_parts(seed: int) -> None:
-    scores = score_run(*histories(seed))
-    false = sum(event.cost for event in scores.events if event.kind == "false")
-    others = sum(event.cost for event in scores.events if event.kind not in ("false", "switched"))
-    assert (others, false) == pytest.approx((scores.gospa.missed.sum(), scores.gospa.false.sum()))

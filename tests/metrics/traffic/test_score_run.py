@@ -10,7 +10,6 @@ from trackbench.base.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL
 from trackbench.metrics.traffic import TRACK_METRICS, Associations, RunScores, TrackHistory, TruthHistory, score_run
 from trackbench.metrics.traffic.assignment import NO_DETECTION
 from trackbench.metrics.traffic.events import LOST, NOT_DUE, SWITCHED, TRACKED, WAITING
-from trackbench.metrics.traffic.track_quality import confirmation
 
 NAN = np.nan
 
@@ -161,18 +160,6 @@ def test_an_object_that_is_never_tracked_adds_its_waiting_and_no_confirmation() 
     assert scores.values["never_confirmed"] == (1, 2)
 
 
-def test_the_latency_is_that_of_a_constant_rate_however_short_objects_are_due() -> None:
-    rng = np.random.default_rng(0)
-    for longest in (5, 20, 200):
-        waits, lasts = rng.geometric(0.1, 3000) - 1, rng.integers(1, longest, 3000)
-        step = np.arange(longest)[:, None]
-        there = step < lasts
-        track = np.where((step >= waits) & there, 0, -1)
-        total, count = confirmation(track, there, np.ones(longest))
-        # Nine failures to each success on average.
-        assert total / count == pytest.approx(9, abs=4 * 9.5 / count**0.5)
-
-
 def test_one_instant_decides_the_mean_of_nees_and_not_the_share_within_the_bound() -> None:
     truth, tracks = truth_of([[0.0]] * 100), tracks_of([[0.0]] * 100)
     tracks.mean[2, 0] = 50.0
@@ -253,13 +240,6 @@ def test_from_half_of_the_cutoff_on_a_track_is_near_an_object_but_not_on_it() ->
     assert (near["gospa"], near["gospa_missed"]) == (pytest.approx(2.6), 0)
     assert near["hota"] > 0 == far["hota"]
     assert far["gospa"] == pytest.approx(5.0)
-
-
-def test_two_cars_side_by_side_whose_tracks_change_places_are_switched_at_once() -> None:
-    truth = truth_of([[0.0, 3.5]] * 10)
-    found = ratios(score_run(truth, tracks_of([[0.0, 3.5]] * 5 + [[3.5, 0.0]] * 5)))
-    assert found["id_switches"] == pytest.approx(2 / (20 * STEP / 60))
-    assert (found["matched_share"], found["position_rmse"]) == (1, 0)
 
 
 def test_columns_and_the_numbers_of_ids_mean_nothing() -> None:

@@ -96,46 +96,9 @@ def test_a_track_that_begins_late_costs_misses_but_no_switch() -> None:
     assert parts == (4.0, 2 * CUTOFF**2 / 2, 0.0, 0.0, True)
 
 
-def test_two_tracks_that_change_places_cost_two_switches_and_no_error() -> None:
-    truth = truth_of([[0.0, 9.0]] * 8)
-    parts = tgospa(counted_of(truth, tracks_of([[0.0, 9.0]] * 4 + [[9.0, 0.0]] * 4), CUTOFF), SWITCH)
-    assert parts == (0.0, 0.0, 0.0, 2 * SWITCH**2, True)
-
-
 def test_keeping_the_identity_is_cheaper_than_two_short_switches() -> None:
     truth = truth_of([[0.0, 2.0]] * 9)
     swapped = [[0.0, 2.0]] * 4 + [[1.1, 0.9]] + [[0.0, 2.0]] * 4
     parts = tgospa(counted_of(truth, tracks_of(swapped), CUTOFF), SWITCH)
     assert parts.switch == 0.0
     assert parts.localisation == pytest.approx(2 * 1.1**2)
-
-
-def test_the_metric_is_symmetric() -> None:
-    for seed in range(20):
-        truth, tracks = random_histories(np.random.default_rng(seed), 10, 3, 3, 8.0)
-        turned = truth_of(np.where(tracks.ids >= 0, tracks.mean[0], NAN)), tracks_of(truth.state[0])
-        there, back = (tgospa(counted_of(*histories, CUTOFF), SWITCH).total for histories in ((truth, tracks), turned))
-        assert there == pytest.approx(back, rel=1e-9)
-
-
-def walks(rng: np.random.Generator) -> tuple[TruthHistory, TrackHistory]:
-    """Objects in a row, and tracks that wander between them, swap and end."""
-    steps, objects = 60, 3
-    x = np.tile(np.arange(objects) * 2.0, (steps, 1))
-    y = x + np.cumsum(rng.normal(0, 0.2, x.shape), axis=0)
-    ids = np.tile(np.arange(objects), (steps, 1))
-    for k in rng.integers(0, steps, 3):
-        ids[k:] = ids[k:][:, rng.permutation(objects)]
-    y[rng.random(y.shape) < 0.1] = NAN
-    return truth_of(x), tracks_of(y, ids)
-
-
-def test_the_dynamic_program_and_the_linear_program_agree_on_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    for seed in range(10):
-        counted = counted_of(*walks(np.random.default_rng(seed)), CUTOFF)
-        exact = tgospa(counted, SWITCH)
-        with monkeypatch.context() as patched:
-            patched.setattr(tgospa_module, "LARGEST", 0)
-            relaxed = tgospa(counted, SWITCH)
-        assert relaxed.exact
-        assert relaxed.total == pytest.approx(exact.total, rel=1e-9)

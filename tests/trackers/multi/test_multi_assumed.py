@@ -3,49 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 from tests.support.traffic_scans import traffic, vehicles
 from tests.trackers.multi.test_multi_tracker import followed
-from tests.trackers.test_assumed_effects import BIASED, CV, KNOWN, RADAR, SIGNAL, nees, simulated
+from tests.trackers.test_assumed_effects import BIASED, CV, KNOWN, RADAR, SIGNAL, simulated
 from tests.trackers.test_assumed_effects import followed as followed_labelled
 
 from trackbench.base.types import FieldOfView, Scan
 from trackbench.models.sensors import Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.signal import SignalRange
-from trackbench.trackers.associate import AssociationMethod
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.late import LateScans
 from trackbench.trackers.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.multi.intensity import Undetected, volumes
 
-#: Noise that is alike at all ranges, and detection that is certain.
-SAME = {"signal_to_noise": {"half_range_m": 1e9, "stated_at_m": 60, "constant_share": 1}}
-ENGINES = ("numpy", "fused")
-
 
 def tracker(method: str, engine: str = "numpy", **keys: Any) -> MultiObjectTracker:
     given = {"filter": "ekf", **CV, "associate": {"method": method}, **keys}
     return replace(build_multi(FilterConfig.model_validate(given)).tracker, engine=engine)
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("method", get_args(AssociationMethod))
-def test_noise_that_is_alike_at_all_ranges_changes_nothing(method: str, engine: str) -> None:
-    seen = traffic(vehicles(5, spacing=9.0), 8, runs=2, detection=0.9, clutter=4.0, seed=3)
-    assuming = tracker(method, engine, assume={"radar": SAME, "lidar": SAME})
-    for found, expected in zip(followed(assuming, seen), followed(tracker(method, engine), seen), strict=True):
-        for one, other in zip(found, expected, strict=True):
-            # Noise of each detection is read by other kernels, which round other sums once.
-            assert (one is None) == (other is None)
-            if one is not None:
-                rounding = 1e-12 if engine == "fused" else 0.0
-                np.testing.assert_allclose(one, other, rtol=rounding, atol=rounding)
-    assert (found.ids >= 0).sum() > 5
 
 
 def clustered(seed: int = 3) -> Any:
@@ -103,17 +82,6 @@ def test_a_track_without_doubt_is_that_of_the_labelled_object(effects: Any, assu
     assert taken.mean() > 0.8
     np.testing.assert_allclose(found.mean[:, 0, taken], expected.mean[:, taken], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.covariance[:, :, 0, taken], expected.covariance[..., taken], rtol=1e-8, atol=1e-10)
-
-
-def test_who_assumes_slow_errors_and_a_bias_is_consistent() -> None:
-    x, scans = simulated(Radar(**RADAR, effects=EFFECTS[1][0]), (30.0, 5.0, 4.0, 1.0), steps=40, runs=200)
-    for assumed, low, high in ((KNOWN, *stats.chi2.ppf([0.0005, 0.9995], 800) / 200), (None, 20.0, np.inf)):
-        of, state = tracker("pmb", assume={} if assumed is None else {"radar": assumed}), None
-        for seen in scans:
-            state, found = of.step(state, hidden(seen))
-        assert (found.ids[0] >= 0).all()
-        error = found._replace(mean=found.mean[:, 0], covariance=found.covariance[:, :, 0])
-        assert low < nees(error, x[39]).mean() < high
 
 
 def seen_at(distance: float, time: float, detected: bool) -> Scan:

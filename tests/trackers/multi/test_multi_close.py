@@ -72,13 +72,6 @@ def test_close_pairs_are_those_of_each_pair(seed: int) -> None:
     assert list(zip(track, detection, strict=True)) == one_by_one(mean, reach, run, value, detections)
 
 
-def test_angles_are_close_across_the_turn() -> None:
-    detections = run_detections(scan_of(np.random.default_rng(0), 1, 2), as_listed=True)
-    value, mean = np.array([3.1, -3.1]), np.array([3.13, -3.0])
-    track, detection = close_pairs(mean, np.array([0.15, 0.15]), np.zeros(2, int), value, detections, angular=True)
-    assert list(zip(track, detection, strict=True)) == [(0, 0), (0, 1), (1, 1)]
-
-
 @pytest.mark.parametrize("noise_of_each", [False, True])
 @pytest.mark.parametrize("angular", [(), (1,), (0, 1)])
 def test_no_pair_in_a_gate_is_left_out(angular: tuple[int, ...], noise_of_each: bool) -> None:

@@ -24,30 +24,12 @@ def messages(associate: dict[str, Any], **keys: Any) -> list[tuple[str, str]]:
         ({"method": "oracle", "gate": 0.9}, "gate", "not used with method: oracle; remove it, or use gnn or jpda or"),
         ({"method": "pmb", "confirm": "score"}, "confirm", "score is not used with method: pmb; use [M, N], or gnn or"),
         (
-            {"method": "gnn", "confirm": "existence"},
-            "confirm",
-            "existence is not used with method: gnn; use [M, N], or",
-        ),
-        (
             {"method": "pmb", "confirm": [3, 5], "report_existence": [0.9, 0.5]},
             "report_existence",
             "one number is needed, such as 0.5: [M, N] confirms",
         ),
         ({"method": "pmb", "report_existence": [0.5, 0.9]}, "report_existence", "the larger comes first: [0.9, 0.5]"),
-        (
-            {"method": "gnn", "report_existence": 0.5},
-            "report_existence",
-            "not used with method: gnn; remove it, or use",
-        ),
-        (
-            {"method": "gnn", "birth_density": "uniform"},
-            "birth_density",
-            "not used with method: gnn; remove it, or use",
-        ),
         ({"method": "pmb", "birth_density": 3}, "birth_density", "write uniform, or the mean and standard deviation"),
-        ({"method": "gnn", "delete_existence": 0.1}, "delete_existence", "not used with method: gnn; remove it, or"),
-        ({"method": "naive", "confirm": "score"}, "confirm", "score is not used with method: naive; use [M, N], or"),
-        ({"method": "gnn", "confirm": [5, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [5, 3]"),
         ({"method": "gnn", "confirm": [0, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [0, 3]"),
         (
             {"method": "pmb", "delete_existence": 0.6},

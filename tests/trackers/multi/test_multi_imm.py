@@ -1,7 +1,5 @@
 """Trackers of several objects with several motion models."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from tests.support.scenes import LIDAR_NOISE, NOISE
@@ -11,7 +9,6 @@ from tests.trackers.multi.test_multi_tracker import followed
 from trackbench.base.types import Gaussian
 from trackbench.filters import ExtendedKalmanFilter, InteractingMultipleModel
 from trackbench.models.motion import MOTION_MODELS, InitialSigmas
-from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi import build_multi
@@ -44,35 +41,6 @@ def test_equal_models_give_the_tracks_of_one(method, filter_name, model):
         if a.existence is not None:
             np.testing.assert_allclose(b.existence, a.existence, rtol=1e-9, atol=1e-12)
     assert (one[-1].ids >= 0).sum() > 8
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_batch_of_runs_equals_each_run_alone(method):
-    seen = traffic(vehicles(6, spacing=9.0), 15, runs=2, detection=0.85, clutter=4.0, seed=5)
-    of = config(method, "ekf", {"imm": [CV, CTRV], "stay_s": [3, 2]})
-    whole = followed(build_multi(of).tracker, seen)
-    for run in range(2):
-        for together, alone in zip(whole, followed(build_multi(of).tracker, seen, run), strict=True):
-            own = together.ids[:, run] >= 0
-            np.testing.assert_array_equal(together.ids[own, run], alone.ids)
-            np.testing.assert_allclose(together.mean[:, own, run], alone.mean, rtol=1e-10, atol=1e-10)
-            np.testing.assert_allclose(together.covariance[..., own, run], alone.covariance, rtol=1e-10, atol=1e-10)
-
-
-def test_without_doubt_the_states_are_those_of_the_labelled_run():
-    seen = traffic(vehicles(5, spacing=40.0), 20, detection=1.0, clutter=0.0)
-    of = config("gnn", "ekf", {"imm": [CV, CTRV], "stay_s": [3, 2]}, confirm=[1, 1])
-    labelled, state = replace(build(of).tracker, cartesian_fallback="never"), None
-    for scan, origins, tracks in zip(
-        seen.scans, seen.origins, followed(build_multi(of).tracker, seen, run=0), strict=True
-    ):
-        order = np.argsort(origins[:, 0])
-        known = scan._replace(measurement=scan.measurement[:, order, 0], valid=scan.valid[order, 0])
-        state, estimate = labelled.step(state, known)
-        owner = origins[tracks.used, 0]
-        assert sorted(owner) == list(range(5))
-        np.testing.assert_allclose(tracks.mean, estimate.mean[:, owner], rtol=0, atol=1e-11)
-        np.testing.assert_allclose(tracks.covariance, estimate.covariance[..., owner], rtol=0, atol=1e-11)
 
 
 def test_one_track_and_two_detections_are_weighed_by_total_probability():

@@ -156,26 +156,6 @@ def test_the_score_confirms_and_deletes() -> None:
 
 
 @pytest.mark.parametrize("method", ["jipda", "pmb"])
-def test_existence_rises_with_detections_and_falls_with_misses(method: str) -> None:
-    seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)
-    of, state = tracker(method, visible_s=None), None
-    for scan in seen.scans:
-        state, tracks = of.step(state, scan_of_run(scan._replace(detection_probability=0.9), 0))
-    assert tracks.existence is not None
-    assert tracks.existence.max() > 0.999
-    r = tracks.existence[0]
-    last = scan_of_run(seen.scans[-1], 0)
-    empty = last._replace(
-        time=last.time + 0.05, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool), detection_probability=0.9
-    )
-    _, tracks = of.step(state, empty)
-    assert tracks.existence is not None
-    ahead = r * np.exp(-0.05 / 60)
-    missed = ahead * (1 - 0.9 * 0.9999)
-    np.testing.assert_allclose(tracks.existence[0], missed / (1 - ahead + missed), rtol=1e-12)
-
-
-@pytest.mark.parametrize("method", ["jipda", "pmb"])
 def test_a_hidden_object_may_exist(method: str) -> None:
     """Existence and visibility follow the three states of a Markov chain: visible, hidden, gone."""
     seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)

@@ -7,22 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.support.traffic_scans import traffic, vehicles
-from tests.trackers.multi.test_multi_marginals import listed
 
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import association, build_multi
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_no_probability_changes_by_more_than_the_weights_left_out(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    weight = np.exp(random.normal(-1.0, 3.0, (3, 4)))
-    negligible = weight < 0.3
-    exact, pruned = listed(weight), listed(np.where(negligible, 0.0, weight))
-    assert negligible.any()
-    assert np.abs(exact - pruned).max() <= weight[negligible].sum()
-    # The weight of a pair bounds its own probability.
-    assert (exact <= weight).all()
 
 
 def test_the_tracks_are_the_same_but_for_a_small_share_of_their_deviation(monkeypatch: pytest.MonkeyPatch) -> None:
