@@ -158,16 +158,6 @@ def test_latex_is_balanced_and_escaped() -> None:
     assert "95~\\%" in source
 
 
-def test_pdf_files_are_pdf_without_a_date() -> None:
-    ((name, content),) = made("pdf")[0].items()
-    assert name == "figures/error.pdf"
-    assert content.startswith(b"%PDF-")
-    assert content.rstrip().endswith(b"%%EOF")
-    assert b"CreationDate" not in content
-    # The fonts are in the file, as TrueType.
-    assert b"/FontFile2" in content
-
-
 @pytest.mark.parametrize("width", [80, 50])
 def test_a_terminal_shows_every_cell_in_its_width(of_run: Document, width: int) -> None:
     shown = document_text(of_run, width)
