@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -218,21 +216,6 @@ def test_check_and_schema(cli: Cli, tiny: Path) -> None:
     assert cli("check", "tiny.yaml").out == "tiny.yaml: ok\n"
     assert json.loads(cli("schema").out)["properties"]["name"]
     assert not (tiny.parent / "results").exists()
-
-
-@pytest.mark.skipif(shutil.which("script") is None, reason="nothing here gives a command a terminal")
-def test_colour_only_where_it_is_wanted(tiny: Path, tmp_path: Path, trackbench: str) -> None:
-    coloured = {}
-    for name in ("PLAIN", "NO_COLOR"):
-        # script(1) gives the command a terminal.
-        done = subprocess.run(
-            ["script", "-qec", f"{trackbench} run tiny.yaml --no-recording", "/dev/null"],
-            cwd=tmp_path, env={**os.environ, "TERM": "xterm-256color", name: "1"},
-            capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stdout
-        coloured[name] = re.search(r"\x1b\[[0-9;]*3[0-9]", done.stdout) is not None
-    assert coloured == {"PLAIN": True, "NO_COLOR": False}
 
 
 def test_a_run_with_a_plug_in_writes_its_recording(tiny: Path, tmp_path: Path, trackbench: str) -> None:

@@ -5,12 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
-import shutil
-import signal
-import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,70 +19,6 @@ pytestmark = pytest.mark.slow
 Cli = Callable[..., Any]
 
 
-def processes_of(group: int) -> list[str]:
-    listed = subprocess.run(["ps", "-eo", "pgid=,stat=,args="], capture_output=True, text=True, check=True).stdout
-    rows = [line.split(maxsplit=2) for line in listed.splitlines()]
-    return [row[2] for row in rows if int(row[0]) == group and not row[1].startswith("Z")]
-
-
-@pytest.mark.skipif(shutil.which("ps") is None, reason="nothing here lists the processes")
-@pytest.mark.parametrize(
-    ("number", "where"),
-    [
-        (signal.SIGINT, ""),
-        (signal.SIGTERM, "--workers 2"),
-        (signal.SIGKILL, "--workers 2"),
-        (signal.SIGINT, "--cluster local:2"),
-    ],
-)
-def test_ctrl_c_and_kill(
-    tiny: Path, tmp_path: Path, trackbench: str, cli: Cli, where: str, number: signal.Signals
-) -> None:
-    assert cli("run", "tiny.yaml", "--no-recording").status == 0
-    before = {path: path.read_bytes() for path in (tmp_path / "results").rglob("*") if path.is_file()}
-    # A tracker says when the run is under way.
-    (tmp_path / "says_so.py").write_text(
-        "from pathlib import Path\n"
-        "class T:\n"
-        "    batched = True\n"
-        "    def step(self, state, scan):\n"
-        "        Path('under_way').touch()\n"
-        "        return 1, None\n",
-        encoding="utf-8",
-    )
-    command = [trackbench, "run", "tiny.yaml", "--runs", "1000000", *where.split()]
-    command += ["--set", "trackers.says.use=says_so:T"]
-    # A script starts what runs in the background with Ctrl-C ignored, and ends it by SIGTERM.
-    on_ctrl_c = signal.SIG_IGN if number == signal.SIGTERM else signal.SIG_DFL
-    process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, on_ctrl_c),
-    )  # fmt: skip
-    try:
-        limit = time.monotonic() + 120
-        while not (tmp_path / "under_way").exists() and time.monotonic() < limit:
-            time.sleep(0.02)
-        # Ctrl-C goes to every process of the terminal's foreground group; a kill goes to the one that is named.
-        os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
-        out, err = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert (tmp_path / "under_way").exists()
-    assert out == ""
-    if number == signal.SIGKILL:
-        assert process.returncode == -signal.SIGKILL
-        # What cleans up after the workers of a command that was killed may say what it found.
-        assert [line for line in err.splitlines() if not re.search(r"resource_tracker|^  warnings\.warn", line)] == []
-    else:
-        assert (process.returncode, err) == (130, "interrupted: the unfinished run was not kept\n")
-    assert {path: path.read_bytes() for path in (tmp_path / "results").rglob("*") if path.is_file()} == before
-    assert [path.name for path in (tmp_path / "results").iterdir()] == ["tiny"]
-    limit = time.monotonic() + 20
-    while processes_of(process.pid) and time.monotonic() < limit:
-        time.sleep(0.05)
-    assert processes_of(process.pid) == []
-
-
 def test_ctrl_c_while_the_result_is_written(
     cli: Cli, tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -98,53 +29,6 @@ def test_ctrl_c_while_the_result_is_written(
     done = cli("run", "tiny.yaml")
     assert (done.status, done.out) == (130, "")
     assert list((tmp_path / "results").iterdir()) == []
-
-
-DEADLY = """\
-import os
-from trackbench.metrics import Metric
-
-
-class Deadly(Metric):
-    '''Ends the process that scores.'''
-    name, unit, meaning = "deadly", "1", "nothing"
-
-    def init(self, scope):
-        os._exit(7)
-
-    def update(self, sums, chunk):
-        return sums
-
-    def merge(self, blocks):
-        return blocks[0]
-
-    def finish(self, sums):
-        return sums
-"""
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A folder on a disk of 60 KiB, where the test may mount one."""
-    folder = tmp_path / "small"
-    folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=60k", "tmpfs", str(folder)]
-    try:
-        mounted = subprocess.run(command, capture_output=True, check=False).returncode == 0
-    except FileNotFoundError:
-        mounted = False
-    if not mounted:
-        pytest.skip("cannot mount a file system here")
-    yield folder
-    subprocess.run(["umount", "--lazy", str(folder)], check=True)
-
-
-def test_a_full_disk(cli: Cli, tiny: Path, small_disk: Path) -> None:
-    done = cli("run", "tiny.yaml", "--out", small_disk)
-    assert (done.status, done.out) == (4, "")
-    assert "No space left on device" in done.err
-    assert len(done.err.splitlines()) == 1
-    assert list(small_disk.iterdir()) == []
 
 
 def no_space(*_: Any, **__: Any) -> None:

@@ -88,23 +88,6 @@ def test_so_are_they_on_a_cluster(cli: Cli, address: str) -> None:
     assert done.err.startswith("--cluster: write ")
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["run", "highway", "--workers", "99999999999999999999"],
-        ["score", "a.csv", "--truth", "b.csv", "--rate", "inf"],
-        ["score", "a.csv", "--truth", "b.csv", "--time-offset", "nan"],
-        ["run", "highway", "--tracker-timeout", "nan"],
-        ["view", "results", "--at", "inf"],
-        ["serve", "udacity", "--port", DIGITS[0]],
-    ],
-)
-def test_a_command_says_so(cli: Cli, arguments: list[str]) -> None:
-    done = cli(*arguments)
-    assert (done.status, done.out) == (2, "")
-    assert done.err.splitlines()[-1].startswith(f"Error: Invalid value for '{arguments[-2]}': ")
-
-
 @pytest.mark.parametrize("text", ODD)
 def test_limits_and_gates_are_finite_too(text: str) -> None:
     for parse in (Limit.parse, Gate.parse):

@@ -1,8 +1,7 @@
-"""``trackbench report``: every format from what was saved, and the colours of a batch."""
+"""``trackbench report``: every format from what was saved."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,26 +22,6 @@ def two(tmp_path: Path, tiny_result: Result) -> Path:
     for result in (tiny_result, tiny_result.updated(scenario=other)):
         result.save(tmp_path / "results" / result.name)
     return tmp_path / "results"
-
-
-def test_a_comparison_has_the_colours_of_the_first_scenario(cli: Cli, tiny: Path) -> None:
-    text = tiny.read_text(encoding="utf-8").replace("name: tiny", "name: other")
-    first = "  first: {filter: raw}\n" if "{filter: raw}" in text else "  first: {use: raw}\n"
-    tiny.with_name("other.yaml").write_text(text.replace("trackers:\n", f"trackers:\n{first}"), encoding="utf-8")
-    done = cli("run", "tiny.yaml", "other.yaml", "--no-recording", "--quiet")
-    assert done.status == 0, done.err
-    pages = ("tiny/report.html", "comparison.html", "other/report.html")
-    texts = [(tiny.parent / "results" / page).read_text(encoding="utf-8") for page in pages]
-    for tracker in ("raw", "ekf"):
-        colours = {found for text in texts[:2] for found in re.findall(rf'--mark: (#\w+)"></span>{tracker}<', text)}
-        assert len(colours) == 1, tracker
-    assert swatch(texts[2], "first") != swatch(texts[2], "raw")
-
-
-def swatch(page: str, tracker: str) -> str:
-    found = re.search(rf'--mark: (#\w+)"></span>{tracker}</label>', page)
-    assert found is not None
-    return found[1]
 
 
 @pytest.mark.parametrize(

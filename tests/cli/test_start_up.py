@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -30,15 +28,3 @@ def loaded(folder: Path, *arguments: str) -> set[str]:
 @pytest.mark.parametrize("option", ["--version", "--help"])
 def test_help_and_version_wait_for_no_library(tmp_path: Path, option: str) -> None:
     assert not loaded(tmp_path, option).intersection(SLOW)
-
-
-def test_a_check_waits_for_the_simulator_alone_and_only_where_the_truth_is_not_stored(
-    tiny: Path, monkeypatch: pytest.MonkeyPatch, run_tiny: Callable[..., Any]
-) -> None:
-    monkeypatch.setenv("TRACKBENCH_CACHE", str(tiny.parent / "cache"))
-    unused = {"pandas", "pyarrow", "matplotlib", "rerun", "scipy.stats", "llvmlite"}
-    assert "highway_env" in loaded(tiny.parent, "check", "tiny.yaml")
-    run_tiny(folder=tiny.parent)
-    modules = loaded(tiny.parent, "check", "tiny.yaml")
-    assert "trackbench.scenario.check" in modules
-    assert not modules & {*unused, "highway_env", "gymnasium"}

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pytest
+from tests.support.past_results import scene
 
-from trackbench.compare import Comparison, compare_results, load_comparison
+from trackbench.compare import Comparison, compare_results
 from trackbench.document.markdown import to_markdown
-from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.report.comparison.document import comparison_document
 from trackbench.report.comparison.figures import rank_groups
 from trackbench.report.comparison.sentences import ranking_answer
-from trackbench.results import SCHEMA_VERSION, Result
+from trackbench.results import Result
 
 RUNS = 20
 REASON = "ValueError: matrix <3> is singular"
@@ -69,47 +68,17 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
         for who, value in rmse.items()
     ]
     stated = {"tracker": "good", "metric": "position_rmse", "operator": "below", "limit": 1.0, "value": 0.5}
+    made = scene().json()
     summary = {
-        "schema_version": SCHEMA_VERSION,
+        **made,
         "scenario": {"name": name, "description": f"the {name} one", "file": "x", "text": "", "overrides": []},
-        "seed": 7,
         "runs": RUNS,
-        "versions": {},
-        "command": "",
         "fingerprints": [f"{name} {run}" for run in range(RUNS)],
-        "truth": {
-            "source": "scripted",
-            "objects": ["a"],
-            "steps": 1,
-            "dt": 0.1,
-            "duration_s": 1.0,
-            "audit": {},
-            "cached": False,
-        },
-        "sensors": {},
-        "reference": {
-            "kind": "reference",
-            "motion": "cv",
-            "acceleration_sigma_mps2": 1.0,
-            "acceleration_from": "truth",
-            "acceleration_changes": "each measurement",
-            "velocity_sigma_mps": 20.0,
-        },
-        "score": {
-            "settle_s": 0.0,
-            "divergence_m": 10.0,
-            "lost_after_s": 5.0,
-            "min_coverage": 0.9,
-            "from_s": 0.0,
-            "to_s": 1.0,
-            "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},
-        },
-        "recorded_run": 0,
+        "truth": {**made["truth"], "motion": [name]},
         "trackers": [*entries, *([failed_tracker()] if failed else [])],
         "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],
         "expectations": [{**stated, "passed": True, "text": "one"}, {**stated, "passed": False, "text": "other"}],
         "passed": False,
-        "artifacts": {},
     }
     return Result.from_json(summary, {"runs": runs_table(rmse, tied)})
 
@@ -235,22 +204,6 @@ def test_markdown(compared: Comparison) -> None:
     assert "| first | 1.00 (±0.10) | 1.20 (±0.10) | 4.00 (±0.10) |  |" in text
     assert "- **mine**: in third: ValueError: matrix \\<3\\> is singular (step 12, 0.60 s, sensor roof_lidar" in text
     assert "1 of 2 met" in text
-
-
-def test_trackers_have_the_colours_of_the_first_scenario_that_has_them(tmp_path: Path) -> None:
-    """``other`` has the place of ``poor`` in its scenario: the same colour, dashed."""
-    results = [scenario("one", {"good": 0.5, "poor": 0.9}), scenario("two", {"poor": 0.9, "other": 0.7, "good": 0.5})]
-    found = compare_results([results])
-    assert found.places == {"good": 0, "poor": 1, "other": 1}
-    (tmp_path / "comparison.json").write_text(json.dumps(found.json()), encoding="utf-8")
-    styles = {
-        style.name: style for style in comparison_document(load_comparison(tmp_path / "comparison.json")).trackers
-    }
-    colours = {name: TRACKER_COLOURS.index(style.colour) for name, style in styles.items()}
-    assert colours == {"good": 0, "poor": 1, "other": 1}
-    assert [name for name, style in styles.items() if style.line != "solid"] == ["other"]
-    earlier = {key: value for key, value in found.json().items() if key not in ("places", "passed")}
-    assert len({style.colour for style in comparison_document(Comparison.model_validate(earlier)).trackers}) == 3
 
 
 def test_json(compared: Comparison) -> None:

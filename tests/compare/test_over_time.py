@@ -66,24 +66,6 @@ def test_a_change_is_marked_where_it_is_with_what_changed_with_it(nights: list[R
     assert "E: 2026-01-05 00:00 UTC, commit bbbbbbbbbb: trackbench 0.8.0 to 0.9.0" in text
 
 
-def test_the_figure_has_each_tracker_over_all_results_and_a_ring_at_the_mark(nights: list[Result]) -> None:
-    (figure,) = figures(tb.compare(*nights))
-    assert [entry.label for entry in figure.legend] == ["raw", "kf", "change first shown"]
-    (axes,) = matplotlib_figure(figure).axes
-    assert [label.get_text() for label in axes.get_xticklabels()] == list("ABCDEFG")
-    drawn = [line for line in axes.lines if len(line.get_xdata()) == NIGHTS]
-    errors = [result["kf"].position_rmse.value for result in nights]
-    assert [list(line.get_ydata()) for line in drawn][1] == errors
-    (ring,) = [line for line in axes.lines if len(line.get_xdata()) == 1]
-    assert ring.get_ydata()[0] == errors[WORSE_AT]
-    assert round(float(ring.get_xdata()[0])) == WORSE_AT
-
-
-def test_two_results_have_no_course_over_time(nights: list[Result]) -> None:
-    (figure,) = figures(tb.compare(nights[0], nights[-1]))
-    assert figure.name == "differences-position_rmse"
-
-
 def test_a_change_back_is_not_marked_and_the_next_one_is() -> None:
     errors = [0.1, 0.1, 0.13, 0.13, 0.1, 0.13, 0.07]
     comparison = tb.compare(*(past(i, {"raw": 0.2, "kf": e}, seed=1) for i, e in enumerate(errors)))

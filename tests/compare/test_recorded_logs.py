@@ -99,21 +99,6 @@ def test_the_interval_is_that_of_the_run(run: Run) -> None:
         assert interval.ci95 == pytest.approx(entry.result["ekf"].metrics[path].ci95, rel=1e-9)
 
 
-def test_logs_with_other_noise_are_compared_unpaired(run: Run) -> None:
-    comparison = compare_results([run(), run(seed=9)], trackers=["ekf"])
-    (item,) = comparison.differences
-    assert (item.paired_runs, item.verdict) == (None, "equivalent") or item.verdict == "undecided"
-    assert item.ci95 is not None
-
-
-def test_the_command_line_says_what_a_difference_rests_on(run: Run, tmp_path: Path, cli) -> None:
-    for folder, q in (("before", 3), ("worse", 60)):
-        run(q)[0].save(tmp_path / folder / "log")
-    outcome = cli("compare", "before/log", "worse/log", "--fail-on-regression", "velocity_rmse:10")
-    assert outcome.status == 1
-    assert "paired over 4 stretches of time of 1 run" in " ".join(outcome.out.split())
-
-
 def test_few_logs_of_one_scenario_are_compared_over_the_stretches_of_all(tmp_path: Path) -> None:
     (tmp_path / "logs").mkdir()
     for number, lines in enumerate((400, 250)):

@@ -81,17 +81,6 @@ def test_tracks_differ_from_the_truth_as_far_as_they_say(
     assert ((normalised > 0.5) & (normalised < 2)).all(), normalised
 
 
-def test_a_seed_repeats_an_episode_and_the_next_one_is_another(example: ModuleType) -> None:
-    env, again = example.TracksEnv(changes=LOOSE), example.TracksEnv(changes=LOOSE)
-    episodes = [
-        [each.reset(seed=seed)[0].tobytes(), *(each.step(4)[0].tobytes() for _ in range(3))]
-        for seed in (5, None)
-        for each in (env, again)
-    ]
-    assert episodes[0] == episodes[1]
-    assert episodes[2] == episodes[3] != episodes[0]
-
-
 def test_the_ego_vehicle_and_the_rows_without_a_track(example: ModuleType) -> None:
     observations, _, env = drive(example, 1, {}, rows=40)
     ego = env.truth.observer

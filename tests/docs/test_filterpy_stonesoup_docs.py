@@ -10,14 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.places import DOCS, SCENARIOS
+from tests.support.places import DOCS
 from tests.support.scenes import LIDAR_NOISE, RADAR_NOISE, scan, tracker
 
 from trackbench.base.types import Scan
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.runner.run import run_scenario
-from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truths_of
 from trackbench.testing import check_tracker
 from trackbench.trackers.published import create
 
@@ -85,18 +82,6 @@ def test_each_estimate_is_that_of_the_built_in_filter(library: str) -> None:
         own_state, estimate = built_in.step(own_state, seen)
         np.testing.assert_allclose(mean, estimate.mean, rtol=0, atol=tolerance)
         np.testing.assert_allclose(covariance, estimate.covariance, rtol=10 * tolerance, atol=tolerance)
-
-
-@each_library
-def test_the_errors_on_the_motorway_are_those_of_the_built_in_filter(library: str) -> None:
-    use, keys, tolerance = PEERS[library]
-    changes = {"trackers": {"example": {"use": use}, "built_in": keys}, "expect": []}
-    settings = [f"{key}={value}" for key, value in changes.items()]
-    loaded = load_scenario(SCENARIOS / "highway.yaml", [*settings, "monte_carlo.runs=2", "truth.duration_s=5"])
-    example, built_in = run_scenario(loaded, truths_of(loaded)).json()["trackers"]
-    assert example["failed"] is None
-    for name in ("position_rmse", "velocity_rmse"):
-        assert example["metrics"][name]["value"] == pytest.approx(built_in["metrics"][name]["value"], rel=tolerance)
 
 
 @each_library

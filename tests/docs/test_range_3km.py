@@ -61,13 +61,6 @@ def test_the_outlier_is_one(project):
     assert 10 < x.percentile < 60
 
 
-def test_every_hypothesis_is_a_tracker(project):
-    for options, settings in project.HYPOTHESES.values():
-        tracker = f"trackers={{ekf: {{filter: ekf, motion: cv, sensors: [speed_radar], {options}}}}}"
-        found = project.result("c", "monte_carlo.runs=3", "expect=[]", tracker, *settings)
-        assert found.json()["trackers"][0]["failed"] is None
-
-
 def test_the_page_has_every_published_value(project):
     page = (DOCS / "projects" / "range-3km.md").read_text(encoding="utf-8")
     values = [value for case in project.PUBLISHED.values() for value in case["ekf"]]

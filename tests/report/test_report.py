@@ -125,17 +125,6 @@ def test_verdicts_in_words(page: Page) -> None:
     assert ["position jump", "1.4 m", "v3 at 15.00 s", "left out from then on"] in rows
 
 
-def test_a_metric_of_a_plug_in_has_its_column() -> None:
-    summary = make_summary()
-    for i, entry in enumerate(summary["trackers"][:-1]):
-        entry["metrics"]["jerk"] = {"rms": {"value": 0.5 + i, "unit": "m/s^3", "ci95": [0.4 + i, 0.6 + i]}}
-    page = Page(render(Result.from_json(summary, make_tables())))
-    headings = [text for row in page.rows for text in row]
-    assert headings.count("jerk.rms, m/s³") == 1
-    assert ["ukf_ctrv", "5.500"] in page.rows
-    assert "±0.100" in page.text
-
-
 def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
     assert "ValueError: matrix <3> is singular (step 12, 0.60 s, sensor roof_lidar, run 0, object v1)" in page.text
     assert "mine" not in ranked_rows(page)

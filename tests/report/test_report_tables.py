@@ -33,24 +33,6 @@ def test_markdown_table(result: Result) -> None:
     assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
 
 
-def test_markdown_holds_the_whole_report(result: Result) -> None:
-    text = to_markdown(result_document(result))
-    headings = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")]
-    assert headings == [
-        "Verdict",
-        "Ranking",
-        "Worst moments",
-        "By manoeuvre and range",
-        "Consistency",
-        "Expectations",
-        "Truth and sensors",
-        "How to reproduce it",
-    ]
-    assert "1 of 2 expectations failed." in text
-    assert result.summary.command in text
-    assert "None" not in text
-
-
 @pytest.mark.parametrize("width", [80, 120])
 def test_terminal_output_fits(result: Result, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)

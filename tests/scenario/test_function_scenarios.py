@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -140,13 +139,6 @@ def test_cut_in(ttc: float) -> None:
     assert [closing / 12 + 0.35, closing / 12 + 0.25] == pytest.approx([0.822, 0.722], abs=1e-3)
     assert of.across[0] == 3.5
     assert abs(of.across[-1]) < 0.5
-
-
-def test_limits_of_the_regulation_of_the_eu() -> None:
-    """The table of AFGBV, annex 1: half of 0.3 s to reach 6 m/s^2, and 0.1 s to react."""
-    speeds: Sequence[float] = [10, 20, 30, 40, 50, 60]
-    limits = [round(v * KMPH / 12 + 0.3 / 2 + 0.1, 2) for v in speeds]
-    assert limits == [0.48, 0.71, 0.94, 1.18, 1.41, 1.64]
 
 
 def test_the_car_beside_the_curve_is_never_in_the_path() -> None:

@@ -124,17 +124,3 @@ def test_a_function_of_ones_own_is_scored_and_ends_the_run_if_it_raises(
     assert metrics["false_warnings.fcw"].value is not None
     assert 0 < metrics["distance_error.near"].value < 5
     assert metrics["missed_warnings.near"].value == 0
-
-
-def test_with_hidden_identities_one_that_raises_ends_the_run_too(
-    tmp_path: Path, write_module: Callable[[Path, str], str]
-):
-    module = write_module(tmp_path, OWN.replace("WRONG", "raise ValueError('no')"))
-    text = SLOW.replace("SENSORS", "[fast], associate: {method: gnn}").replace(
-        "{fcw:", f"{{near: {{use: '{module}:Near'}}, fcw:"
-    )
-    file = tmp_path / "hidden.yaml"
-    file.write_text(f"{text}sensing: {{identities: hidden}}\nmonte_carlo: {{runs: 2}}\n", encoding="utf-8")
-    loaded = load_scenario(file)
-    with pytest.raises(ValueError, match="no"):
-        run_scenario(loaded, truths_of(loaded))

@@ -28,33 +28,11 @@ BAD = [
         ["15: sensors.front.azimuth_sigma: unknown key; use azimuth_sigma_deg (degrees)"],
     ),
     (
-        "range_sigma_m: 0.3",
-        "range_sigma_cm: 30",
-        ["14: sensors.front.range_sigma_cm: unknown key; use range_sigma_m (metres): 0.3"],
-    ),
-    (
-        "range_rate_sigma_mps: 0.1",
-        "range_rate_sigma_kmh: 0.36",
-        ["16: sensors.front.range_rate_sigma_kmh: unknown key; use range_rate_sigma_mps (m/s): 0.1"],
-    ),
-    (
         "azimuth_sigma_deg: 0.5",
         "azimut_sigma_mrad: 10",
         ["15: sensors.front.azimut_sigma_mrad: unknown key; use azimuth_sigma_deg (degrees): 0.573"],
     ),
-    ("duration_s: 20", "duration: 20", ["6: truth.duration: unknown key; use duration_s (seconds)"]),
-    ("duration_s: 20", "duration_min: 2", ["6: truth.duration_min: unknown key; use duration_s (seconds): 120"]),
     ("duration_s: 20", "durations_s: 20", ["6: truth.durations_s: unknown key; use duration_s (seconds): 20"]),
-    ("rate_hz: 10", "rate: 10", ["19: sensors.roof.rate: unknown key; use rate_hz (Hz)"]),
-    (
-        "env: highway-v0",
-        "env: highway-v0\n  speed_kmh: 90",
-        [
-            "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, seeds, "
-            "observer, targets, ego, steering_rate_degps, drivers, sizes, "
-            "others_within_m, audit"
-        ],
-    ),
     (
         "{nearest: 4}",
         "{nearst: 4}",
@@ -62,22 +40,6 @@ BAD = [
     ),
     ("observer: ego", "observer: {x_m: 3}", ["8: truth.observer.x_m: unknown key; use x"]),
     ("monte_carlo:", "monte-carlo:", ["24: monte-carlo: unknown key; did you mean 'monte_carlo'?"]),
-    (
-        "name: example",
-        "name: example\nduration_s: 9",
-        [
-            "2: duration_s: unknown key; choose from: name, description, truth, sensors, sensing, trackers, "
-            "monte_carlo, score, expect, recording, worlds, world, envelope, functions"
-        ],
-    ),
-    (
-        "settle_s: 2",
-        "settle_s: 2, velocity_sigma_mps: 3",
-        [
-            "25: score.velocity_sigma_mps: unknown key; choose from: settle_s, each, point, divergence_m, "
-            "lost_after_s, cutoff_m, switch_costs_s, min_coverage, margin, baseline, reference, metrics",
-        ],
-    ),
     ("seed: 7", "seed: 7, workers: 2", ["24: monte_carlo.workers: unknown key; choose from: runs, seed"]),
     # Options of a class beside its name.
     (
@@ -85,28 +47,7 @@ BAD = [
         "{alpha: 0.5, use: ",
         ["23: trackers.mine.alpha: unknown key; options of a class go under options"],
     ),
-    (
-        "{use: ",
-        "{motion: cv, use: ",
-        ["23: trackers.mine.motion: unknown key; options of a class go under options"],
-    ),
     ("{use: ", "{optoins: {}, use: ", ["23: trackers.mine.optoins: unknown key; did you mean 'options'?"]),
-    (
-        "{use: ",
-        "{duration_s: 9, use: ",
-        ["23: trackers.mine.duration_s: unknown key; options of a class go under options"],
-    ),
-    # A key of many sections, and of another form of the one that it is in.
-    (
-        "ekf: {filter: ekf",
-        "ekf: {position_sigma_m: 3, filter: ekf",
-        [
-            "21: trackers.ekf.position_sigma_m: unknown key; choose from: acceleration_sigma_mps2, "
-            "filter, motion, sensors, advance_at, late, lag_s, process_noise_diag, "
-            "initial, sigma_points, augmented, kappa, sensor_models, measurement_noise, "
-            "assume, smoother, associate, sweep"
-        ],
-    ),
     # Effects of a sensor, one at a time.
     *(
         ("dropouts: [{from_s: 5, to_s: 6}]", f"effects: [{{{effect}}}]", [f"18: sensors.front.effects.0.{message}"])
@@ -118,10 +59,6 @@ BAD = [
             (
                 "type: interference, per_minute: 1.0e+9, duration_s: 1, detection_factor: 0.5",
                 "per_minute: 1e+09 is not possible: it must be at most 6000",
-            ),
-            (
-                "type: interference, per_minute: 1, duration_s: 1.0e+9, detection_factor: 0.5",
-                "duration_s: 1e+09 is not possible: it must be at most 60",
             ),
             (
                 "type: interference, per_minute: 1, duration_s: 1",
@@ -144,29 +81,9 @@ BAD = [
         ["14: sensors.front.range_sigma_m: a number in metres is needed, not '20 m'"],
     ),
     (
-        "range_sigma_m: 0.3",
-        "range_sigma_m: 30cm",
-        ["14: sensors.front.range_sigma_m: a number in metres is needed, not '30cm'"],
-    ),
-    (
-        "range_sigma_m: 0.3",
-        "range_sigma_m: 3 s",
-        ["14: sensors.front.range_sigma_m: a number in metres is needed, not '3 s'"],
-    ),
-    (
-        "range_sigma_m: 0.3",
-        'range_sigma_m: "0,3"',
-        ["14: sensors.front.range_sigma_m: a number in metres is needed, not '0,3'"],
-    ),
-    (
         "detection_probability: 0.9",
         "detection_probability: 90%",
         ["17: sensors.front.detection_probability: a number is needed, not '90%'"],
-    ),
-    (
-        "range_sigma_m: 0.3",
-        "range_sigma_m: true",
-        ["14: sensors.front.range_sigma_m: a number in metres is needed, not true"],
     ),
     (
         "range_sigma_m: 0.3",
@@ -179,18 +96,11 @@ BAD = [
         ["14: sensors.front.range_sigma_m: a number in metres is needed, not nothing"],
     ),
     ("runs: 100", "runs: 2.5", ["24: monte_carlo.runs: a whole number is needed, not 2.5"]),
-    ("runs: 100", "runs: 1e2", ["24: monte_carlo.runs: a whole number is needed, not 100.0"]),
-    ("runs: 100", "runs: many", ["24: monte_carlo.runs: a whole number is needed, not 'many'"]),
     ("description: one line", "description: 5", ["2: description: text is needed, not 5"]),
     (
         "sensors: [front, roof]",
         "sensors: roof",
         ["21: trackers.ekf.sensors: a list is needed, not 'roof'"],
-    ),
-    (
-        "{nearest: 4}",
-        "{ids: [1]}",
-        ["9: truth.targets.ids.0: text is needed, not 1"],
     ),
     (
         "score: {settle_s: 2}",
@@ -200,7 +110,6 @@ BAD = [
             "lost_after_s, cutoff_m, switch_costs_s, min_coverage, margin, baseline, reference, metrics)"
         ],
     ),
-    ("observer: ego", "observer: 5", ["8: truth.observer: write ego or {x: 0, y: 0, yaw_deg: 0}"]),
     (
         "initial: truth",
         "initial: truth, augmented: maybe",
@@ -208,20 +117,12 @@ BAD = [
     ),
     # Words that are not known.
     ("observer: ego", "observer: egg", ["8: truth.observer: 'egg' is not known; did you mean 'ego'?"]),
-    ("type: lidar", "type: lidr", ["19: sensors.roof.type: 'lidr' is not known; did you mean 'lidar'?"]),
     ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: lidar, radar"]),
     ("filter: ekf", "filter: EKF", ["21: trackers.ekf.filter: 'EKF' is not known; did you mean 'ekf'?"]),
     (
         "filter: ekf",
         "filter: kalman",
         ["21: trackers.ekf.filter: 'kalman' is not known; choose from: ckf, ekf, iekf, kf, ukf"],
-    ),
-    ("filter: ekf", "filter: efk", ["21: trackers.ekf.filter: 'efk' is not known; did you mean 'ekf'?"]),
-    ("motion: ctrv", "motion: ctvr", ["22: trackers.ukf.motion: 'ctvr' is not known; did you mean 'ctrv'?"]),
-    (
-        "initial: truth",
-        "initial: thruth",
-        ["22: trackers.ukf.initial.from: 'thruth' is not known; did you mean 'truth'?"],
     ),
     (
         "rate_hz: 10",
@@ -250,8 +151,6 @@ BAD = [
         "detection_probability: 95",
         ["17: sensors.front.detection_probability: 95 is not possible: it must be at most 1"],
     ),
-    ("runs: 100", "runs: 0", ["24: monte_carlo.runs: 0 is not possible: it must be at least 1"]),
-    ("{nearest: 4}", "{nearest: 0}", ["9: truth.targets.nearest: 0 is not possible: it must be at least 1"]),
     ("to_s: 6", "to_s: 5", ["18: sensors.front.dropouts.0.to_s: must be later than from_s, which is 5"]),
     ("sensors: [front, roof]", "sensors: []", ["21: trackers.ekf.sensors: must not be empty"]),
     # Required keys.
@@ -269,7 +168,6 @@ BAD = [
         ],
     ),
     # Trackers.
-    ("use: raw", "use: raw, filter: ekf", [f"23: trackers.mine: write {FILTERS}, and not both"]),
     ("use: raw, ", "", [f"23: trackers.mine: write {FILTERS}, and not both"]),
     ("filter: ekf", "fliter: ekf", [f"21: trackers.ekf: write {FILTERS}, and not both; did you mean 'filter'?"]),
     (
@@ -312,20 +210,7 @@ BAD = [
     ),
     (
         "sensors: [front, roof]",
-        "sensors: [front], sensor_models: {roof: lidar}",
-        ["21: trackers.ekf.sensor_models.roof: the tracker does not read roof; it reads front"],
-    ),
-    (
-        "sensors: [front, roof]",
         "sensors: [front, roof], initial: {from: first_measurement, velocity: radial, sensors: [roof]}",
-        [
-            "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
-            "that does"
-        ],
-    ),
-    (
-        "sensors: [front, roof]",
-        "sensors: [roof], initial: {from: first_measurement, velocity: range_rate}",
         [
             "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
             "that does"
@@ -336,11 +221,6 @@ BAD = [
         "rate_hz: 10",
         "rate_hz: 7",
         ["19: sensors.roof.rate_hz: 7 Hz does not divide truth.rate_hz, which is 20; use 5 or 10"],
-    ),
-    (
-        "rate_hz: 10",
-        "rate_hz: 40",
-        ["19: sensors.roof.rate_hz: 40 Hz does not divide truth.rate_hz, which is 20; use 20"],
     ),
     (
         "type: lidar, rate_hz: 10, position_sigma_m: 0.15",
@@ -371,11 +251,6 @@ BAD = [
     ),
     (
         "metric: position_rmse",
-        "metric: rmse",
-        ["27: expect.0.metric: there is no metric 'rmse'; did you mean 'rmse.vy', 'rmse.vx' or 'rmse.py'?"],
-    ),
-    (
-        "metric: position_rmse",
         "metric: gospa",
         [
             "27: expect.0.metric: there is no metric 'gospa'; it is one of hidden identities, and "
@@ -383,19 +258,9 @@ BAD = [
         ],
     ),
     (
-        "metric: position_rmse",
-        "metric: nis.frnt.mean",
-        ["27: expect.0.metric: there is no metric 'nis.frnt.mean'; did you mean 'nis.front.mean'?"],
-    ),
-    (
         "tracker: ekf, metric: position_rmse",
         "tracker: mine, metric: nis.roof.mean",
         ["27: expect.0.metric: tracker mine does not read roof; it reads front"],
-    ),
-    (
-        "below: 0.5",
-        "below: 0.5, above: 0.1",
-        ["27: expect.0.above: an expectation has one limit: write a second one beside below"],
     ),
     (", below: 0.5", "", ["27: expect.0: says nothing: add one of below, above, is, better_than"]),
     (
@@ -410,11 +275,6 @@ BAD = [
             "27: expect.0.below: nees.verdict is a word, not a number; "
             "use is: consistent | optimistic | pessimistic | undecided | mixed | heavy-tailed"
         ],
-    ),
-    (
-        "metric: position_rmse, below: 0.5",
-        "metric: nees.verdict, is: consistant",
-        ["27: expect.0.is: nees.verdict is never 'consistant'; did you mean 'consistent'?"],
     ),
     (
         "below: 0.5",

@@ -32,20 +32,14 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("value", "moved"),
     [
         ("truth.path=mine.csv", "{here}/mine.csv"),
-        ("truth.path=both.csv", "{here}/both.csv"),
         ("truth.path=theirs.csv", None),
-        ("truth.path=none.csv", None),
         ("truth.path=$DATA/mine.csv", None),
-        ("truth.path=/mine.csv", None),
         ("truth.path=[mine.csv, theirs.csv]", ["{here}/mine.csv", "theirs.csv"]),
         ("truth.readings.radar.path=mine.csv", "{here}/mine.csv"),
         ("trackers.mine.use.command=[./mot, mine.csv, --q, '2']", ["{here}/mot", "{here}/mine.csv", "--q", "2"]),
-        ("trackers.mine.use.command.0=./mot", "{here}/mot"),
         ("trackers.mine.use.command=[python3, mot.py]", ["python3", "{here}/mot.py"]),
         ("trackers.mine.use.command=[mot]", None),
-        ("trackers.mine.options.path=mine.csv", None),
         ("monte_carlo.runs=3", None),
-        ("trackers.mine.use=mine:Mine", None),
     ],
 )
 def test_files_of_the_working_folder_have_their_full_path(here: Path, value: str, moved: Any) -> None:

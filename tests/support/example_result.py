@@ -42,53 +42,6 @@ def mixed(mean: float) -> dict[str, Any]:
     return {**chi_square(mean, 4), "verdict": "mixed", "conditions": conditions}
 
 
-def breakdown_entry(count: int, rmse: float, nees: dict[str, float], spread: float = 0.02) -> dict[str, Any]:
-    """One manoeuvre or range band; ``nees`` by part, intervals of a relative width."""
-
-    def nees_part(name: str, dof: int) -> dict[str, Any]:
-        mean = nees.get(name, float(dof))
-        return {"mean": mean, "unit": "1", "ci95": [(1 - spread) * mean, (1 + spread) * mean], "dof": dof}
-
-    return {
-        "count": count,
-        "given": count,
-        "runs": 100,
-        "position_rmse": metric(rmse, "m"),
-        "velocity_rmse": metric(2.1 * rmse, "m/s"),
-        "nees": nees_part("nees", 4),
-        "nees_position": nees_part("nees_position", 2),
-        "nees_velocity": nees_part("nees_velocity", 2),
-    }
-
-
-def breakdown(rmse: float, *, covariance: bool = True) -> dict[str, Any]:
-    """Turning, the velocity errors are 1.6 times as large as stated, if any covariance is."""
-    found: dict[str, Any] = {
-        "all": breakdown_entry(10000, rmse, {}),
-        "manoeuvre": {
-            "straight": breakdown_entry(7000, 0.9 * rmse, {}),
-            "turning": breakdown_entry(2950, 1.2 * rmse, {"nees_velocity": 2 * 1.6**2}),
-            "sensor gap": breakdown_entry(50, 3 * rmse, {"nees_position": 50.0}),
-        },
-        "range": {
-            "0 to 20 m": {"from_m": 0.0, "to_m": 20.0, **breakdown_entry(4000, 0.8 * rmse, {})},
-            "20 to 50 m": {"from_m": 20.0, "to_m": 50.0, **breakdown_entry(6000, 1.1 * rmse, {})},
-        },
-        "age": {"later": breakdown_entry(10000, rmse, {})},
-        "jump": {
-            "elsewhere": breakdown_entry(9600, 0.9 * rmse, {}),
-            "after a velocity jump": breakdown_entry(400, 3 * rmse, {}),
-        },
-    }
-    if not covariance:
-        for entry in (
-            found["all"],
-            *(entry for by in ("manoeuvre", "range", "age", "jump") for entry in found[by].values()),
-        ):
-            entry |= dict.fromkeys(("nees", "nees_position", "nees_velocity"))
-    return found
-
-
 def tracker(name: str, place: int) -> dict[str, Any]:
     rmse, nees = RMSE[name], NEES[name]
     no_innovation = "the tracker gives no innovation of this sensor"
@@ -123,7 +76,6 @@ def tracker(name: str, place: int) -> dict[str, Any]:
             "repaired_runs": 0,
             "non_finite_estimates": 0,
         },
-        "breakdown": breakdown(rmse, covariance=nees is not None),
     }
 
 

@@ -239,17 +239,6 @@ def test_a_standing_sensor_taken_for_granted() -> None:
     assert list(broken(Stands)) == [MOVING]
 
 
-def test_a_velocity_that_is_none() -> None:
-    class Standing(Good):
-        def step(self, state: Any, scan: Scan) -> Any:
-            state, answer = super().step(state, scan)
-            return state, answer and (answer[0] * [1, 1, 0, 0], answer[1])
-
-    found = broken(Standing)
-    assert found.keys() == {FOLLOWS, MOVING}
-    assert found[FOLLOWS].startswith("the velocity is 12.4 m/s off")
-
-
 def test_a_time_step_taken_for_granted() -> None:
     class Divides(Good):
         def step(self, state: Any, scan: Scan) -> Any:
@@ -283,16 +272,6 @@ def test_a_batch_that_is_not_the_loop() -> None:
     found = broken(Mixes)
     assert list(found) == [BATCH]
     assert found[BATCH] == "target 1 of a batch of 3 has other estimates than alone"
-
-
-def test_a_batch_that_cannot_wait_for_its_first_reading() -> None:
-    class Hurries(GoodBatch):
-        def step(self, state: Any, scan: Scan) -> Any:
-            if state is None and not scan.valid.all():
-                raise IndexError("no measurement")
-            return super().step(state, scan)
-
-    assert broken(Hurries) == {BATCH: "IndexError: no measurement"}
 
 
 def test_a_program_is_checked_by_its_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -146,12 +146,6 @@ def test_a_fault_is_named(tracker: Any, problem: str) -> None:
         check_tracker(tracker, identities="hidden")
 
 
-def test_one_cause_is_told_once() -> None:
-    with pytest.raises(TrackerCheckError) as caught:
-        check_tracker(Twice, identities="hidden")
-    assert str(caught.value).count("two tracks have the id 0") == 1
-
-
 def test_a_tracker_of_several_objects_is_known_as_one() -> None:
     with pytest.raises(TrackerCheckError, match='it follows several objects: say identities="hidden"'):
         check_tracker(Nearest)

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support.udacity import recorded_lines, synthetic_lines
+from tests.support.udacity import synthetic_lines
 
 from trackbench.base.errors import InputError
 from trackbench.truth import Draw, LoadedTruth
-from trackbench.truth.recorded.udacity import parse_lines
 from trackbench.truth.sources import RecordingTruth
 
 KINDS = {"roof": "lidar", "front": "radar"}
@@ -159,13 +158,3 @@ def test_variables_in_the_path(file: Path, monkeypatch: pytest.MonkeyPatch) -> N
     ) as caught:
         config.load(Draw(0, "test", 1), folder=Path("/"), sensors=KINDS)
     assert caught.value.key == "truth.path"
-
-
-def test_the_recording_itself_is_read_whole() -> None:
-    lines = recorded_lines()
-    if lines is None:
-        pytest.skip("no recording: set TRACKBENCH_DATA to the folder that holds udacity")
-    found = parse_lines("\n".join(lines), Path("recording"))
-    assert len(found) == 500
-    assert {item.kind for item in found} == {"lidar", "radar"}
-    assert all(item.yaw is not None and item.yaw_rate is not None for item in found)

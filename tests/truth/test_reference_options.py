@@ -12,7 +12,7 @@ from tests.support.recorded_log import write_table
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
+from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedMeasurements, Truth
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
@@ -172,16 +172,6 @@ def test_a_blank_object_is_left_out_where_identities_are_known(tmp_path: Path) -
     assert measurements.valid.sum() == 101
 
 
-def test_scans_without_a_row_are_empty_ones(tmp_path: Path) -> None:
-    (read,) = truths_of(load_scenario(write(tmp_path, radar=[row for row in detections() if not 3 < row[0] < 3.4])))
-    assert read.measurements is not None
-    found = read.measurements["radar"]
-    assert isinstance(found, RecordedDetections)
-    counts = np.bincount(found.scan, minlength=len(found.steps))
-    np.testing.assert_array_equal(np.flatnonzero(counts == 0), [31, 32, 33])
-    np.testing.assert_allclose(read.truth.time[found.steps], TIMES, atol=1e-9)
-
-
 #: The sensor misses the near object for a while, at the border of two stretches.
 GAP = [row for row in detections() if not 4 < row[0] < 6]
 
@@ -211,7 +201,6 @@ def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
         ({"reference": {"range_m": -1}}, "truth.reference.range_m: "),
         ({"reference": {"classes": ["car"]}, "columns": {"class": None}}, "truth.columns.class: missing"),
         ({"readings": {"slot": "who", "object": "who"}}, "truth.readings.radar.slot: only used with unlabelled"),
-        ({"readings": {"object": "whom"}}, "there is no column 'whom'"),
         (
             {"trackers": {"best": {**GNN, "associate": {"method": "oracle"}}}},
             "trackers.best.associate.method: oracle is told of which object each detection is; nothing says",
@@ -255,12 +244,6 @@ def test_a_damaged_box_is_named(tmp_path: Path, row: list[Any], message: str) ->
     with pytest.raises(InputError) as caught:
         truth_in(write(tmp_path, [row, *boxes(TIMES)]))
     assert message in str(caught.value)
-
-
-def test_times_of_another_epoch_are_said(tmp_path: Path) -> None:
-    late = [[row[0] + 5000, *row[1:]] for row in detections()]
-    with pytest.raises(InputError, match=r"only 0 of \d+ measurements of radar \(from 5000 to 5010 s\) lie"):
-        truth_in(write(tmp_path, radar=late))
 
 
 def test_a_log_most_of_which_is_outside_the_truth_is_refused(tmp_path: Path) -> None:

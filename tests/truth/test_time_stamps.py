@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from pathlib import Path
@@ -13,7 +12,6 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from trackbench.base.errors import InputError
 from trackbench.truth.formats.tables import Csv, Parquet
@@ -109,43 +107,3 @@ def test_mixed_time_stamps_are_refused_with_their_line(tmp_path: Path, stamps: l
     with pytest.raises(InputError, match=message) as caught:
         Csv().rows(file)
     assert caught.value.line == 3
-
-
-def test_boxes_tracks_and_logs_of_time_stamps_run(tmp_path: Path, cli: Callable[..., Any]) -> None:
-    """Boxes in local time, tracks in UTC that are 40 ms late, and a log whose radar has seconds since 1970."""
-    seconds = np.arange(120) / 10
-    stamps = pd.to_datetime(START_NS + (seconds * 1e9).round().astype("int64"), utc=True)
-    x = 10 * seconds + seconds**2
-    boxes = pd.DataFrame({"time": stamps.tz_convert("Europe/Berlin").map(lambda s: s.isoformat()), "id": 1, "x": x})
-    boxes.assign(y=0.0, vx=10 + 2 * seconds, vy=0.0).to_csv(tmp_path / "boxes.csv", index=False)
-    late = (stamps + pd.Timedelta(milliseconds=40)).tz_localize(None)
-    pd.DataFrame({"time": late, "id": 7, "x": x, "y": 0.0}).to_parquet(tmp_path / "tracks.parquet")
-    done = cli("score", "tracks.parquet", "--truth", "boxes.csv", "--time-offset", "-0.04", "--json", "--no-recording")
-    assert done.status == 0, done.err
-    (tracker,) = yaml.safe_load(done.out)["trackers"]
-    assert tracker["metrics"]["gospa"]["value"] == pytest.approx(0, abs=1e-6)
-    radar = pd.DataFrame({"t": [f"{START_NS + round(1e9 * s)}" for s in seconds], "id": 1, "r": x + 5, "az": 0.0})
-    radar.to_csv(tmp_path / "radar.csv", index=False)
-    columns = {"time": "time", "object": "id", "px": "x", "py": "y", "vx": "vx", "vy": "vy"}
-    readings = {"path": "radar.csv", "time": "t", "range": "r", "azimuth": "az", "range_rate": "az"}
-    log = {
-        "name": "log",
-        "truth": {
-            "source": "recording",
-            "format": "csv",
-            "path": "boxes.csv",
-            "columns": columns,
-            "observer": {"x": -5, "y": 0},
-            "readings": {"radar": {**readings, "units": {"time": "ns"}}},
-        },
-        "sensors": {
-            "radar": {"type": "radar", "range_sigma_m": 0.1, "azimuth_sigma_deg": 1e-3, "range_rate_sigma_mps": 99}
-        },
-        "trackers": {"raw": {"use": "raw"}},
-        "monte_carlo": {"runs": 1},
-    }
-    (tmp_path / "log.yaml").write_text(yaml.safe_dump(log))
-    done = cli("run", "log.yaml", "--json", "--no-recording")
-    assert done.status == 0, done.err
-    (tracker,) = yaml.safe_load(done.out)["trackers"]
-    assert tracker["metrics"]["position_rmse"]["value"] == pytest.approx(0, abs=1e-5)

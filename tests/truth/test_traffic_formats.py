@@ -1,9 +1,7 @@
-"""Formats of recorded traffic: what each reads, its rows, and that no damaged file ends in more than a message."""
+"""Formats of recorded traffic: what each reads, its rows, and what is said of a wrong table."""
 
 from __future__ import annotations
 
-import random
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +10,7 @@ import pytest
 from tests.support.traffic_files import CARS, OPTIONS, TIME, WRITERS, write_commonroad, write_csv
 
 from trackbench.base.errors import InputError
-from trackbench.truth import traffic
 from trackbench.truth.formats.tables import I80_FILE
-from trackbench.truth.sources import TrafficTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficTrack, moving_tracks, tracks_of_rows
 
 
@@ -56,63 +52,6 @@ def test_a_file_gives_its_tracks(name: str, tmp_path: Path) -> None:
             np.testing.assert_allclose(track.heading, heading, atol=1e-9)
         assert (track.length, track.width) == (length, width)
         assert track.kind in ("car", "truck")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(WRITERS))
-@pytest.mark.filterwarnings("error")
-def test_a_damaged_file_is_a_message(name: str, tmp_path: Path) -> None:
-    file = written(name, tmp_path)
-    whole = file.read_bytes()
-    chance = random.Random(name)
-    messages: list[str] = []
-    for number in range(300):
-        file.write_bytes(damaged(whole, number, chance))
-        messages += use(name, file)
-    assert len(messages) > 100
-    assert all(0 < len(message) < 600 for message in messages)
-
-
-def use(name: str, file: Path) -> Iterator[str]:
-    """Read a file and make scenes of it, smoothed or as it is; the message of each refusal."""
-    for options in ({"smoothing": {"window_s": 1}}, {"audit": "repair"}):
-        settings = {
-            "format": name,
-            **OPTIONS.get(name, {}),
-            "path": str(file),
-            "observer": {"x": -5, "y": 2},
-            **options,
-        }
-        try:
-            traffic.load_traffic(TrafficTruth.model_validate(settings), file.parent)
-        except InputError as error:
-            yield str(error)
-
-
-#: What stands in the place of a number.
-WORDS = [b"nan", b"inf", b"1e999", b"-1", b"", b"x", b"1e17", b"0", b"\xff", b"99999999999999999999", b"1;2"]
-
-
-def damaged(whole: bytes, number: int, chance: random.Random) -> bytes:
-    """A file cut off, with other bytes, with a number replaced, with a part twice, or with parts in another order."""
-    kind, at = number % 5, chance.randrange(len(whole))
-    if kind == 0:
-        return whole[:at]
-    if kind == 1:
-        changed = bytearray(whole)
-        for _ in range(chance.choice([1, 1, 8, 100])):
-            changed[chance.randrange(len(whole))] = chance.randrange(256)
-        return bytes(changed)
-    if kind == 2:
-        digits = [i for i in range(at, min(at + 200, len(whole))) if whole[i : i + 1].isdigit()] or [at]
-        start = chance.choice(digits)
-        return whole[:start] + chance.choice(WORDS) + whole[start + chance.randrange(12) :]
-    length = chance.randrange(1, 400)
-    if kind == 3:
-        return whole[:at] + whole[max(0, at - length) : at] + whole[at:]
-    return (
-        whole[: max(0, at - length)] + whole[at : at + length] + whole[max(0, at - length) : at] + whole[at + length :]
-    )
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import EXACT, Truth
 from trackbench.metrics.evaluate import carrying
-from trackbench.results import MetricValue, Result
-from trackbench.runner.run import run_scenario
+from trackbench.results import MetricValue
 from trackbench.runner.work import Work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
@@ -316,41 +315,7 @@ def test_the_intervals_of_a_run_do(
         assert carried["ekf"].metrics[path] == exact["ekf"].metrics[path]
 
 
-def run_recorded(name: str, *overrides: str) -> Result:
-    loaded = load_scenario(name, ["monte_carlo.runs=2", *overrides])
-    return run_scenario(loaded, truths_of(loaded))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["recorded/i80", "recorded/i80_hidden", "recorded/us101", "recorded/us101_hidden"])
-def test_the_shipped_scenarios_run(name: str, recorded_traffic: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the recording of the package, and from the files."""
-    monkeypatch.setenv("TRACKBENCH_DATA", str(recorded_traffic.parent))
-    result = run_recorded(name)
-    scenes = 10 if "i80" in name else 0
-    assert len(result.summary.truth.scenes) == scenes
-    assert not result.summary.truth.audit.repaired.any  # type: ignore[union-attr]
-    if scenes == 0:
-        return
-    history = recorded_traffic / "i80.shf"
-    from_file = run_recorded(name, "truth.format=smarts", f"truth.path={history}", "truth.simultaneous=false")
-    assert [scene.objects for scene in from_file.summary.truth.scenes] == [
-        scene.objects for scene in result.summary.truth.scenes
-    ]
-    # All numbers differ by the rounding to millimetres alone, and the noise is the same.
-    tracker = "ekf_cv" if name == "recorded/i80" else "gnn"
-    errors = [item[tracker].position_rmse.value for item in (from_file, result)]
-    assert errors[0] == pytest.approx(errors[1], rel=0.02)
-
-
 @pytest.mark.parametrize("action", [truths_of, check])
 def test_a_sensor_is_no_faster_than_the_recording(action: Callable[[tb.Scenario], object]) -> None:
     with pytest.raises(InputError, match=r"20 Hz is more than the truth has, which is recorded at 10 Hz; use 10"):
         action(load_scenario("recorded/i80", ["sensors.front_radar.rate_hz=20"]))
-
-
-def test_old_scenarios_have_the_measurements_that_they_had() -> None:
-    """Those of before recorded traffic; other processors round sines and exponentials otherwise."""
-    first = next(iter(tb.sense("scripted/own_model", runs=range(1))))
-    expected = [59.94169401046622, -20.130341244344542]
-    np.testing.assert_allclose(first.measurement.ravel()[:2], expected, rtol=1e-12)

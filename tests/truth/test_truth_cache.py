@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trackbench.base import files
 from trackbench.base.types import Progress, Truth
 from trackbench.truth import Draw, LoadedTruth, highway, simulated
 from trackbench.truth.sources import HighwayTruth
@@ -121,18 +120,6 @@ def test_unwritable_folder_costs_only_the_cache(
     loaded = load(CONFIG)
     assert not loaded.cached
     assert "not kept" in caplog.text
-
-
-def test_failed_write_leaves_nothing(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    def full(source: str, target: Path) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(files.os, "replace", full)
-    load(CONFIG)
-    assert "No space left" in caplog.text
-    assert list(folder.iterdir()) == []
 
 
 def test_driver_class_of_the_users_own_is_never_cached(

@@ -1,12 +1,9 @@
-"""Drivers who vary: their processes in closed form, what they do on the road, their limits; and steady ones."""
+"""Drivers who vary: their processes in closed form, what they do on the road, and their limits."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from dataclasses import replace
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import Truth
 from trackbench.scenario import load_scenario
-from trackbench.truth import highway, simulated
+from trackbench.truth import highway
 from trackbench.truth.drivers import (
     HUMAN,
     Drivers,
@@ -42,9 +39,6 @@ UNVARIED = Drivers(
     grip_mps2=math.inf,
     jerk_mps3=math.inf,
 )
-#: After 4 s of the shipped scenario, by the commit before drivers could vary, m.
-STEADY_X = [289.5111789946949, 310.2628679560168, 320.75187353222924, 360.17141812083435]
-STEADY_OBSERVER_Y = -1.3495624480451633
 
 
 class Scene:
@@ -248,20 +242,6 @@ def test_bends_are_as_fast_as_their_radius_allows() -> None:
     speeds = bend_speeds(network, 3.0)
     assert speeds["se", "ex", 0] == pytest.approx(math.sqrt(3.0 * network.get_lane(("se", "ex", 0)).radius), rel=1e-3)
     assert ("ser", "ses", 0) not in speeds
-
-
-def test_steady_drivers_have_the_key_and_the_motion_that_they_had() -> None:
-    config = changed("highway", duration_s=4)
-    before = {
-        "config": config.model_dump(mode="json", exclude={"drivers"}),
-        "versions": {package: version(package) for package in simulated.PACKAGES},
-        "source": simulated.fingerprint(simulated.motion_files()),
-    }
-    digest = hashlib.sha256(json.dumps(before, sort_keys=True).encode()).hexdigest()
-    assert digest[:32] in simulated.cache_file(config).name
-    truth = highway.simulate(config)
-    assert truth.px[-1, :4, 0] == pytest.approx(STEADY_X, abs=1e-9)
-    assert truth.observer.py[-1] == pytest.approx(STEADY_OBSERVER_Y, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Ground truth from the installed highway-env."""
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -170,15 +168,7 @@ def test_truth_ends_where_the_environment_ends() -> None:
     ("env", "keys", "key", "message"),
     [
         ("hihgway-v0", {}, "truth.env", "unknown highway-env id 'hihgway-v0'; did you mean 'highway-v0'"),
-        ("CartPole-v1", {}, "truth.env", "unknown highway-env id"),
         ("highway-v0", {"config": {"lane_count": 3}}, "truth.config.lane_count", "did you mean 'lanes_count'"),
-        ("highway-v0", {"config": {"lanes_count": "3"}}, "truth.config.lanes_count", "must be of the kind"),
-        (
-            "highway-v0",
-            {"config": {"action": {"type": "ContinuousAction", "steering": 1}}},
-            "truth.config.action.steering",
-            "did you mean 'steering_range'",
-        ),
         (
             "racetrack-v1",
             {"rate_hz": 12},
@@ -201,15 +191,3 @@ def test_mistakes_are_found_without_simulating(env: str, keys: dict[str, Any], k
     with pytest.raises(InputError, match=message) as caught:
         configured(env, **keys).check(folder=Path())
     assert caught.value.key == key
-
-
-def test_nothing_leaks_to_the_terminal() -> None:
-    """Old ids warn, and pygame and highway-env like to greet."""
-    code = (
-        "from pathlib import Path; from trackbench.truth import Draw;"
-        "from trackbench.truth.sources import HighwayTruth;"
-        "config = HighwayTruth(source='highway-env', env='roundabout-v0', duration_s=4, rate_hz=10);"
-        "config.load(Draw(0, 'test', 1), folder=Path(), cache=False)"
-    )
-    done = subprocess.run([sys.executable, "-W", "default", "-c", code], capture_output=True, text=True, check=True)
-    assert (done.stdout, done.stderr) == ("", "")

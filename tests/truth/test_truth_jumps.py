@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Truth
-from trackbench.report.truth_and_sensors import audit_table
-from trackbench.results import TruthSummary
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2, after_jump, velocity_jumps
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth
@@ -68,9 +66,3 @@ def test_a_jump_is_near_for_a_second_and_to_its_own_object() -> None:
     assert near.shape == truth.px.shape
     assert not near[:, 0].any()
     assert np.flatnonzero(near[:, 1, 0]).tolist() == list(range(20, 31))
-
-
-def found(truth: TruthSummary) -> list[list[str]]:
-    table = audit_table(truth)
-    assert table is not None
-    return [[cell.text for cell in row] for row in table.rows]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 from tests.runner.test_recorded_tables import HEAD, ROWS, load, write
 from tests.support.udacity import synthetic_lines
@@ -51,22 +50,6 @@ def test_a_line_of_the_simulator() -> None:
         cells[column if column == 1 else column + 1] = "1e30"
         with pytest.raises(InputError, match="not a finite number that can be meant"):
             parse_line(" ".join(cells))
-
-
-@pytest.mark.parametrize("change", [b"\xff", b"\x00" * 8])
-def test_a_damaged_parquet(tmp_path: Path, change: bytes) -> None:
-    write(tmp_path / "log.parquet")
-    whole = (tmp_path / "log.parquet").read_bytes()
-    refused = 0
-    for at in range(0, len(whole), 37):
-        (tmp_path / "log.parquet").write_bytes(whole[:at] + change + whole[at + len(change) :])
-        try:
-            load(tmp_path / "log.parquet")
-        except InputError as error:
-            refused += str(error).startswith(str(tmp_path / "log.parquet"))
-    assert refused > 10
-    write(tmp_path / "log.parquet")
-    assert pq.read_table(tmp_path / "log.parquet").num_rows == len(ROWS)
 
 
 def script(**body: object) -> ScriptedTruth:

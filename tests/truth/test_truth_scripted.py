@@ -64,19 +64,6 @@ def test_constant_turn_rate_is_a_circle() -> None:
     assert np.abs(truth.heading).max() <= np.pi
 
 
-def test_velocities_are_the_derivatives_of_the_positions() -> None:
-    truth = one(
-        {"for_s": 4, "turn_rate_degps": 40, "acceleration_mps2": 1.5},
-        {"turn_rate_degps": -70, "acceleration_mps2": -1},
-        start={"speed_mps": 5, "course_deg": 30},
-        rate_hz=1000,
-    )
-    away_from_the_seam = np.abs(truth.time - 4) > 0.002
-    for position, velocity in ((truth.px, truth.vx), (truth.py, truth.vy)):
-        slope = np.gradient(position[:, 0, 0], truth.time, edge_order=2)
-        np.testing.assert_allclose(slope[away_from_the_seam], velocity[away_from_the_seam, 0, 0], atol=2e-5)
-
-
 def test_pieces_go_on_from_each_other() -> None:
     truth = one({"for_s": 5, "turn_rate_degps": 36}, {"turn_rate_degps": -36}, start={"speed_mps": 5})
     radius = 5 / np.deg2rad(36)

@@ -14,22 +14,6 @@ from trackbench.subjects.doctor.findings import PROVEN
 from trackbench.subjects.doctor.subject import SENSORS
 
 
-class ThreeTimes(PlainEkf):
-    """Moves the mean three times by one measurement."""
-
-    def update(self, x, P, scan):
-        first, after = super().update(x, P, scan)
-        second, _ = super().update(first, P, scan)
-        return super().update(second, P, scan)[0], after
-
-
-def test_a_measurement_that_is_applied_three_times_is_told_so() -> None:
-    lidar, radar = equations(under_test(ThreeTimes)).findings
-    assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
-    assert lidar.factor == pytest.approx(3.0, rel=0.01)
-    assert radar.factor == pytest.approx(3.0, rel=0.01)
-
-
 class Inflated(PlainEkf):
     """A fading memory: the covariance is multiplied after each update."""
 
@@ -128,33 +112,6 @@ def test_an_update_that_is_not_kept_is_told_so() -> None:
 @pytest.mark.parametrize("make", [Inflated, OwnGain], ids=lambda make: make.__name__)
 def test_a_consistent_update_has_no_finding(make: Make) -> None:
     assert equations(under_test(make)).findings == []
-
-
-class Continuous(PlainEkf):
-    """A white acceleration in continuous time."""
-
-    def process_noise(self, x, dt):
-        return 0.5 * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(2))
-
-
-class OneAxis(Continuous):
-    """With dt^4 / 4 for the position along y."""
-
-    def process_noise(self, x, dt):
-        noise = super().process_noise(x, dt)
-        noise[1, 1] = 0.5 * dt**4 / 4
-        return noise
-
-
-def test_the_powers_of_the_time_step() -> None:
-    """dt^4, dt^3, dt^2 of an acceleration that is constant over a step; dt^3, dt^2, dt of a continuous one."""
-    for make in (PlainEkf, Continuous):
-        (check,) = equations(under_test(make)).checks
-        assert check.passed
-    (finding,) = equations(under_test(OneAxis)).findings
-    assert finding.fault == "q_wrong_power_of_dt"
-    assert "of py grows with dt^4" in finding.evidence
-    assert "where dt^3 goes" in finding.evidence
 
 
 class Template:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -21,18 +20,7 @@ from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import PROVEN, Finding, rank_findings
 from trackbench.subjects.doctor.output_checks import asymmetric, indefinite, mirrored_entries
 from trackbench.subjects.doctor.probes import GENERAL
-from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
-
-
-def failure_of(make: Callable[[], Any], scans: list[Scan]) -> StepFailed:
-    session = TrackerSession(make)
-    try:
-        for scan in scans:
-            session.step(scan)
-    except StepFailed as failure:
-        return failure
-    pytest.fail("no step failed")
 
 
 class MissedRaises(PlainEkf):
@@ -142,12 +130,9 @@ def test_the_step_that_makes_a_covariance_indefinite() -> None:
     ("first", "second"),
     [
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("q_too_small", 0.9, "")),
-        (Finding("azimuth_not_wrapped", 0.97, "", sensor="radar"), Finding("wrong_dt", 0.97, "")),
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("r_too_small", 0.9, "", sensor="lidar")),
         (Finding("jacobian_wrong", 0.95, "", sensor="radar"), Finding("azimuth_not_wrapped", 0.97, "", sensor="radar")),
-        (Finding("ego_motion_ignored", 0.98, ""), Finding("doppler_sign", 0.99, "", sensor="radar")),
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("exception_raised", 0.97, "", sensor="radar")),
-        (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("q_constant_per_step", 0.96, "")),
         (Finding("r_too_small", 0.7, "", sensor="radar"), Finding("overconfident_start", 0.7, "")),
     ],
 )
@@ -160,11 +145,8 @@ def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, se
     ("cause", "effect"),
     [
         (Finding("axis_mirrored", 0.98, "", sensor="lidar"), Finding("jacobian_wrong", 0.95, "", sensor="lidar")),
-        (Finding("axis_mirrored", 0.98, "", sensor="lidar"), Finding("overconfident_start", 0.9, "")),
         (Finding("wrong_dt", 0.97, ""), Finding("q_too_large", 0.97, "")),
-        (Finding("wrong_dt", 0.97, ""), Finding("predicted_covariance_wrong", 0.95, "")),
         (Finding("predicted_covariance_wrong", 0.96, ""), Finding("update_not_kept", 0.95, "")),
-        (Finding("arctan_quadrant", 0.99, "", sensor="radar"), Finding("nonfinite", 0.98, "")),
         (Finding("predicted_covariance_not_psd", 0.95, ""), Finding("q_too_small", 0.97, "")),
         (Finding("angle_mean_not_circular", 0.95, "", sensor="radar"), Finding("azimuth_not_wrapped", 0.85, "")),
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("too_far_off", 0.85, "")),

@@ -28,7 +28,6 @@ from trackbench.subjects.doctor.traffic import TrafficDoctor
 EXACT = Finding("ego_motion_wrong", 0.95, "it moves", sensor="radar")
 GAIN = Finding("r_too_small", 0.9, "the gains are large", sensor="radar")
 FAR = Finding("too_far_off", 0.85, "far")
-MOTION = CheckResult("ego_motion", "Why?", True, "")
 
 
 def failed(name: str, *faults: str) -> CheckResult:

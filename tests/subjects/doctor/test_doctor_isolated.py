@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.faults.bases.gnn import Detection, Track
 from benchmarks.faults.bases.gnn import Tracker as NearestGlobal
-from tests.support.doctor import built_in, looped, tracker_of
+from tests.support.doctor import looped, tracker_of
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.drive import empty_scan
@@ -52,15 +52,6 @@ def test_the_track_of_an_isolated_object_is_the_estimate_of_its_filter(sensor: s
 
 def _detection(scan: Scan) -> Detection:
     return Detection(scan._replace(measurement=scan.measurement[:, None]), 0)
-
-
-def test_probabilistic_association_is_sure_of_a_detection_without_clutter() -> None:
-    given = scans("lidar", 12)
-    given[-1] = given[-1]._replace(measurement=given[-1].measurement + np.array([0.3, -0.2]))
-    one, other = (followed(Isolated(built_in(method)), given)[-1] for method in ("jpda", "gnn"))
-    assert one is not None
-    assert other is not None
-    np.testing.assert_allclose(one.mean, other.mean, atol=1e-6)
 
 
 def test_another_track_is_answered_with_only_where_it_is_detected() -> None:

@@ -16,17 +16,8 @@ from tests.support.doctor import under_test
 from trackbench.subjects.doctor.checks.instants import late_measurements, same_instant
 from trackbench.subjects.doctor.checks.motion import course, no_time
 from trackbench.subjects.doctor.checks.start import first_position
-from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-
-
-class Mirrored(PlainEkf):
-    """Moves py against vy."""
-
-    def predict(self, x: Any, P: Any, dt: float) -> Any:
-        _, P = super().predict(x, P, dt)
-        return x + dt * np.array([x[2], -x[3], 0.0, 0.0]), P
 
 
 class Changed(PlainEkf):
@@ -54,13 +45,6 @@ class OtherOrder(Changed):
     def changed(self, x: Any, P: Any) -> Any:
         order = [0, 2, 1, 3]
         return x[order], P[np.ix_(order, order)]
-
-
-class NearRoot(Ukf):
-    """Draws points from the root of P, not of (n + kappa) P."""
-
-    def predict(self, mean: Any, covariance: Any, Q: Any, dt: float) -> Any:
-        return super().predict(mean, covariance / (len(mean) + self.kappa), Q, dt)
 
 
 class RowsOfRoot(Ukf):
@@ -114,14 +98,6 @@ class StateBack(Late):
         return PlainEkf.step(self, state, scan)
 
 
-class Unwrapped(PlainEkf):
-    """Does not wrap its innovation."""
-
-    def innovation(self, scan: Any, expected: Any) -> Any:
-        y: Any = scan.measurement - expected
-        return np.array(y)
-
-
 Check = Callable[[TrackerUnderTest], PartResult]
 
 
@@ -134,16 +110,13 @@ def late_radar(tracker: TrackerUnderTest) -> PartResult:
 @pytest.mark.parametrize(
     ("check", "tracker", "fault", "words"),
     [
-        (course, Mirrored, "motion_not_along_velocity", "py by 0.00 vx -1.00 vy"),
         (course, InKmh, "motion_not_along_velocity", "km/h and m/s are confused"),
         (first_position, OtherOrder, "state_order", "is px, vx, py, vy of a target"),
-        (no_time, NearRoot, "sigma_points_misdrawn", "times as far from their mean"),
         (no_time, RowsOfRoot, "sigma_points_misdrawn", "along its rows"),
         (same_instant, FirstOfInstant, "second_measurement_dropped", "with the same time does not move"),
         (late_radar, AsNew, "late_processed_as_new", "older by 0.1 s"),
         (late_radar, TimeBack, "late_state_goes_back", "s of its motion"),
         (late_radar, StateBack, "late_state_goes_back", "times that without"),
-        (wrapping, Unwrapped, "azimuth_not_wrapped", "y[1] is -6.2"),
     ],
 )
 def test_a_fault_is_named(check: Check, tracker: type, fault: str, words: str) -> None:

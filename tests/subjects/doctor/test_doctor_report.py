@@ -8,7 +8,6 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 from tests.report.test_report import Page
 from tests.support.places import DOCS
@@ -70,43 +69,3 @@ def test_the_report_shows_the_jump(faulty: Faulty) -> None:
     made = [check for check in json.loads(faulty.done.stdout)["checks"] if check["passed"] is not None]
     assert len(page.rows) == 2 + len(made)
     assert not re.search("https?://", markup)
-
-
-@pytest.mark.slow
-def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
-    from rerun.chunk import RrdReader
-
-    reader = RrdReader(faulty.out / "recording.rrd")
-    (store,) = reader.recordings()
-    chunks = [chunk.to_record_batch() for chunk in reader.stream(store=store)]
-    names = {name for chunk in chunks for name in chunk.schema.names}
-    assert "sim_time" in names
-    by_entity: dict[str, list[float]] = {}
-    texts = []
-    for chunk in chunks:
-        entity = chunk.schema.metadata[b"rerun:entity_path"].decode()
-        for name, values in zip(chunk.schema.names, chunk.columns, strict=True):
-            if name == "Scalars:scalars":
-                by_entity.setdefault(entity, []).extend(v for row in values.to_pylist() for v in row or [])
-            if name == "TextDocument:text":
-                texts += [line for row in values.to_pylist() for line in row or []]
-    applied, expected = (
-        np.array(by_entity[f"/series/azimuth_crossing/innovation/radar/azimuth/{name}"])
-        for name in ("tracker", "reference")
-    )
-    first = int(np.argmax(np.abs(applied - expected) > 1.0))
-    assert applied[first] == pytest.approx(-2 * np.pi, abs=0.1)
-    assert expected[first] == pytest.approx(0.0, abs=0.1)
-    entities = {chunk.schema.metadata[b"rerun:entity_path"].decode() for chunk in chunks}
-    scene = {
-        "truth",
-        "sensors",
-        "tracker",
-        "tracker/covariance",
-        "reference",
-        "measurements/radar",
-        "measurements/lidar",
-    }
-    assert {f"/azimuth_crossing/world/{name}" for name in scene} <= entities
-    assert "azimuth_not_wrapped" in "".join(texts)
-    assert len(reader.blueprints()) == 1

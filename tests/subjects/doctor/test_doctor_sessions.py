@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,18 +15,11 @@ from tests.support.doctor import scans_of, under_test
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.driving.isolation import Isolation
-from trackbench.driving.start import fresh
 from trackbench.subjects.doctor.checks.start import first_estimates
 from trackbench.subjects.doctor.checks.steps import failure_findings
-from trackbench.subjects.doctor.copyable_tracker import CannotCopy, CopyableTracker
 from trackbench.subjects.doctor.probes import GENERAL
-from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
-from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.subjects.doctor.trial import Trial
+from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.trackers.builtin import ekf, ukf
-from trackbench.trackers.config import PluginConfig
 
 ekf_cv = partial(ekf, motion="cv", acceleration_sigma_mps2=3.0)
 ukf_ctrv = partial(
@@ -36,20 +27,6 @@ ukf_ctrv = partial(
 )
 PROBE = GENERAL[0]
 *FOLLOWED, NEXT = scans_of(PROBE)
-
-
-class OneByOne:
-    """A tracker without batches around one with."""
-
-    def __init__(self, make: Callable[[], Any] = ekf_cv) -> None:
-        self.inner = make()
-
-    def step(self, state: Any, scan: Scan) -> Any:
-        wide = scan._replace(measurement=scan.measurement[:, None], valid=scan.valid[None])
-        state, estimate = self.inner.step(state, wide)
-        if np.isnan(estimate.mean).all():
-            return state, None
-        return state, (estimate.mean[..., 0], estimate.covariance[..., 0])
 
 
 class Refusing:
@@ -64,21 +41,6 @@ class Refusing:
         if np.any(scan.measurement[1] > 45.0):
             raise ValueError("far to the left")
         return self.inner.step(state, scan)
-
-
-@dataclass
-class Drawing:
-    """Adds a random number of its own to each column."""
-
-    batched = True
-    seed: int = 3
-
-    def __post_init__(self) -> None:
-        self.inner, self.random = ekf_cv(), np.random.default_rng(self.seed)
-
-    def step(self, state: Any, scan: Scan) -> Any:
-        state, estimate = self.inner.step(state, scan)
-        return state, (estimate.mean + self.random.standard_normal(estimate.mean.shape), estimate.covariance)
 
 
 def followed(make: Callable[[], Any], columns: int = 1) -> TrackerSession:
@@ -106,66 +68,6 @@ def test_each_column_is_answered_as_alone_and_the_session_stays(make: Callable[[
     wide.step_each(tried)
     assert wide.at_once == 1
     assert [float(wide.given_to(i)[-1].measurement[0]) for i in range(3)] == [float(s.measurement[0]) for s in tried]
-
-
-def gain_and_steps(make: Callable[[], Any], columns: int) -> tuple[Any, int]:
-    steps: list[None] = []
-    session = followed(Examined(make, on_step=lambda: steps.append(None)), columns)
-    prediction = session.predict(NEXT)
-    assert prediction is not None
-    trial = Trial("probe", "a probe", NEXT, prediction, session)
-    steps.clear()
-    update = trial.update(NEXT.measurement)
-    assert update is not None
-    return update.gain, len(steps)
-
-
-def test_a_gain_takes_one_step_in_columns() -> None:
-    alone, steps = gain_and_steps(ekf_cv, 1)
-    together, one = gain_and_steps(ekf_cv, 7)
-    assert (steps, one) == (7, 1)
-    assert_allclose(together, alone, rtol=1e-6, atol=1e-12)
-
-
-def test_columns_with_other_random_numbers_are_not_held_against_each_other() -> None:
-    gain, steps = gain_and_steps(Drawing, 7)
-    assert steps == 7
-    assert_allclose(gain, gain_and_steps(ekf_cv, 1)[0], rtol=1e-6, atol=1e-9)
-
-
-def test_a_step_that_fails_in_one_column_is_taken_one_by_one() -> None:
-    class AtOneSide(Refusing):
-        """Raises on one side of the measurement."""
-
-        def step(self, state: Any, scan: Scan) -> Any:
-            if scan.time == NEXT.time and np.any(scan.measurement[0] > NEXT.measurement[0]):
-                raise ValueError("too far")
-            return self.inner.step(state, scan)
-
-    session = followed(AtOneSide, 7)
-    prediction = session.predict(NEXT)
-    assert prediction is not None
-    trial = Trial("probe", "a probe", NEXT, prediction, session)
-    with pytest.raises(StepFailed):
-        session.peek(NEXT._replace(measurement=NEXT.measurement + 1.0))
-    assert trial.update(NEXT.measurement) is None
-    assert trial.posterior(NEXT.measurement) is not None
-
-
-def started(make: Callable[[], Any], name: str) -> tuple[list[Any], TrackerUnderTest]:
-    tracker = under_test(make)
-    return first_estimates(tracker, GENERAL, name, np.random.default_rng(1)), tracker
-
-
-@pytest.mark.parametrize("name", SENSORS)
-def test_tracks_start_together_as_one_by_one(name: str) -> None:
-    (together, _), (apart, _) = started(ekf_cv, name), started(OneByOne, name)
-    for one, other in zip(together, apart, strict=True):
-        same(one.estimate, other.estimate)
-        assert one.probe is other.probe
-        assert one.scan.time == other.scan.time
-        assert len(one.given) == len(other.given)
-        assert_allclose(one.truth, other.truth)
 
 
 def test_one_that_fails_to_start_leaves_the_others() -> None:
@@ -233,36 +135,6 @@ def test_what_cannot_be_copied_is_repeated(kind: type) -> None:
     assert copied.not_copied is None
     assert repeated.not_copied is not None
     assert repeated.not_copied.startswith("TypeError: cannot pickle")
-
-
-def test_what_can_neither_be_copied_nor_repeated_says_so() -> None:
-    alone = CopyableTracker(Counting)
-    for scan in scans_of(GENERAL[0])[:6]:
-        alone.step(scan)
-    with pytest.raises(
-        CannotCopy, match=r"^it cannot be copied \(TypeError: .*same 6 scans differs by up to 1 m or m/s$"
-    ):
-        alone.copy()
-
-
-def test_in_its_own_process_too(tmp_path: Path, write_module: Callable[[Path, str], str]) -> None:
-    code = (
-        "import threading\nimport numpy as np\n\n\nclass T:\n    def __init__(self):\n"
-        "        self.lock, self.total = threading.Lock(), 0.0\n\n    def step(self, state, scan):\n"
-        "        self.total += np.nansum(scan.measurement)\n        return None, (np.full(4, self.total), np.eye(4))\n"
-    )
-    make = fresh(PluginConfig(use=f"{write_module(tmp_path, code)}:T"), tmp_path, Isolation(timeout=30))
-    session = TrackerSession(make)
-    one, two, three = scans_of(GENERAL[0], ("lidar",))[:3]
-    session.step(one)
-    session.step(two)
-    total = float(one.measurement.sum() + two.measurement.sum())
-    for tried, more in ((empty_scan(three), 0.0), (three, float(three.measurement.sum())), (empty_scan(three), 0.0)):
-        estimate = session.peek(tried)
-        assert estimate is not None
-        np.testing.assert_allclose(estimate.mean, total + more, rtol=1e-15)
-    assert session.not_copied is not None
-    assert "cannot pickle" in session.not_copied
 
 
 def test_an_unrepeatable_tracker_without_a_copy_has_one_finding() -> None:

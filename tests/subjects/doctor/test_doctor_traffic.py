@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from benchmarks.faults.bases.gnn import Tracker as NearestGlobal
 from click.testing import CliRunner
@@ -13,7 +12,6 @@ from tests.support.doctor import SITES, Make, built_in, examine_filters_once, lo
 
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
-from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 from trackbench.subjects.doctor.traffic_checks.association import (
@@ -51,24 +49,14 @@ class ByColumn(NearestGlobal):
         return [(k, k) for k in range(min(len(self.tracks), len(detections)))]
 
 
-class ByColumnInGate(ByColumn):
-    def assign(self, detections):
-        pairs = []
-        for i, j in super().assign(detections):
-            y, S = self.tracks[i].innovation(detections[j])
-            pairs += [(i, j)] if y @ np.linalg.solve(S, y) <= self.gates[len(y)] else []
-        return pairs
-
-
 class Silent(NearestGlobal):
     def output(self):
         return None
 
 
 @pytest.mark.usefixtures("filters_once")
-@pytest.mark.parametrize("kind", [ByColumn, ByColumnInGate])
-def test_a_column_taken_for_an_object_depends_on_the_order(kind: type[NearestGlobal]) -> None:
-    findings = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(kind)).findings
+def test_a_column_taken_for_an_object_depends_on_the_order() -> None:
+    findings = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(ByColumn)).findings
     assert findings[0].fault == "order_dependent"
     assert {finding.consequence_of for finding in findings[1:]} <= {"order_dependent"}
 
@@ -148,35 +136,6 @@ def test_the_oracle_is_not_examined() -> None:
 
 
 CHECKS = (nearer_of_two, predicted_place, allowed_pair, missed_among_others, ended_alone)
-
-
-def names(result: PartResult) -> list[str]:
-    return [finding.fault for finding in result.findings]
-
-
-class OwnColumn(NearestGlobal):
-    """Each track takes the first detection in its gate: neither the nearer nor the farther one."""
-
-    def assign(self, detections):
-        pairs = []
-        for i, track in enumerate(self.tracks):
-            for j, detection in enumerate(detections):
-                y, S = track.innovation(detection)
-                if y @ np.linalg.solve(S, y) <= self.gates[len(y)]:
-                    pairs.append((i, j))
-                    break
-        return pairs
-
-
-def test_who_takes_the_first_detection_does_not_take_the_farthest() -> None:
-    assert names(nearer_of_two(looped(OwnColumn), SITES["lidar"])) == []
-
-
-def test_the_farthest_detection_is_named_before_what_it_brings_about() -> None:
-    make = looped(tracker_of("farthest_detection_assigned"))
-    first, *others = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", make).findings
-    assert first.fault == "assignment_inverted"
-    assert {finding.consequence_of for finding in others} <= {"assignment_inverted"}
 
 
 @pytest.mark.parametrize("make", [built_in("jpda"), built_in("pmb"), looped(tracker_of("sort_like"))])

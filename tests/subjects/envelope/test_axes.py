@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.subjects.envelope.conftest import small
 
-import trackbench as tb
 from trackbench.subjects.envelope.axes import MapAxis, axes_of, between, overrides, point_distance, start_points
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
 from trackbench.subjects.envelope.mapping import refined
@@ -89,18 +89,6 @@ def test_the_map_is_refined_at_the_border_alone() -> None:
     assert refined(axes, states, 100, 0.25) == []
 
 
-SCENARIO = {
-    "name": "small",
-    "truth": {
-        "source": "scripted",
-        "duration_s": 3,
-        "rate_hz": 10,
-        "objects": {"car": {"start": {"x": 20, "y": 5, "speed_mps": 10}}},
-    },
-    "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.3}},
-    "trackers": {"kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1}},
-    "expect": [{"tracker": "kf", "metric": "position_rmse", "below": 0.25}],
-}
 WAYS = {
     "precise": {"sensors.lidar.position_sigma_m": 0.1},
     "as it is": {"sensors.lidar.position_sigma_m": 0.3, "sensors.lidar.rate_hz": 10},
@@ -129,6 +117,6 @@ WAYS = {
     ],
 )
 def test_it_is_what_the_scenario_says_or_its_default(axis, own):
-    loaded = tb.load(SCENARIO | {"envelope": {"axes": {"a": axis}}})
+    loaded = small(axes={"a": axis})
     (value,) = base_point(loaded, axes_of(loaded.config.envelope))
     assert value == own

@@ -144,25 +144,6 @@ def test_scenes_without_an_event_do_not_count() -> None:
     assert unbounded(few) == "3 of 200 scenes count, and no bound holds with fewer than 30"
 
 
-def test_delays_of_few_scenes_are_bounded_as_if_there_were_no_others() -> None:
-    delays = np.random.default_rng(7).exponential(0.1, 40)
-    among = np.concatenate([delays, np.zeros(160)]), (np.arange(200) < 40).astype(float)
-    alone = ratio(delays, np.ones(40), scenes=True)
-    for side in ("lower", "upper"):
-        assert bound(ratio(*among, scenes=True), 0.001, side) == pytest.approx(bound(alone, 0.001, side))
-
-
-@pytest.mark.parametrize("same_runs", [True, False])
-def test_a_difference_of_delays_rests_on_the_scenes_with_an_event(same_runs: bool) -> None:
-    delays, events = np.random.default_rng(8).exponential(0.1, (2, 40)), (np.arange(200) < 40).astype(float)
-    alone = interval_difference(*(ratio(own, np.ones(40), scenes=True) for own in delays), same_runs=same_runs)
-    among = interval_difference(
-        *(ratio(np.concatenate([own, np.zeros(160)]), events, scenes=True) for own in delays), same_runs=same_runs
-    )
-    assert bound(among, 0.001, "upper") == pytest.approx(bound(alone, 0.001, "upper"))
-    assert len(among.influence) == (200 if same_runs else 80)
-
-
 def test_a_share_of_events_has_no_more_trials_than_events() -> None:
     # Sixty scenes of two events each, in which every other is missed: no scene differs from another by much.
     events, missed = np.full(60, 2.0), np.array([1.0] * 58 + [0.0, 2.0])

@@ -118,15 +118,6 @@ def test_it_is_shown_by_the_median_of_the_failing_runs_which_is_the_one_that_is_
     assert np.sqrt((recorded**2).mean()) == pytest.approx(example.shown.value, rel=1e-9)
 
 
-def test_its_value_is_that_of_the_cell(countered: Envelope) -> None:
-    found = countered.claim.counter_examples
-    assert found is not None
-    (example,) = found.examples
-    tracker = countered.shown[example.folder].result["kf"]
-    (value,) = countered.claim.cells[example.cell].trackers["kf"].values
-    assert tracker.position_rmse.value == pytest.approx(value.value, rel=1e-12)
-
-
 def test_its_folder_is_a_run_and_its_scenario_repeats_it(countered: Envelope, tmp_path: Path) -> None:
     folder = FinishedEnvelope(countered).save(tmp_path)
     (place,) = (folder / "counter_examples").iterdir()

@@ -1,12 +1,11 @@
 """The border of a map with its band: along a line, and over two axes."""
 
 import math
-from itertools import pairwise
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.claims import claim_of
 
@@ -92,31 +91,10 @@ def test_each_category_has_its_line():
     assert found == {"ideal": pytest.approx(1.8, abs=1e-3), "human": pytest.approx(2.2, abs=1e-3)}
 
 
-@given(
-    st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=12),
-    st.floats(0.0, 0.5),
-    st.lists(st.floats(0.01, 0.99), max_size=6),
-)
-def test_the_border_is_in_its_band_and_no_cell_in_a_band_is_decided(heights, reach, more):
-    shares = np.linspace(0, 1, len(heights))
-    margin = only(
-        LINE, lambda x: math.exp(float(np.interp(x, shares, heights))), reach=reach, more=[(share,) for share in more]
-    )
-    states = margin.states
-    for crossing in margin.crossings:
-        assert crossing.low <= crossing.point <= crossing.high
-        assert {states[value] for value in states if crossing.low < value < crossing.high} <= {"undecided"}
-        assert states[crossing.low] == ("holds" if crossing.holds_below else "fails")
-        assert states[crossing.high] == ("fails" if crossing.holds_below else "holds")
-    decided = list(margin.decided.values())
-    assert len(margin.crossings) == sum(a != b for a, b in pairwise(decided))
-
-
 MAP = {
     "q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 5},
     "r": {"key": "sensors.radar.azimuth_sigma_deg", "from": 0.1, "to": 10.0, "levels": 4, "scale": "log"},
 }
-shares = st.floats(0.0, 1.0)
 
 
 def map_border(value, **more):
@@ -141,35 +119,6 @@ def test_the_border_of_an_exponential_of_a_plane_is_a_straight_line():
     np.testing.assert_allclose(segments.reshape(-1, 2) @ [1.0, 2.0], 1.3, atol=1e-4)
     length = np.linalg.norm(np.diff(segments, axis=1), axis=-1).sum()
     assert length == pytest.approx(math.hypot(1.0, 0.5), abs=1e-4)
-
-
-@settings(max_examples=40)
-@given(
-    st.lists(st.tuples(shares, shares), min_size=3, max_size=12),
-    st.lists(st.floats(-1, 1), min_size=4, max_size=4),
-    st.floats(0, 0.5),
-)
-def test_the_border_separates_what_is_decided_and_lies_in_its_band(more, waves, reach):
-    a, b, c, d = waves
-    found = map_border(lambda x, y: math.exp(a + b * math.cos(5 * x + c) + d * math.sin(7 * y)), reach=reach, more=more)
-    places = np.stack([found.mesh.x, found.mesh.y], axis=-1)
-    segments = segments_of(found)
-    assert set(found.areas) <= {"holds", "fails", "undecided"}
-    for row, area in zip(found.mesh.triangles, found.areas, strict=True):
-        crossed = any(_inside(places[row], piece.mean(axis=0)) for piece in segments)
-        if area in ("holds", "fails"):
-            assert not crossed
-        if found.beyond[row].min() < 0 < found.beyond[row].max():
-            assert crossed
-    for piece in segments:
-        undecided = np.array(found.areas) == "undecided"
-        assert any(_inside(places[row], piece.mean(axis=0)) for row in found.mesh.triangles[undecided])
-
-
-def _inside(corners, place) -> bool:
-    edges = np.column_stack([corners[1] - corners[0], corners[2] - corners[0]])
-    u, v = np.linalg.solve(edges, place - corners[0])
-    return min(u, v, 1 - u - v) > -1e-9 and abs(u) + abs(v) < 3
 
 
 def test_a_cell_that_fails_without_a_value_has_the_border_half_way():

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.subjects.functions.scenes import ego
 
 from trackbench.metrics.ego import Ego
 from trackbench.subjects.functions.path import OnPath, on_path
 from trackbench.subjects.functions.protocol import Objects
 
 RANDOM = np.random.default_rng(5)
-
-
-def ego(speed: float = 15.0, yaw_rate: float = 0.0, yaw: float = 0.0, x: float = 0.0, y: float = 0.0) -> Ego:
-    values = (x, y, yaw, speed * np.cos(yaw), speed * np.sin(yaw), yaw_rate)
-    return Ego(*map(np.asarray, values), length=5.0, width=2.0)
 
 
 def placed(own: Ego, state: np.ndarray, covariance: np.ndarray | None = None) -> OnPath:

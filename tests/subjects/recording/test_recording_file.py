@@ -18,7 +18,6 @@ from scipy import stats
 from tests.support.recordings import shown_views
 
 from trackbench.base.errors import InputError
-from trackbench.document.palette import TRACKER_COLOURS, tracker_colours
 from trackbench.results import Failure, Result
 from trackbench.subjects.recording import writer as recording
 
@@ -31,10 +30,6 @@ def test_rerun_verifies_the_file(file: Path) -> None:
     done = subprocess.run(command, env=os.environ | {"CI": "1"}, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "1 file verified without error" in done.stdout + done.stderr
-
-
-def test_five_vehicles_and_five_trackers_take_less_than_ten_megabytes(file: Path) -> None:
-    assert file.stat().st_size < 10e6
 
 
 def test_the_layout_is_in_the_file(file: Path, result: Result) -> None:
@@ -75,36 +70,6 @@ def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_
     high = stats.chi2.ppf(0.975, 4 * len(rows)) / len(rows)
     (bound,) = (entity for entity in read.entities() if entity.startswith("/series/recorded_run/nees/bounds/nees_high"))
     assert read(bound, "Scalars:scalars")[8.0] == pytest.approx([high])
-
-
-def test_a_tracker_with_bounds_of_its_own_has_them_in_its_colour(short: Result, rewritten: Rewritten) -> None:
-    steps = short.tables.steps.to_pandas()
-    steps.loc[steps["tracker"] == "ekf_cv", "nees_low"] /= 2
-    read = rewritten(steps=pa.Table.from_pandas(steps))
-    place = "/series/all_runs/nees/bounds/nees_low"
-    assert len([entity for entity in read.entities() if entity.startswith(place)]) == 2
-    colour = tracker_colours(list(short))["ekf_cv"]
-    assert read(f"{place}/ekf_cv", "SeriesLines:colors")[None] == [int(colour[1:] + "FF", 16)]
-
-
-def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
-    for name, colour in tracker_colours(list(result)).items():
-        expected = [int(colour[1:] + "FF", 16)]
-        assert {*read(f"/world/tracks/{name}", "Points2D:colors")[8.0]} == {*expected}
-        assert {*read(f"/world/covariances/{name}", "LineStrips2D:colors")[8.0]} == {*expected}
-        assert read(f"/series/all_runs/nees/{name}", "SeriesLines:colors")[None] == expected
-    assert len(set(TRACKER_COLOURS)) == len(TRACKER_COLOURS)
-
-
-def test_a_baseline_has_no_lines_in_the_plots_and_no_bounds_of_its_own(short: Result, rewritten: Rewritten) -> None:
-    trackers = [tracker.model_copy(update={"baseline": tracker.name == "raw"}) for tracker in short.summary.trackers]
-    steps = short.tables.steps.to_pandas()
-    steps.loc[steps["tracker"] == "raw", "nees_low"] /= 2
-    read = rewritten(short.updated(trackers=trackers), steps=pa.Table.from_pandas(steps))
-    assert "/world/tracks/raw" in read.entities()
-    assert not any(entity.startswith("/series") and entity.endswith("/raw") for entity in read.entities())
-    (bound,) = (entity for entity in read.entities() if entity.startswith("/series/all_runs/nees/bounds/nees_low"))
-    assert not bound.endswith("/raw")
 
 
 def test_a_failed_tracker_is_named_with_its_cause(short: Result, rewritten: Rewritten) -> None:

@@ -1,4 +1,4 @@
-"""What the scene of a recording shows and where: vehicles, trails, labels, the legend and the axes of the plots."""
+"""What the scene of a recording shows and where: vehicles, measurements, estimates and their covariances."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from tests.support.results import with_tables
 
 from trackbench.results import Result
 from trackbench.subjects.recording.focus import moment_of
-from trackbench.subjects.recording.scene import NAME_HEIGHT
 from trackbench.subjects.recording.stream import outlines
-from trackbench.subjects.recording.views import wide_window
 
 
 def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
@@ -25,7 +23,7 @@ def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
 
 def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, result: Result) -> None:
     truth = result.tables.truth.to_pylist()
-    for name in ("ego", *result.summary.truth.objects):
+    for name in ("observer", *result.summary.truth.objects):
         rows = [row for row in truth if row["object"] == name]
         boxes = read(f"/world/vehicles/{name}", "Boxes2D:half_sizes")
         assert len(boxes) == 401
@@ -40,8 +38,8 @@ def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, re
 def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: Result) -> None:
     truth = result.tables.truth.to_pylist()
     v1 = next(row for row in truth if row["object"] == "v1" and round(row["time_s"], 9) == 8.0)
-    (origin,) = read("/world/frames/ego", "Transform3D:translation")[8.0]
-    (flat,) = read("/world/frames/ego", "Transform3D:mat3x3")[8.0]
+    (origin,) = read("/world/frames/observer", "Transform3D:translation")[8.0]
+    (flat,) = read("/world/frames/observer", "Transform3D:mat3x3")[8.0]
     to_view = np.linalg.inv(np.array(flat).reshape(3, 3, order="F"))
     seen = to_view @ (np.array([v1["px_m"], v1["py_m"] + 1.0, 0.0]) - origin)
     assert seen[0] > 0, "what is ahead of the observer is on the right"
@@ -57,34 +55,12 @@ def test_measurements_are_where_the_sensor_put_them_and_misses_are_not_drawn(rea
         np.testing.assert_allclose(sorted(drawn[8.0]), sorted(at_8), rtol=1e-6)
 
 
-def drawn(read: Any, result: Result, tracker: str, name: str, time: float) -> int:
-    """Return the place of a vehicle among the estimates of a tracker that are drawn at a time."""
-    rows = [r for r in result.tables.estimates.to_pylist() if (r["tracker"], round(r["time_s"], 9)) == (tracker, time)]
-    (row,) = (row for row in rows if row["object"] == name)
-    away = np.array(read(f"/world/tracks/{tracker}", "Points2D:positions")[time]) - (row["px_m"], row["py_m"])
-    return int(np.argmin(np.hypot(*away.T)))
-
-
 def test_an_ellipse_encloses_95_percent() -> None:
     covariance = np.array([[2.0, 0.9], [0.9, 1.0]])
     (line,) = outlines(np.array([[3.0, -1.0]]), *(np.array([covariance[i]]) for i in ((0, 0), (0, 1), (1, 1))))
     away = np.asarray(line, dtype=float) - (3.0, -1.0)
     np.testing.assert_allclose(np.einsum("ki,ij,kj->k", away, np.linalg.inv(covariance), away), 5.991, rtol=1e-4)
     assert np.ptp(away[:, 0]) == pytest.approx(2 * np.sqrt(5.991 * 2.0), rel=0.02), "it goes all the way round"
-
-
-def test_a_known_covariance_is_drawn_around_its_estimate(read: Any, result: Result) -> None:
-    row = next(
-        row
-        for row in result.tables.estimates.to_pylist()
-        if (row["tracker"], row["object"], round(row["time_s"], 9)) == ("ekf_cv", "v1", 8.0)
-    )
-    place = drawn(read, result, "ekf_cv", "v1", 8.0)
-    assert read("/world/tracks/ekf_cv", "Points2D:positions")[8.0][place] == pytest.approx([row["px_m"], row["py_m"]])
-    line = np.array(read("/world/covariances/ekf_cv", "LineStrips2D:strips")[8.0][place])
-    away = line - (row["px_m"], row["py_m"])
-    inverse = np.linalg.inv([[row["p_00"], row["p_01"]], [row["p_01"], row["p_11"]]])
-    np.testing.assert_allclose(np.einsum("ki,ij,kj->k", away, inverse, away), 5.991, rtol=1e-3)
 
 
 def test_an_estimate_disappears_with_its_vehicle(read: Any) -> None:
@@ -101,33 +77,6 @@ def test_an_estimate_that_is_not_renewed_disappears(short: Result, rewritten: Ca
     assert (len(counts[2.0]), len(counts[2.05])) == (1, 0)
 
 
-def test_a_name_is_above_its_vehicle_whatever_its_heading(short: Result, rewritten: Callable[..., Any]) -> None:
-    rows = short.tables.truth.to_pylist()
-    for row in rows:
-        row["heading_rad"] = np.pi / 2 if row["object"] == "v1" else 0.0
-    read = rewritten(truth=pa.Table.from_pylist(rows))
-    names, places = (read("/world/labels", f"Points2D:{part}")[1.0] for part in ("labels", "positions"))
-    named = dict(zip(names, places, strict=True))
-    middle = {row["object"]: (row["px_m"], row["py_m"]) for row in rows if round(row["time_s"], 9) == 1.0}
-    above = NAME_HEIGHT * wide_window(pa.Table.from_pylist(rows)).metres_per_pixel
-    for name, reach in (("v1", 2.5), ("ego", 1.0)):
-        assert named[name] == pytest.approx((middle[name][0], middle[name][1] + reach + above), abs=1e-4)
-
-
-def test_a_trail_is_the_path_piece_by_piece(read: Any, result: Result) -> None:
-    rows = [row for row in result.tables.estimates.to_pylist() if row["tracker"] == "ekf_cv"]
-    pieces = read("/world/trails/tracks/ekf_cv", "LineStrips2D:strips")
-    now, before = (
-        {row["object"]: (row["px_m"], row["py_m"]) for row in rows if round(row["time_s"], 9) == t} for t in (8.0, 7.95)
-    )
-    expected = sorted([list(before[name]), list(now[name])] for name in now)
-    np.testing.assert_allclose(sorted(pieces[8.0]), expected, rtol=1e-6)
-    true = read("/world/trails/truth", "LineStrips2D:strips")
-    assert len(true[8.0]) == 6
-    assert len(true[12.5]) == 5, "v5 has left at 12 s"
-    assert len(true[5.0]) == 5, "v4 arrives at 5 s, and has no path before"
-
-
 def test_a_recording_opens_at_the_largest_error(result: Result) -> None:
     rows = result.tables.estimates.to_pylist()
     for row in rows:
@@ -137,14 +86,3 @@ def test_a_recording_opens_at_the_largest_error(result: Result) -> None:
     moment = moment_of(apart)
     assert moment.vehicle == "v2"
     assert 8.0 <= moment.time_s <= 9.0
-
-
-def test_the_plots_of_a_vehicle_are_of_it_alone(read: Any, result: Result) -> None:
-    rows = result.tables.estimates.to_pylist()
-    row = next(r for r in rows if (r["tracker"], r["object"], round(r["time_s"], 9)) == ("ekf_cv", "v2", 8.0))
-    for name, column in (
-        ("position_error", "position_error_m"),
-        ("velocity_error", "velocity_error_mps"),
-        ("nees", "nees"),
-    ):
-        assert np.isclose(read(f"/series/vehicles/v2/{name}/ekf_cv", "Scalars:scalars")[8.0], row[column])

@@ -1,4 +1,4 @@
-"""Boxes as tracks of themselves are right at every instant: of every format, with noise, at whatever times."""
+"""Boxes as tracks of themselves are right at every instant: with noise, at whatever times."""
 
 from __future__ import annotations
 
@@ -9,37 +9,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
-from tests.support.traffic_files import OPTIONS, WRITERS
 
 import trackbench as tb
 
 
-def against_itself(file: Path, form: str, folder: Path) -> tb.Result:
-    """The result of a file of boxes that is taken for tracks too."""
-    entry = {"path": str(file.relative_to(folder)), "format": form, **OPTIONS.get(form, {})}
-    scenario = {
-        "name": "itself",
-        "truth": {"source": "recorded-boxes", **entry},
-        "sensing": {"identities": "hidden"},
-        "trackers": {"itself": {"use": "tracks", **entry}},
-        "monte_carlo": {"runs": 1},
-    }
-    (folder / "itself.yaml").write_text(yaml.safe_dump(scenario))
-    return tb.run(tb.load(folder / "itself.yaml"))
-
-
-def perfect(result: tb.Result, name: str = "itself") -> None:
+def perfect(result: tb.Result, name: str) -> None:
     metrics = result[name].metrics
     found = {path: metrics[path].value for path in ("tgospa", "gospa", "hota", "mota", "matched_share")}
     assert found == pytest.approx({"tgospa": 0, "gospa": 0, "hota": 1, "mota": 1, "matched_share": 1}, abs=1e-6)
-
-
-@pytest.mark.parametrize("form", sorted(WRITERS))
-def test_a_file_of_each_format(form: str, tmp_path: Path) -> None:
-    if form in ("mcap", "ros"):
-        pytest.importorskip({"mcap": "mcap", "ros": "rosbags"}[form])
-    perfect(against_itself(WRITERS[form](tmp_path), form, tmp_path))
 
 
 def boxes(times: np.ndarray, cars: int = 3) -> pd.DataFrame:

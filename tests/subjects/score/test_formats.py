@@ -12,66 +12,29 @@ import pandas as pd
 import pytest
 import yaml
 from tests.support.ros_bags import Body, Messages, write_bag
+from tests.support.traffic_files import OPTIONS, WRITERS
 
 import trackbench as tb
 
 Cli = Callable[..., Any]
+FORMATS = ("csv", "parquet", "kitti", "motchallenge", "commonroad")
 ENDINGS = (".csv", ".parquet", ".txt", ".mcap", "")
 TIMES = [k / 10 for k in range(30)]
-OPTIONS = {"motchallenge": {"rate_hz": 10}}
-
-
-def _csv(file: Path) -> None:
-    rows().to_csv(file, index=False)
-
-
-def _parquet(file: Path) -> None:
-    rows().to_parquet(file)
-
-
-def _kitti(file: Path) -> None:
-    file.write_text("".join(f"{k} 1 Car 0 0 0 1 2 3 4 1.5 1.8 4.5 0 1.5 {k} 0\n" for k in range(30)))
-
-
-def _motchallenge(file: Path) -> None:
-    file.write_text("".join(f"{k + 1},1,-1,-1,-1,-1,1,{k},0,0\n" for k in range(30)))
-
-
-def _commonroad(file: Path) -> None:
-    def state(tag: str, k: int) -> str:
-        where = f"<position><point><x>{k}</x><y>0</y></point></position>"
-        return f"<{tag}>{where}<time><exact>{k}</exact></time></{tag}>"
-
-    states = state("initialState", 0) + f"<trajectory>{''.join(state('state', k) for k in range(1, 30))}</trajectory>"
-    body = f'<dynamicObstacle id="1">{states}</dynamicObstacle>'
-    file.write_text(f'<commonRoad commonRoadVersion="2020a" timeStepSize="0.1">{body}</commonRoad>')
-
-
-WRITERS = {
-    "csv": _csv,
-    "parquet": _parquet,
-    "kitti": _kitti,
-    "motchallenge": _motchallenge,
-    "commonroad": _commonroad,
-}
-
-
-def rows() -> pd.DataFrame:
-    return pd.DataFrame({"time": TIMES, "id": 1, "x": range(30), "y": 0})
 
 
 @pytest.fixture
 def boxes(tmp_path: Path) -> Path:
     file = tmp_path / "boxes.csv"
-    _csv(file)
+    pd.DataFrame({"time": TIMES, "id": 1, "x": range(30), "y": 0}).to_csv(file, index=False)
     return file
 
 
-@pytest.mark.parametrize("form", WRITERS)
-def test_a_stated_format_wins_over_the_ending(form: str, tmp_path: Path, boxes: Path) -> None:
-    files = [tmp_path / f"tracks{ending or '_none'}" for ending in ENDINGS]
-    for file in files:
-        WRITERS[form](file)
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_stated_format_wins_over_the_ending(form: str, tmp_path: Path) -> None:
+    boxes = WRITERS["csv"](tmp_path)
+    (tmp_path / "written").mkdir()
+    written = WRITERS[form](tmp_path / "written")
+    files = [Path(shutil.copy(written, tmp_path / f"tracks{ending or '_none'}")) for ending in ENDINGS]
     rate = OPTIONS.get(form, {}).get("rate_hz")
     result = tb.score(files, boxes, format=form, truth_format="csv", rate_hz=rate)
     values = [tracker.metrics["gospa"].value for tracker in result.summary.trackers]
@@ -80,7 +43,7 @@ def test_a_stated_format_wins_over_the_ending(form: str, tmp_path: Path, boxes: 
     for file in files[-1:]:
         theirs = {"use": "tracks", "path": file.name, "format": form, **OPTIONS.get(form, {})}
         again = tb.score(boxes, file, format="auto", truth_format=form, rate_hz=rate)
-        assert again["boxes"].metrics["gospa"].value == pytest.approx(0, abs=1e-9)
+        assert again["cars"].metrics["gospa"].value == pytest.approx(0, abs=1e-9)
         scenario = {
             "name": "stated",
             "truth": {"source": "recorded-boxes", "path": file.name, "format": form, **OPTIONS.get(form, {})},

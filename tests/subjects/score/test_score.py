@@ -56,12 +56,6 @@ def test_a_command_without_a_scenario(files: Path, cli: Callable[..., Any]) -> N
     assert json.loads(again.out)["ranking"] == ["old", "new"]
 
 
-def test_tracks_of_exported_scans_are_scored_without_the_scans(files: Path, cli: Callable[..., Any]) -> None:
-    rows = pd.read_csv(files / "old.csv").assign(fingerprint="a8df5241f30e9165")
-    rows.to_csv(files / "made.csv", index=False)
-    assert cli("score", "made.csv", "--truth", "boxes.csv", "--no-recording").status == 0
-
-
 def test_files_that_call_a_column_differently(files: Path, cli: Callable[..., Any]) -> None:
     old = pd.read_csv(files / "old.csv").rename(columns={"pos_x": "fx"})
     old.to_csv(files / "other.csv", index=False)

@@ -66,25 +66,18 @@ def test_what_belongs_to_the_transport_needs_no_answer(frame, client):
 
 BAD = {
     "no JSON": ("42", "an event is"),
-    "half": (telemetry(LINE)[:-5], "an event is"),
     "deep": ("42" + "[" * 60000, "an event is"),
-    "long number": ("42[" + "9" * 5000 + "]", "an event is"),
     "no name": ("42[]", "an event is"),
     "another event": ('42["steer",{"angle":1}]', "an event is"),
     "a list of data": ('42["telemetry",[1]]', "an event is"),
     "a number as line": ('42["telemetry",{"sensor_measurement":1}]', "an event is"),
     "an empty line": (telemetry(""), "begins with L"),
-    "an unknown letter": (telemetry("X" + LINE[1:]), "begins with L"),
     "NaN": (telemetry(LINE.replace("3.122427e-01", "nan")), "px is not a finite number"),
-    "infinity": (telemetry(LINE.replace("6e-01", "1e999")), "true px is not a finite number"),
     "a missing column": (
         telemetry("\t".join(LINE.split("\t")[:-1])),
         "6 columns after its letter",
     ),
-    "no truth": (telemetry("\t".join(LINE.split("\t")[:4])), "3 columns after its letter"),
-    "too many columns": (telemetry(LINE + "\t1\t2\t3"), "10 columns after its letter"),
     "a time stamp with decimals": (telemetry(LINE.replace("1477010443000000", "0.05")), "whole number"),
-    "a time stamp beyond any": (telemetry(LINE.replace("1477010443000000", "9" * 400)), "whole number"),
 }
 
 

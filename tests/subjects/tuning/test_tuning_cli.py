@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import sqlite3
-import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -119,8 +116,6 @@ def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> No
     ("arguments", "message"),
     [
         (("--trackers", "ekv"), "did you mean 'ekf'"),
-        (("--trackers", "raw"), "raw has no options: there is nothing to tune"),
-        (("--trackers", "kf", "--range", "jerk_sigma_mps3=1:2"), "motion cv does not use this"),
         (("--trackers", "kf", "--objective", "tgospa"), "no objective 'tgospa' in own"),
         (("--trackers", "kf", "--objective", "position_rms"), "did you mean 'position_rmse'"),
         (("--trackers", "kf", "--train-scenes", "3"), "own has one scene"),
@@ -155,31 +150,6 @@ def test_without_optuna_one_line_names_the_extra(cli: Cli, monkeypatch: pytest.M
     done = cli("tune", "own.yaml", "--trackers", "kf")
     assert done.status == 2
     assert done.err.strip() == "tuning needs Optuna: pip install 'trackbench[tune]'"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_what_is_interrupted_goes_on(cli: Cli, tmp_path: Path, trackbench: str, number: signal.Signals) -> None:
-    tune = ["tune", "own.yaml", "--trackers", "kf", "--train-runs", "300", "--trials", "150", "--json"]
-    whole = json.loads(cli(*tune).out)["trackers"][0]
-    kept = tmp_path / "study.db"
-    process = subprocess.Popen(
-        [trackbench, *tune, "--storage", kept], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    limit = time.monotonic() + 60
-    while trials(kept) < 10:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < limit
-        time.sleep(0.02)
-    process.send_signal(number)
-    _, said = process.communicate(timeout=30)
-    assert process.returncode == (130 if number == signal.SIGINT else -number)
-    if number == signal.SIGINT:
-        assert "the trials so far are kept" in said
-    assert 10 <= trials(kept) < 150
-    again = json.loads(cli(*tune, "--storage", kept).out)["trackers"][0]
-    assert again["trials"] == whole["trials"]
-    assert again["tuned"] == whole["tuned"]
 
 
 def trials(file: Path) -> int:

@@ -11,9 +11,7 @@ from tests.subjects.tuning.test_tuning import TEXT
 
 import trackbench as tb
 from trackbench.api.scenario import load
-from trackbench.document.drawing import matplotlib_figure
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.files import tuned_scenario_text
 from trackbench.subjects.tuning.report import tuning_headline
 from trackbench.subjects.tuning.tables import held_out_table
@@ -51,14 +49,6 @@ def test_a_headline_says_what_is_shown_and_the_table_on_what(tuning: Tuning, ver
     found = replace(tuning, start={}, held_out=replace(tuning.held_out, comparisons=(one,)))
     assert tuning_headline(found)[0].split(": ", 1)[1] == text
     assert held_out_table(found).caption == "On other noise of the same motion"
-
-
-def test_the_figure_has_how_much_worse_each_trial_is(tuning: Tuning) -> None:
-    (axes,) = matplotlib_figure(trials_figure(tuning, tuning.parameters[0])).axes
-    x, y = axes.lines[0].get_data()
-    assert list(x) == [trial.values["acceleration_sigma_mps2"] for trial in tuning.trials]
-    assert list(y) == [trial.loss - tuning.best.loss for trial in tuning.trials]
-    assert min(y) == 0.0 < max(y) < axes.get_ylim()[1]
 
 
 FOUND = {"a": {"acceleration_sigma_mps2": 1.25}}
