@@ -16,10 +16,10 @@ BAD_USAGE = [
     # Click's words are others in each version.
     (["run", "tiny.yaml", "--worker", "2"], "--workers"),
     (["run"], "Missing argument"),
-    (["run", "tiny.yaml", "--runs", "0"], "0 is not a whole number from 1 on"),
-    (["run", "tiny.yaml", "--runs", "many"], "'many' is not a whole number from 1 on"),
-    (["run", "tiny.yaml", "--scenes", "0"], "0 is not a whole number from 1 to 1000"),
-    (["run", "tiny.yaml", "--run", "2"], "No such option '--run'. Did you mean '--runs'?"),
+    (["run", "tiny.yaml", "--runs", "0"], "0 is not in the range x>=1"),
+    (["run", "tiny.yaml", "--runs", "many"], "'many' is not a valid integer"),
+    (["run", "tiny.yaml", "--scenes", "0"], "0 is not in the range 1<=x<=1000"),
+    (["run", "tiny.yaml", "--run", "2"], "'--runs'"),
     (["report", "exm"], "exm: there is no such folder; did you mean 'exam'?"),
     (["inspect", "exa"], "exa: no such recording; did you mean 'exam'?"),
     (["tune", "tiny.yaml"], "--trackers: name those to tune; choose from: ekf, raw"),
@@ -54,7 +54,7 @@ BAD_INPUT = [
     (["tiny.yaml", "--seed", "99999999999"], "monte_carlo.seed: "),
     (["tiny.yaml", "--set", "sensors.front.rate_hz=5"], "sensors.front: there is no 'front' in sensors; choose from:"),
     (["tiny.yaml", "--set", "sensors.rader.rate_hz=5"], "there is no 'rader' in sensors; did you mean 'radar'?"),
-    (["tiny.yaml", "--set", "trackers.cv.motion=ca"], "there is no 'cv' in trackers; did you mean 'ekf'?"),
+    (["tiny.yaml", "--set", "trackers.cv.motion=ca"], "there is no 'cv' in trackers; choose from: ekf, raw"),
     (["tiny.yaml", "--set", "monte_carlo.run=5"], "monte_carlo.run: unknown key; did you mean 'runs'?"),
     (["taken.yaml"], "results/taken: there already, and not the folder of a run: not replaced"),
 ]

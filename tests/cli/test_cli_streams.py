@@ -74,8 +74,8 @@ def test_files_opened_later_are_not_taken_for_a_closed_stream(shell: Shell, tiny
     "variables", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
 )
 def test_an_output_without_the_characters(shell: Shell, variables: dict[str, str]) -> None:
-    line = one_line(shell("tb list filters", **variables), 2)
-    assert line.endswith("which lacks characters of the tables; set PYTHONIOENCODING=utf-8")
+    line = one_line(shell("tb list sensors", **variables), 4)
+    assert line.endswith("; set PYTHONIOENCODING=utf-8")
 
 
 def test_a_name_that_the_output_lacks(shell: Shell, tmp_path: Path, tiny_text: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from trackbench.driving.isolation import ISOLATED
 from trackbench.driving.program import ProgramTracker
 from trackbench.driving.start import fresh
-from trackbench.testing.tracker import drive
+from trackbench.testing.drives import drive
 from trackbench.trackers.config import PluginConfig
 
 COUNTS = """\

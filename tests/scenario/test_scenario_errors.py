@@ -225,10 +225,7 @@ BAD = [
     (
         "type: lidar, rate_hz: 10, position_sigma_m: 0.15",
         "type: radar, preset: bosch_lrr3",
-        [
-            "19: sensors.roof.rate_hz: 12.5 Hz does not divide truth.rate_hz, which is 20; use 10 or 20 "
-            "(the rate is that of preset bosch_lrr3)"
-        ],
+        ["19: sensors.roof.rate_hz: 12.5 Hz does not divide truth.rate_hz, which is 20; use 10 or 20"],
     ),
     (
         "rate_hz: 10",
@@ -240,7 +237,11 @@ BAD = [
         "rate_hz: 10, phase_s: 0.04",
         ["19: sensors.roof.phase_s: must be a multiple of the truth step, which is 0.05 s; use 0.05"],
     ),
-    ("settle_s: 2", "settle_s: 20", ["25: score.settle_s: must be shorter than truth.duration_s, which is 20"]),
+    (
+        "settle_s: 2",
+        "settle_s: 20",
+        ["25: score.settle_s: is 20 and must be shorter than truth.duration_s, which is 20"],
+    ),
     ("run: 0", "run: 100", ["28: recording.run: must be from 0 to 99, of 100 runs"]),
     # Expectations.
     ("tracker: ekf", "tracker: efk", ["27: expect.0.tracker: the scenario has no tracker 'efk'; did you mean 'ekf'?"]),
@@ -327,9 +328,7 @@ def test_a_scene_shorter_than_the_settling_time_that_it_does_not_state(tmp_path:
     text = GOOD.replace("duration_s: 20", "duration_s: 1").replace("score: {settle_s: 2}\n", "")
     path.write_text(text.replace("    dropouts: [{from_s: 5, to_s: 6}]\n", ""), encoding="utf-8")
     (message,) = messages(path)
-    assert message.endswith(
-        "score.settle_s: is 1 where it is not stated, and must be shorter than truth.duration_s, which is 1"
-    )
+    assert message.endswith("score.settle_s: is 1 and must be shorter than truth.duration_s, which is 1")
 
 
 def test_the_good_scenario_is_good(tmp_path: Path) -> None:

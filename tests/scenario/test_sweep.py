@@ -122,13 +122,21 @@ def test_expectations_and_overrides_name_the_points(tmp_path):
             "filter.x: [1]",
             "11: trackers.ukf.sweep.filter.x.0: it is 'ukf', which has",
         ),
-        ("acceleration_sigma_mps2: [0.8, 2]", "sweep: [1]", "11: trackers.ukf.sweep.sweep: 'sweep' is not an option"),
+        (
+            "acceleration_sigma_mps2: [0.8, 2]",
+            "sweep: [1]",
+            "11: trackers.ukf.sweep.sweep.0: 'sweep' is not an option",
+        ),
         (
             "[0.8, 2]",
             f"[{', '.join(map(str, range(6000)))}]",
-            "10: trackers.ukf.sweep: 12000 points are too many; at most 10000",
+            "10: trackers.ukf.sweep: more than 10000 points",
         ),
-        ("[0.8, 2]", f"['{'x' * 70}']", "11: trackers.ukf.sweep.acceleration_sigma_mps2.0: the name 'ukf_xxx"),
+        (
+            "[0.8, 2]",
+            f"['{'x' * 70}']",
+            "7: trackers.ukf: a name starts with a letter and has only letters, digits, _ and -, at most 64",
+        ),
     ],
 )
 def test_a_mistake_is_shown_where_it_was_written(tmp_path, old, new, expected):

@@ -47,12 +47,8 @@ class ReportableComparison(comparison.Comparison):
         )
 
     def __repr__(self) -> str:
-        scenarios, differences = (
-            sum(len(items) for items in each)
-            for each in zip(*((group.scenarios, group.differences) for group in self.groups), strict=True)
-        )
-        content = f"{counted(scenarios, 'scenario')}, {counted(differences, 'difference')}"
-        return f"<comparison of {' and '.join(self.sets)}: {content}>"
+        scenarios = sum(len(group.scenarios) for group in self.groups)
+        return f"<comparison of {' and '.join(self.sets)}: {counted(scenarios, 'scenario')}>"
 
     def __str__(self) -> str:
         return str(self.report())

@@ -15,6 +15,7 @@ from typing import Any
 from trackbench.base.plugins import searched
 from trackbench.results.summary import Provenance
 from trackbench.scenario import Scenario
+from trackbench.scenario.load import texts_of
 from trackbench.scenario.shipped import is_shipped
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.published import TRACKERS
@@ -96,14 +97,8 @@ def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
 
 
 def _references(stated: Any) -> Iterator[str]:
-    """Those in the texts of a tracker's entry that name something of a module that is not part of trackbench."""
-    waiting = [stated]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, dict | list):
-            waiting += node.values() if isinstance(node, dict) else node
-        elif isinstance(node, str) and _REFERENCE.fullmatch(node) and not node.startswith("trackbench."):
-            yield node
+    """Yield the texts of a tracker's entry that name something of a module that is not part of trackbench."""
+    return (text for text in texts_of(stated) if _REFERENCE.fullmatch(text) and not text.startswith("trackbench."))
 
 
 def _sha256(sources: Mapping[str, bytes]) -> str | None:

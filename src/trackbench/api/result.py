@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import Any, Self
@@ -24,18 +23,16 @@ class ReportableResult(results.Result):
         """The same result, as one that shows itself."""
         return cls(result.summary, result.tables)
 
-    def __getstate__(self) -> dict[str, Any]:
-        # The report is made again when it is asked for.
-        return {name: value for name, value in vars(self).items() if name != "_report"}
-
     def report(self) -> Report:
-        """The report of the run, as ``trackbench run`` writes it."""
-        return self._report
+        """Return the report of the run, as ``trackbench run`` writes it."""
+        from trackbench.report.result import result_document
+
+        return Report(result_document(self))
 
     @property
     def figures(self) -> tuple[str, ...]:
         """The names of the report's figures."""
-        return tuple(figure.name for figure in self._report.document.figures)
+        return tuple(figure.name for figure in self.report().document.figures)
 
     def figure(self, name: str) -> ReportFigure:
         """A figure of the report.
@@ -43,16 +40,10 @@ class ReportableResult(results.Result):
         Raises:
             InputError: there is none of this name.
         """
-        for figure in self._report.document.figures:
-            if figure.name == name:
-                return ReportFigure(figure)
-        raise InputError(f"no figure {name!r} in this report; {nearest_choices(name, self.figures)}")
-
-    @cached_property
-    def _report(self) -> Report:
-        from trackbench.report.result import result_document
-
-        return Report(result_document(self))
+        figures = {figure.name: figure for figure in self.report().document.figures}
+        if name not in figures:
+            raise InputError(f"no figure {name!r} in this report; {nearest_choices(name, figures)}")
+        return ReportFigure(figures[name])
 
     def _repr_html_(self) -> str:
         import pandas

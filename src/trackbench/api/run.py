@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, overload
+from typing import Any, overload
 
 from trackbench import results
 from trackbench.api.plan import Counter, Listener, Prepared, RunPlan, command_of, place_prefix
 from trackbench.api.prepare import prepare
 from trackbench.api.result import ReportableResult
-from trackbench.api.save import pages, save
+from trackbench.api.save import with_artifacts
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Executor
@@ -114,13 +114,12 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
     # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
     one_by_one = (plan.workers == 1 and plan.cluster is None) or listener.observes
     ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or os.cpu_count() or 1
-    alone = len(prepared) == 1
 
     def start(item: Prepared) -> Callable[..., Result]:
-        options = {"observed": listener.observes, "alone": alone}
+        options = {"observed": listener.observes, "alone": len(prepared) == 1}
         return PendingRun(item.scenario, item.truths, executor, plan.isolation, plan.engine, **options).collect
 
-    waiting, begun, unsaved = deque(prepared), deque[Callable[..., Result]](), deque[_Computed]()
+    waiting, begun = deque(prepared), deque[Callable[..., Result]]()
     finished: list[Result] = []
     for number, item in enumerate(prepared, 1):
         while waiting and len(begun) <= ahead:
@@ -131,36 +130,17 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
             result = begun.popleft()(command=command, progress=advance, on_recorded_run=observe)
             result = result.updated(provenance=item.provenance)
             advance(result.summary.runs, result.summary.runs)
-        made = None
+        folder = None
         if plan.out is not None:
-            made = (Executor() if alone else executor).map(pages, [(result,)])
-        unsaved.append(_Computed(place, result, made))
-        while len(unsaved) > ahead:
-            finished.append(_saved(unsaved.popleft(), plan, listener))
-    finished += [_saved(computed, plan, listener) for computed in unsaved]
+            folder = plan.out / result.summary.scenario.name
+            with listener.progress(f"{place}writing {folder.name}", "files"):
+                result, artifacts = with_artifacts(result, plan.left_out)
+                result.save(folder, artifacts)
+        finished.append(result)
+        listener.end(result, folder)
     if plan.out is not None:
         _compare(finished, plan.out, listener)
     return finished
-
-
-class _Computed(NamedTuple):
-    """A result, and the pages of its folder, which are being made."""
-
-    place: str
-    result: Result
-    pages: Iterator[dict[str, str]] | None
-
-
-def _saved(computed: _Computed, plan: RunPlan, listener: Listener) -> Result:
-    place, result, made = computed
-    folder = None
-    if plan.out is not None and made is not None:
-        name = result.summary.scenario.name
-        folder = plan.out / name
-        with listener.progress(f"{place}writing {name}", "files"):
-            result = save(result, folder, next(made), plan.left_out)
-    listener.end(result, folder)
-    return result
 
 
 def _compare(finished: Sequence[Result], out: Path, listener: Listener) -> None:

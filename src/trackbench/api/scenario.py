@@ -76,30 +76,19 @@ def load_several(
         The scenarios, each in every world that is named, or that it states; and a sentence on those that an option
         does not change, and on each world in which one cannot be.
     """
-    named, options = [*scenarios], {"runs": runs, "scenes": scenes}
-    changes: list[dict[str, int]] = [{option: n for option, n in options.items() if n is not None} for _ in named]
-    plain = [load(item, set).config for item in named] if scenes or (len(named) > 1 and any(changes)) else []
-    notes = []
-    for option, word, fixed in (
-        ("runs", "run", [same_every_run(config) for config in plain]),
-        ("scenes", "scene", ["seeds" not in type(config.truth).model_fields for config in plain]),
-    ):
-        if options[option] is None or not any(fixed):
-            continue
-        if not all(fixed):
-            for change, same in zip(changes, fixed, strict=True):
-                if same:
-                    del change[option]
-            names = ", ".join(config.name for config, same in zip(plain, fixed, strict=True) if same)
-            notes.append(f"one {word}, whatever --{option} says: {names}")
-        elif option == "scenes":
-            message = "a recording has one scene for each of truth.observer.vehicle, or of the files of truth.path"
-            raise InputError(f"{message}; a script has one", key="--scenes")
-    loaded = [
-        load(item, set, seed=seed, trackers=trackers, **change) for item, change in zip(named, changes, strict=True)
-    ]
-    several = [in_worlds(item, worlds) for item in loaded]
-    return [item for scenarios, _ in several for item in scenarios], [*notes, *(n for _, own in several for n in own)]
+    named, notes, loaded = [*scenarios], list[str](), list[Scenario]()
+    for item in named:
+        change = {option: n for option, n in (("runs", runs), ("scenes", scenes)) if n is not None}
+        if len(named) > 1 and change:
+            config = load(item, set).config
+            fixed = {"runs": same_every_run(config), "scenes": "seeds" not in type(config.truth).model_fields}
+            for option in [option for option in change if fixed[option]]:
+                notes.append(f"one {option[:-1]}, whatever --{option} says: {config.name}")
+                del change[option]
+        several, own = in_worlds(load(item, set, seed=seed, trackers=trackers, **change), worlds)
+        loaded += several
+        notes += own
+    return loaded, notes
 
 
 def worlds(scenario: Scenario | Named, names: Iterable[str] = ()) -> list[Scenario]:

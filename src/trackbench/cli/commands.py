@@ -19,10 +19,8 @@ from trackbench.base.errors import (
     InputError,
     OutputError,
     TrackbenchError,
-    did_you_mean,
     printable,
     shortened_text,
-    similar_names,
 )
 from trackbench.base.exit_status import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.plugins import with_plugins
@@ -34,25 +32,14 @@ from trackbench.cli.parent import UNFINISHED
 log = logging.getLogger(__name__)
 
 
-#: Characters of the tables.
-_PRINTED = "±²µ°é"
-
-
 def _require_stdout() -> None:
     """Make sure, before any work, that its result can be printed.
 
     Raises:
         OutputError: standard output is closed.
-        InputError: it has an encoding that lacks characters of a table.
     """
-    output = answer()
-    if output is None:
+    if answer() is None:
         raise OutputError("standard output is closed; to print nothing, send it to /dev/null")
-    try:
-        _PRINTED.encode(output.encoding or "utf-8")
-    except UnicodeEncodeError:
-        problem = f"standard output is written as {output.encoding}, which lacks characters of the tables"
-        raise InputError(f"{problem}; set PYTHONIOENCODING=utf-8") from None
 
 
 def _failed(text: str, status: int) -> int:
@@ -112,38 +99,22 @@ class Commands(click.Group):
                 raise
             raise click.exceptions.Exit(_plugin_failed(error)) from None
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
-            hint = did_you_mean(similar_names(args[0], COMMANDS, 0.6))
-            raise click.UsageError(f"No such command {args[0]!r}. {hint[:1].upper()}{hint[1:]}".rstrip(), ctx)
-        return super().resolve_command(ctx, args)
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(COMMANDS)
-
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = resolve(COMMANDS[cmd_name].target)
         return command
 
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        # The usage has them: with all commands the help still fits a screen.
-        self.format_commands(ctx, formatter)
-
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        # Without the empty line of a section, so that all of it fits a screen of 24 lines.
-        formatter.write_heading("Commands")
-        with formatter.indentation():
+        # The summary of a command is known without importing it.
+        with formatter.section("Commands"):
             formatter.write_dl([(name, COMMANDS[name].summary) for name in self.list_commands(ctx)])
 
 
 @click.group(
     cls=Commands,
+    commands=dict.fromkeys(COMMANDS),
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    options_metavar="[--version] [--help]",
 )
 @click.version_option(package_name="trackbench", prog_name="trackbench")
 def cli() -> None:
@@ -167,14 +138,11 @@ def run_command_line() -> int:
         status = UNREAD
     except OSError as error:
         where = "standard output" if error.filename is None else shortened_text(str(error.filename))
-        if error.errno == errno.EMFILE:
-            status = _failed(f"trackbench: too many open files; raise the limit (ulimit -n){_and_plugins()}", BAD_INPUT)
-        elif error.errno == errno.ENAMETOOLONG:
+        if error.errno == errno.ENAMETOOLONG:
             status = _failed(f"{where}: the name is too long for the file system", BAD_INPUT)
         else:
-            status = _failed(
-                f"trackbench: cannot write {where}: {error.strerror or error}{_and_plugins()}", CANNOT_WRITE
-            )
+            problem = f"cannot write {where}: {error.strerror or error}{_and_plugins()}"
+            status = _failed(f"trackbench: {problem}", CANNOT_WRITE)
     except KeyboardInterrupt as error:
         status = _interrupted(error)
     _abandon_streams()
@@ -194,10 +162,6 @@ def _run() -> int:
     except click.exceptions.Exit as stop:
         status = stop.exit_code
     except click.ClickException as error:
-        if isinstance(error, click.NoSuchOption) and error.ctx is not None:
-            names = {name.lstrip("-"): name for option in error.ctx.command.params for name in option.opts}
-            near = similar_names(error.option_name.lstrip("-"), names, 0.6)
-            error = click.NoSuchOption(error.option_name, possibilities=[names[name] for name in near], ctx=error.ctx)
         shown = io.StringIO()
         error.show(shown)
         return _failed(shown.getvalue().rstrip(), BAD_INPUT)

@@ -36,7 +36,7 @@ a traceback.
 `--quiet` leaves the outcome and what failed. `--verbose` says on stderr what is done: what came from the cache, how
 long each part took, what was written.
 
-The shell completes commands, options and scenario files after one of these lines:
+The shell completes commands, options and files after one of these lines:
 
 ```sh
 eval "$(_TRACKBENCH_COMPLETE=bash_source trackbench)"    # in ~/.bashrc

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import functools
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
-from click.shell_completion import CompletionItem
 
 from trackbench.base.errors import did_you_mean, shortened_text, similar_names
 from trackbench.base.execution import MOST_WORKERS
@@ -84,23 +82,8 @@ class NearestChoice(click.Choice[str]):
         return f"{super().get_invalid_choice_message(value, ctx)} {hint[:1].upper()}{hint[1:]}".rstrip()
 
 
-class Whole(click.IntRange):
-    """A whole number from the least to the largest, in the digits 0 to 9."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number, without underscores and digits of other scripts."""
-        if isinstance(value, str) and not re.fullmatch(r"[+-]?[0-9]{1,4000}", value.strip()):
-            self.fail(f"{shortened_text(value, 40)!r} is not ", param, ctx)
-        return super().convert(value, param, ctx)
-
-    def fail(self, message: str, param: click.Parameter | None = None, ctx: click.Context | None = None) -> NoReturn:
-        """Say which numbers are possible."""
-        most = "on" if self.max is None else f"to {self.max}"
-        super().fail(f"{message.partition(' is not ')[0]} is not a whole number from {self.min} {most}", param, ctx)
-
-
 #: Type of each ``--workers``.
-WORKERS = Whole(1, MOST_WORKERS)
+WORKERS = click.IntRange(1, MOST_WORKERS)
 
 
 class Finite(click.FloatRange):
@@ -167,15 +150,6 @@ def artifact_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
-def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """The scenarios by name, and the files of the working directory; any file where none begins like this."""
-    from trackbench.scenario.shipped import PATTERN, at_hand
-
-    names = [*at_hand(), *sorted(map(str, Path().glob(PATTERN)))]
-    begun = [CompletionItem(name) for name in names if name.startswith(incomplete)]
-    return begun or [CompletionItem(incomplete, type="file")]
-
-
 #: The scenarios of a command that takes several.
 scenarios_argument = click.argument(
     "scenarios",
@@ -183,7 +157,6 @@ scenarios_argument = click.argument(
     required=True,
     type=click.Path(path_type=Path),
     metavar="SCENARIO...",
-    shell_complete=scenario_paths,
 )
 
 
@@ -201,10 +174,8 @@ class RunOptions(NamedTuple):
 
     add: Callable[[Callable[..., Any]], Callable[..., Any]]
     """Decorates the command with Click options."""
-    check: Callable[[Sequence[Scenario], OptionValues], None]
-    """Raises an InputError for scenarios that the options do not fit."""
-    follow: Callable[[OptionValues], AbstractContextManager[Listener | None]]
-    """What follows the run, None without such an option; an InputError where the options contradict each other."""
+    follow: Callable[[Sequence[Scenario], OptionValues], AbstractContextManager[Listener | None]]
+    """What follows the run, None without such an option; an InputError where the options do not fit the scenarios."""
 
 
 def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -214,25 +185,15 @@ def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def check_run_options(scenarios: Sequence[Scenario], values: OptionValues) -> None:
-    """Make sure that the options of all subjects fit the scenarios.
-
-    Raises:
-        InputError: they do not.
-    """
-    for options in _registered():
-        options.check(scenarios, values)
-
-
 @contextmanager
-def followers(values: OptionValues) -> Iterator[list[Listener]]:
-    """What follows the run.
+def followers(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[list[Listener]]:
+    """Yield what follows the run.
 
     Raises:
-        InputError: options contradict each other.
+        InputError: options contradict each other, or do not fit the scenarios.
     """
     with ExitStack() as stack:
-        every = [stack.enter_context(options.follow(values)) for options in _registered()]
+        every = [stack.enter_context(options.follow(scenarios, values)) for options in _registered()]
         yield [listener for listener in every if listener is not None]
 
 

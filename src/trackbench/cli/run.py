@@ -22,9 +22,7 @@ from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
     WORKERS,
-    Whole,
     artifact_options,
-    check_run_options,
     engine_option,
     followers,
     isolation_options,
@@ -61,9 +59,9 @@ beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 
 @click.command("run", help=_HELP)
 @scenarios_argument
-@click.option("--runs", type=Whole(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
-@click.option("--seed", type=Whole(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
-@click.option("--scenes", type=Whole(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
+@click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
+@click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
+@click.option("--scenes", type=click.IntRange(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option(
     "--worlds",
@@ -112,21 +110,18 @@ def run_command(
     if worlds is not None and not in_worlds:
         raise InputError(f"name at least one of {', '.join(WORLDS)}", key="--worlds")
     loaded, unchanged = load_several(files, settings, worlds=in_worlds, **options)
-    check_run_options(loaded, of_subjects)
     output = RunOutput(as_json, quiet)
     for note in unchanged:
         output.note(note)
-    with executor(workers, cluster) as chosen:
-        prepared = prepare(loaded, plan, chosen, output)
-        with followers(of_subjects) as output.followers:
-            finished = run_prepared(prepared, plan, chosen, output)
-            if junit is not None:
-                from trackbench.report.junit import suite_of_run
+    with executor(workers, cluster) as chosen, followers(loaded, of_subjects) as output.followers:
+        finished = run_prepared(prepare(loaded, plan, chosen, output), plan, chosen, output)
+        if junit is not None:
+            from trackbench.report.junit import suite_of_run
 
-                write_suites(list(map(suite_of_run, finished)), junit)
-            if as_json:
-                summaries: Any = [result.json() for result in finished]
-                print_answer(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
+            write_suites(list(map(suite_of_run, finished)), junit)
+        if as_json:
+            summaries: Any = [result.json() for result in finished]
+            print_answer(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
     raise click.exceptions.Exit(status(finished))
 
 

@@ -12,31 +12,13 @@ from typing import Any, TypeVar
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column
-from rich.text import Text
 
 from trackbench.base import types
 
 #: Seconds from one line on the progress to the next where there is no terminal.
 LINES_EVERY_S = 30.0
-
-
-def _state(task: Task) -> str:
-    """ "120 of 401 trials, best 0.12, 0:03 left"."""
-    if task.total is None:
-        return ""
-    parts = [f"{task.completed:.0f} of {task.total:.0f} {task.fields['unit']}", task.fields["note"]]
-    if task.time_remaining is not None and not task.finished:
-        minutes, seconds = divmod(round(task.time_remaining), 60)
-        hours, minutes = divmod(minutes, 60)
-        parts.append(f"{hours}:{minutes:02}:{seconds:02} left" if hours else f"{minutes}:{seconds:02} left")
-    return ", ".join(filter(None, parts))
-
-
-class _Left(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        return Text(_state(task), no_wrap=True)
 
 
 @contextmanager
@@ -56,7 +38,9 @@ def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Not
     columns = (
         TextColumn("{task.description}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis")),
         BarColumn(bar_width=20),
-        _Left(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[unit]} {task.fields[note]}"),
+        TimeRemainingColumn(compact=True),
     )
     # Rich may be told by its environment to write as to a terminal; what is redirected still gets no bar.
     shown = sys.stderr.isatty() and not console.is_dumb_terminal and not quiet
@@ -69,7 +53,8 @@ def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Not
             bar.update(task, completed=done, total=total, note=note)
             if not shown and not quiet and time.monotonic() - said >= LINES_EVERY_S:
                 said = time.monotonic()
-                print(f"{what}: {_state(bar.tasks[0])}", file=sys.stderr)
+                parts = [f"{what}: {done:.0f} of {total:.0f} {unit}", note]
+                print(", ".join(filter(None, parts)), file=sys.stderr)
 
         yield advance
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from trackbench.base.errors import InputError, InputErrors, counted
+from trackbench.base.errors import InputError, InputErrors
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.source import parse_yaml
 from trackbench.scenario.truth import own_source, require_rates
-from trackbench.scenario.worlds import I80, RECORDED_HZ, slowed_sensors
+from trackbench.scenario.worlds import RECORDED_HZ, slowed_sensors
 from trackbench.trackers.config import PluginConfig
 from trackbench.truth.config.traffic import TracksConfig, read_tracks
 
@@ -23,7 +23,7 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
 
     Returns:
-        What a recording implies and what is left out of it, and which effects do nothing, a line each.
+        What a recording implies and what is left out of it, and which sensors are slowed, a line each.
 
     Raises:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
@@ -36,32 +36,20 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         require_rates(loaded)
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
-    return [*notes, *_notes(loaded)]
+    return [*notes, *slowed_notes(loaded)]
 
 
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Start each plug-in once, for a run.
 
     Returns:
-        Which effects do nothing, a line each.
+        Which sensors are slowed by the world recorded, a line each.
 
     Raises:
         InputError: every one that cannot be found or does not take its options, with file and line.
     """
     _all(loaded, list(_trackers(loaded, isolation, started=True)))
-    return _notes(loaded)
-
-
-def _notes(loaded: Scenario) -> list[str]:
-    return [*_replaced_truth(loaded), *slowed_notes(loaded), *_idle_effects(loaded)]
-
-
-def _replaced_truth(loaded: Scenario) -> list[str]:
-    truth = loaded.document.value["truth"]
-    if loaded.config.world != "recorded" or not I80.items() <= truth.items():
-        return []
-    scenes = counted(len(truth["observer"]["vehicle"]), "scene")
-    return [f"truth: {scenes} of NGSIM I-80, by the world recorded, instead of the file's drivers, duration and seeds"]
+    return slowed_notes(loaded)
 
 
 def slowed_notes(loaded: Scenario) -> list[str]:
@@ -70,14 +58,6 @@ def slowed_notes(loaded: Scenario) -> list[str]:
     written = apply_overrides(parse_yaml(loaded.text, str(loaded.path)), loaded.overrides)
     slowed = slowed_sensors(written.value)
     return [f"sensors.{name}.rate_hz: changed from {rate:g} to {why}" for name, rate in slowed.items()]
-
-
-def _idle_effects(loaded: Scenario) -> Iterator[str]:
-    """Effects that are false alarms alone, where no measurement is a false alarm."""
-    for name, sensor in loaded.config.sensors.items():
-        for effect in sensor.effects:
-            if loaded.config.sensing.identities == "known" and not (effect.has("before") or effect.has("after")):
-                yield f"sensors.{name}.effects: {effect.type} does nothing: known identities have no false alarms"
 
 
 def _all(loaded: Scenario, steps: list[Step]) -> None:

@@ -16,9 +16,9 @@ from trackbench.base.config import KeyPath
 from trackbench.base.config.messages import explain
 from trackbench.base.errors import InputError, InputErrors, counted, nearest_choices
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.scenario.overrides import apply_overrides, expand_sweeps, from_working_folder
+from trackbench.scenario.overrides import apply_overrides, expand_sweeps
 from trackbench.scenario.shipped import find_scenario
-from trackbench.scenario.source import YamlDocument, dotted, parse_yaml
+from trackbench.scenario.source import YamlDocument, parse_yaml
 from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes
 
 #: Columns of a line of a scenario that is written.
@@ -62,8 +62,7 @@ class Scenario:
             return InputErrors([self.locate(part) for part in error.errors])
         if error.file is not None:
             return error
-        origin = self.document.origin(_key_path(self.document, error.key))
-        return error.located(file=origin.file, line=origin.line)
+        return error.located(**self.document.origin(_key_path(self.document, error.key))._asdict())
 
 
 #: Errors of one file that are shown.
@@ -102,7 +101,6 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     if not {*document.value} & {*keys}:
         # A file of another kind, which is not to be shown in messages.
         raise InputError(f"this is no scenario: it has none of the keys {', '.join(keys)}", file=path)
-    overrides = [from_working_folder(each, path.resolve().parent) for each in overrides]
     document, sweeps = expand_sweeps(_in_world(apply_overrides(document, overrides)))
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})
@@ -124,18 +122,11 @@ def _in_world(document: YamlDocument) -> YamlDocument:
     try:
         return apply_overrides(document, changes(document.value, world))
     except InputError as error:
-        origin = document.origin(_key_path(document, error.key))
-        raise error.located(file=origin.file, line=origin.line) from None
+        raise error.located(**document.origin(_key_path(document, error.key))._asdict()) from None
 
 
 def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]], more: int) -> InputError:
-    errors = []
-    for path, message in problems:
-        origin = document.origin(path)
-        errors.append(
-            InputError(message, key=dotted(document.as_written(path)) or None, file=origin.file, line=origin.line)
-        )
-    unique = list({str(error): error for error in errors}.values())
+    unique = list({str(error): error for error in (document.error(*problem) for problem in problems)}.values())
     unique.sort(key=lambda error: (error.line is None, error.line or 0))
     if more > 0:
         unique.append(InputError(f"and {counted(more, 'more error')}", file=document.origin(()).file))
@@ -181,8 +172,7 @@ def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
 
 
 def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenario], list[str]]:
-    """The scenario in each of some worlds, and of which of them it is not, a sentence each: those in which it cannot
-    be, and those that are the same as one before.
+    """Return the scenario in each of some worlds, and a sentence on each world in which it cannot be.
 
     Args:
         loaded: the scenario; one that is in a world already stays as it is.
@@ -191,11 +181,9 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
     Raises:
         InputError: there is no world of a name.
     """
-    for index, world in enumerate(worlds):
+    for world in worlds:
         if world not in WORLDS:
             raise InputError(f"no world {world!r}; {nearest_choices(world, WORLDS)}", key="--worlds")
-        if world in worlds[:index]:
-            raise InputError(f"{world} is named twice; remove one", key="--worlds")
     own = loaded.config.world
     if worlds and own is not None:
         message = f"is in the world {own} already, by its key world: remove that, or --worlds"
@@ -205,19 +193,12 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
         return [loaded], []
     scenarios: list[Scenario] = []
     notes = []
-    for world in chosen:
+    for world in dict.fromkeys(chosen):
         try:
             scenario = scenario_of(loaded.text, loaded.path, [*loaded.overrides, f"world={world}"])
-            scenario = select_trackers(scenario, loaded.selected) if loaded.selected else scenario
+            scenarios.append(select_trackers(scenario, loaded.selected) if loaded.selected else scenario)
         except NoSuchWorld as error:
             notes.append(f"{loaded.config.name} in the world {world}: {error.message}")
-            continue
-        unnamed = scenario.config.model_copy(update={"world": None})
-        same = next((item for item in scenarios if item.config.model_copy(update={"world": None}) == unnamed), None)
-        if same is None:
-            scenarios.append(scenario)
-        else:
-            notes.append(f"{loaded.config.name} in the world {world}: left out, the same as in {same.config.world}")
     return scenarios, notes
 
 

@@ -7,13 +7,14 @@ always text.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import yaml
 
 from trackbench.base.config import KeyPath
-from trackbench.base.errors import InputError, InputErrors, shortened_text
+from trackbench.base.errors import InputError, shortened_text
 
 TOO_DEEP = "nested too deeply"
 CONTROL = "a control character, which a scenario cannot hold"
@@ -33,28 +34,52 @@ class YamlDocument:
     """A YAML document as plain values (dict, list, str, int, float, bool, None)."""
 
     value: Any
-    origins: dict[KeyPath, Origin]
+    file: str
+    node: yaml.Node | None
+    """The values with their places, as they stand in the file."""
+    settings: dict[KeyPath, str] = field(default_factory=dict)
+    """The option by which a value was set over the file."""
     written: dict[KeyPath, KeyPath] = field(default_factory=dict)
     """For a value that was made from another: the path at which that one was written."""
 
     def as_written(self, path: KeyPath) -> KeyPath:
-        """The path in the file of the value at ``path``."""
+        """Return the path in the file of the value at ``path``."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.written:
                 return (*self.written[path[:length]], *path[length:])
         return path
 
     def origin(self, path: KeyPath) -> Origin:
-        """Where the value at ``path``, or the nearest mapping or list around it, was written."""
+        """Return where the value at ``path``, or the nearest mapping or list around it, was written."""
         path = self.as_written(path)
         for length in range(len(path), 0, -1):
-            if path[:length] in self.origins:
-                return self.origins[path[:length]]
-        return self.origins[()]
+            if path[:length] in self.settings:
+                return Origin(self.settings[path[:length]])
+        return Origin(self.file, _line(self.node, path))
+
+    def error(self, path: KeyPath, message: str) -> InputError:
+        """Return an error with the place and the key of the value at ``path``."""
+        origin = self.origin(path)
+        return InputError(message, key=dotted(self.as_written(path)) or None, file=origin.file, line=origin.line)
+
+
+def _line(node: yaml.Node | None, path: KeyPath) -> int:
+    line = 1 if node is None else node.start_mark.line + 1
+    for part in path:
+        if isinstance(node, yaml.MappingNode):
+            # Entries that were merged in stand before the mapping's own, which win.
+            key, node = next((pair for pair in reversed(node.value) if pair[0].value == part), (None, None))
+        else:
+            is_there = isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value)
+            key = node = node.value[part] if node is not None and is_there else None
+        if key is None:
+            break
+        line = key.start_mark.line + 1
+    return line
 
 
 def dotted(path: KeyPath) -> str:
-    """``("sensors", "front", "rate_hz")`` as users write it: ``sensors.front.rate_hz``."""
+    """Return ``("sensors", "front", "rate_hz")`` as users write it: ``sensors.front.rate_hz``."""
     return ".".join(part if (part := str(raw)).isprintable() else repr(part) for raw in path)
 
 
@@ -65,29 +90,49 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
         InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag.
     """
     try:
-        node = _Loader(text).get_single_node()
-        builder = _Builder(file)
-        value = builder.build(node, ()) if node is not None else None
+        loader = _Loader(text)
+        loader.name = file
+        node = loader.get_single_node()
+        return YamlDocument(None if node is None else _plain(node, (), (), file), file, node)
     except yaml.MarkedYAMLError as error:
         problem = error.problem or "syntax error"
         mark = ("find expected ':'" in problem and error.context_mark) or error.problem_mark or error.context_mark
         message = next((told for part, told in _SYNTAX.items() if part in problem), f"not valid YAML: {problem}")
         raise InputError(message, file=file, line=mark.line + 1 if mark else None) from None
     except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        raise InputError(CONTROL, file=file, line=line) from None
+        raise InputError(CONTROL, file=file, line=text.count("\n", 0, error.position) + 1) from None
     except RecursionError:
         raise InputError(TOO_DEEP, file=file) from None
-    if builder.repeated:
-        raise InputErrors(builder.repeated)
-    builder.origins[()] = Origin(file, node.start_mark.line + 1 if node is not None else 1)
-    return YamlDocument(value, builder.origins)
 
 
 class _Loader(yaml.SafeLoader):
     """Reads by the core schema of YAML 1.2."""
 
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Return a mapping with the entries that it merges in, each key given once."""
+        node: yaml.MappingNode = super().compose_mapping_node(anchor)
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise InputError("a key must be a single word", file=self.name, line=line)
+            if key.value in lines and key.tag != f"{_PREFIX}merge":
+                message = f"this key is given twice, first in line {lines[key.value]}; remove one"
+                raise InputError(message, key=key.value, file=self.name, line=line)
+            lines.setdefault(key.value, line)
+        self.flatten_mapping(node)
+        return node
 
+
+_PREFIX = "tag:yaml.org,2002:"
+_READ: dict[str, Callable[[str], Any]] = {
+    "null": lambda _: None,
+    "bool": lambda text: {"true": True, "false": False}[text.lower()],
+    "int": lambda text: int(text, 0) if text[:2] in ("0o", "0x") else int(text),
+    "float": lambda text: float(text.lower().replace(".inf", "inf").replace(".nan", "nan")),
+    "str": str,
+    "merge": str,
+}
 _Loader.yaml_implicit_resolvers = {}
 for _tag, _pattern, _first in (
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
@@ -100,84 +145,28 @@ for _tag, _pattern, _first in (
     ),
     ("merge", r"<<", ["<"]),
 ):
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
+    _Loader.add_implicit_resolver(f"{_PREFIX}{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
 
 
-class _Builder:
-    """Plain values of nodes, and where each was written."""
-
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.origins: dict[KeyPath, Origin] = {}
-        self.repeated: list[InputError] = []
-        self._open: list[yaml.Node] = []
-        self._flat: set[int] = set()
-        self._constructor = yaml.constructor.SafeConstructor()
-
-    def build(self, node: yaml.Node, path: KeyPath) -> Any:
-        if any(node is outer for outer in self._open):
-            raise self._error("an anchor that contains itself", node, path)
-        if node.tag not in _TAGS[type(node)]:
-            raise self._error(f"the tag {shortened_text(node.tag, 40)!r} is not known; remove it", node, path)
-        if isinstance(node, yaml.ScalarNode):
-            return self._scalar(node, path)
-        self._open.append(node)
-        if isinstance(node, yaml.SequenceNode):
-            value: Any = [self._item(child, (*path, i), child) for i, child in enumerate(node.value)]
-        else:
-            value = self._mapping(node, path)
-        self._open.pop()
-        return value
-
-    def _item(self, node: yaml.Node, path: KeyPath, place: yaml.Node) -> Any:
-        self.origins[path] = Origin(self.file, place.start_mark.line + 1)
-        return self.build(node, path)
-
-    def _mapping(self, node: Any, path: KeyPath) -> dict[str, Any]:
-        lines: dict[str, int] = {}
-        for key, _ in node.value if id(node) not in self._flat else ():
-            if str(key.value) in lines and key.tag != _MERGE:
-                message = f"this key is given twice, first in line {lines[str(key.value)]}; remove one"
-                self.repeated.append(self._error(message, key, (*path, key.value)))
-            lines.setdefault(str(key.value), key.start_mark.line + 1)
-        if id(node) not in self._flat:
-            # Entries that are merged in come before its own, which win.
-            self._flat.add(id(node))
-            self._constructor.flatten_mapping(node)
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise self._error("a key must be a single word", key, path)
-        return {key.value: self._item(value, (*path, key.value), key) for key, value in node.value}
-
-    def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
-        text = node.value
-        if yaml.reader.Reader.NON_PRINTABLE.search(text):
-            raise self._error(CONTROL, node, path)
+def _plain(node: Any, path: KeyPath, around: tuple[yaml.Node, ...], file: str) -> Any:
+    """Return the value of a node within the nodes ``around``, of which an anchor may be one."""
+    problem = None
+    if any(node is outer for outer in around):
+        problem = "an anchor that contains itself"
+    elif isinstance(node, yaml.SequenceNode):
+        return [_plain(child, (*path, number), (*around, node), file) for number, child in enumerate(node.value)]
+    elif isinstance(node, yaml.MappingNode):
+        return {key.value: _plain(child, (*path, key.value), (*around, node), file) for key, child in node.value}
+    elif yaml.reader.Reader.NON_PRINTABLE.search(node.value):
+        problem = CONTROL
+    elif (read := _READ.get(node.tag.removeprefix(_PREFIX))) is None:
+        problem = f"the tag {shortened_text(node.tag, 40)!r} is not known; remove it"
+    else:
         try:
-            match node.tag.removeprefix(_PREFIX):
-                case "null":
-                    return None
-                case "bool":
-                    return {"true": True, "false": False}[text.lower()]
-                case "int":
-                    return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
-                case "float":
-                    return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+            return read(node.value)
         except (ValueError, KeyError):
-            raise self._error(f"{text[:40]!r} does not fit its tag or is too long", node, path) from None
-        return text
-
-    def _error(self, message: str, node: yaml.Node, path: KeyPath) -> InputError:
-        return InputError(message, key=dotted(path) or None, file=self.file, line=node.start_mark.line + 1)
-
-
-_PREFIX = "tag:yaml.org,2002:"
-_MERGE = _PREFIX + "merge"
-_TAGS = {
-    yaml.ScalarNode: {_PREFIX + name for name in ("null", "bool", "int", "float", "str", "merge")},
-    yaml.SequenceNode: {_PREFIX + "seq"},
-    yaml.MappingNode: {_PREFIX + "map"},
-}
+            problem = f"{node.value[:40]!r} does not fit its tag or is too long"
+    raise InputError(problem, key=dotted(path) or None, file=file, line=node.start_mark.line + 1)
 
 
 #: Part of what the parser says, and what is said instead.

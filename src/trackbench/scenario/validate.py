@@ -92,8 +92,7 @@ def _known(at: KeyPath, what: str, name: str, names: Iterable[str]) -> Iterator[
 def _times(scenario: ScenarioKeys, truth: SteppedTruth) -> Iterator[Problem]:
     settle = scenario.score.settle_s
     if scenario.sensing.identities == "known" and settle >= truth.duration_s:
-        default = "" if "settle_s" in scenario.score.model_fields_set else f"is {settle:g} where it is not stated, and "
-        message = f"{default}must be shorter than truth.duration_s, which is {truth.duration_s:g}"
+        message = f"is {settle:g} and must be shorter than truth.duration_s, which is {truth.duration_s:g}"
         yield Problem(("score", "settle_s"), message)
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None:
@@ -104,8 +103,6 @@ def _times(scenario: ScenarioKeys, truth: SteppedTruth) -> Iterator[Problem]:
             below = sum(rate < sensor.rate_hz for rate in rates)
             use = " or ".join(map(str, rates[max(below - 1, 0) : below + 1]))
             message = f"{sensor.rate_hz:g} Hz does not divide truth.rate_hz, which is {truth.rate_hz}; use {use}"
-            if sensor.preset is not None and sensor.rate_hz == presets()[sensor.preset].values.get("rate_hz"):
-                message += f" (the rate is that of preset {sensor.preset})"
             yield Problem(("sensors", name, "rate_hz"), message)
         elif sensor.phase_s * sensor.rate_hz >= 1:
             yield Problem(phase, f"must be below the sensor's period, which is {1 / sensor.rate_hz:g} s")

@@ -4,9 +4,10 @@ from trackbench.testing import check_tracker
 check_tracker("mypkg.mymodule:MyTracker", alpha=0.5)
 """
 
+from trackbench.testing.drives import drive
 from trackbench.testing.models import ModelCheckError, check_motion_model, check_sensor
 from trackbench.testing.rules import TrackerCheckError
-from trackbench.testing.tracker import Check, check_tracker, drive
+from trackbench.testing.tracker import Check, check_tracker
 
 __all__ = [
     "Check",

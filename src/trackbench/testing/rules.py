@@ -1,26 +1,47 @@
-"""What the check-ups of trackers share: synthetic noise, batches, and whether a tracker is of one object or several."""
+"""The rules of the contract of trackers, each a test of the tracks that fresh trackers report on synthetic drives."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import islice
-from typing import Any, Literal, TypeVar
+from itertools import dropwhile, islice
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from trackbench.base import linalg
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.types import Estimate, Scan, Tracks
-from trackbench.trackers.answers import unpack
+from trackbench.base.types import Array, Scan, Tracks
+from trackbench.testing.drives import STEP, batched_scan, cars_at, drive, hidden_drive, target_at, usual_drive
+from trackbench.trackers.answers import (
+    GIVEN_UP,
+    NOT_DEFINITE,
+    NOT_FINITE,
+    TRACKS,
+    Tracker,
+    TrackerFault,
+    checked_estimate,
+    checked_tracks,
+    tracks_of_run,
+    unpack,
+)
 
 Identities = Literal["known", "hidden"]
-#: So many scans show it.
+Make = Callable[[], Tracker]
+Rule = Callable[[Make], object]
+#: So many scans show whether a tracker is of one object or of several.
 TRIED = 20
-#: The rule of those that are given their state.
+#: A tracker of a target in plain sight that is further off than this has not followed it, m and m/s.
+LOST = 5.0
+#: The rule of trackers that are given their state.
 STATE_KEPT = "leaves the state that it is given as it is"
 OF_OTHER_KIND: Mapping[Identities, str] = {
     "known": 'it follows several objects: say identities="hidden"',
     "hidden": 'it follows one object: leave identities="hidden" out',
 }
+
+
+class TrackerCheckError(AssertionError):
+    """A tracker does not keep the contract; the text lists every broken rule."""
 
 
 def require_identities(identities: str) -> None:
@@ -30,75 +51,263 @@ def require_identities(identities: str) -> None:
 
 
 def gives_reports(reports: Callable[[], Iterable[bool]]) -> bool:
-    """Whether a tracker bears some scans and says something, given whether it does after each of them."""
+    """Return whether a tracker bears some scans and says something, given whether it does after each of them."""
     try:
         return any(list(islice(reports(), TRIED)))
     except (Exception, SystemExit):
         return False
 
 
-Answer = TypeVar("Answer", Estimate | None, Tracks)
+class Kind(NamedTuple):
+    """Drives and answers of the trackers of one object, or of those of several."""
 
-NOISE = {
-    "radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
-    "lidar": np.diag([0.15, 0.15]) ** 2,
-}
-#: A tracker of a target in plain sight that is further off than this has not followed it, m and m/s.
-LOST = 5.0
-
-
-class TrackerCheckError(AssertionError):
-    """A tracker does not keep the contract; the text lists every broken rule."""
-
-
-def batched_scan(runs: Sequence[Scan]) -> Scan:
-    """The scans of several runs at one instant with a last axis of runs, padded to as many detections."""
-    most = np.max([scan.valid.shape for scan in runs], axis=0).astype(int)
-    measurement = np.full((len(runs[0].measurement), *most, len(runs)), np.nan)
-    valid = np.zeros((*most, len(runs)), dtype=bool)
-    for run, scan in enumerate(runs):
-        there: tuple[slice | int, ...] = (*map(slice, scan.valid.shape), run)
-        measurement[:, *there], valid[there] = scan.measurement, scan.valid
-    for shared in (measurement, valid):
-        shared.setflags(write=False)
-    return runs[0]._replace(measurement=measurement, valid=valid)
+    noun: str
+    """Word for the answer."""
+    drive: Callable[..., list[Scan]]
+    """Scans of one run, by the seed."""
+    truth: Callable[[float], Array]
+    """``(4, objects)`` states of the targets of seed 0 at a time."""
+    tracks: Callable[[Any, Scan], list[Tracks]]
+    """Checks an answer, and gives the tracks of each run."""
 
 
-def checked_answers(
-    tracker: Any, scans: Iterable[Scan], check: Callable[[Any, Scan], Answer], what: str = "estimate"
-) -> Iterator[Answer]:
-    """Yield what a fresh tracker answers to each scan.
-
-    Args:
-        tracker: the tracker.
-        scans: of a batch, where the tracker takes one.
-        check: makes an answer one of the right form, or raises a TrackerFault.
-        what: the answer, in messages.
-    """
-    state: Any = None
-    for scan in scans:
-        state, answer = unpack(tracker.step(state, scan), what)
-        yield check(answer, scan)
+def _estimates_as_tracks(answer: Any, scan: Scan) -> list[Tracks]:
+    """Return the estimate of each run as a track 0, and no track where it has none yet, of which a batch has NaN."""
+    estimate, runs = checked_estimate(answer, scan), scan.valid.size
+    if estimate is None:
+        return [_track(np.zeros((4, 0)), np.zeros((4, 4, 0)))] * runs
+    mean, covariance = estimate.mean.reshape(4, runs), estimate.covariance.reshape(4, 4, runs)
+    there = np.atleast_1d(~np.isnan(mean).any(axis=0) | (np.ndim(scan.valid) == 0))
+    if not np.isfinite(mean[:, there].sum() + covariance[:, :, there].sum()):
+        raise TrackerFault(f"{NOT_FINITE} at {scan.time:g} s")
+    if not np.all(linalg.cholesky(covariance[:, :, there]).positive):
+        raise TrackerFault(f"{NOT_DEFINITE} at {scan.time:g} s")
+    every = [slice(run, run + int(there[run])) for run in range(runs)]
+    return [_track(mean[:, run], covariance[:, :, run]) for run in every]
 
 
-def require_state_kept(
-    tracker: Any, scans: Sequence[Scan], check: Callable[[Any, Scan], Answer], what: str, other: str
-) -> None:
-    """Refuse a fresh tracker that gives another answer to the same state and scan of one run the second time.
+def _track(mean: Array, covariance: Array) -> Tracks:
+    return Tracks(np.zeros(mean.shape[1], dtype=int), mean, covariance)
 
-    ``check`` and ``what`` are those of ``checked_answers``; ``other`` is another answer, in the message.
-    """
-    state: Any = None
-    for scan in [batched_scan([scan]) for scan in scans] if getattr(tracker, "batched", False) else scans:
-        after, first = unpack(tracker.step(state, scan), what)
-        again = unpack(tracker.step(state, scan), what)[1]
-        before, repeated = check(first, scan), check(again, scan)
-        same = before is repeated is None or (
-            before is not None and repeated is not None and np.array_equal(before.mean, repeated.mean, equal_nan=True)
+
+def _tracks_of_runs(answer: Any, scan: Scan) -> list[Tracks]:
+    tracks = checked_tracks(answer, scan)
+    return [tracks] if scan.valid.ndim == 1 else [tracks_of_run(tracks, run) for run in range(scan.valid.shape[1])]
+
+
+ONE = Kind("estimate", usual_drive, lambda time: target_at(time)[:, None], _estimates_as_tracks)
+SEVERAL = Kind(TRACKS, hidden_drive, cars_at, _tracks_of_runs)
+
+
+def reports(kind: Kind, make: Make, *drives: Sequence[Scan]) -> Iterator[list[Tracks]]:
+    """Yield the tracks of each run that a fresh tracker reports after each instant; ``drives`` are those of a batch."""
+    tracker, state, before = make(), None, [0] * len(drives)
+    for scans in zip(*drives, strict=True):
+        state, tracks = _step(kind, tracker, state, scans)
+        numbers = [len(of_run.ids) for of_run in tracks]
+        if kind is ONE and any(np.less(numbers, before)):
+            raise TrackerFault(f"{GIVEN_UP} ({scans[0].time:g} s)")
+        yield tracks
+        before = numbers
+
+
+def _step(kind: Kind, tracker: Tracker, state: Any, scans: Sequence[Scan]) -> tuple[Any, list[Tracks]]:
+    scan = batched_scan(scans) if getattr(tracker, "batched", False) else scans[0]
+    state, answer = unpack(tracker.step(state, scan), kind.noun)
+    return state, kind.tracks(answer, scan)
+
+
+def answers(kind: Kind, make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
+    """Yield the tracks that a fresh tracker reports after each scan of one run."""
+    return (tracks for [tracks] in reports(kind, make, scans))
+
+
+def _is_same(a: Tracks, b: Tracks) -> bool:
+    return np.array_equal(a.ids, b.ids) and np.array_equal(a.mean, b.mean, equal_nan=True)
+
+
+def _bears(kind: Kind, scans: Callable[[], list[Scan]]) -> Rule:
+    return lambda make: list(answers(kind, make, scans()))
+
+
+def _gives_estimates(make: Make) -> None:
+    if not any(len(tracks.ids) for tracks in answers(ONE, make, usual_drive())):
+        raise TrackerCheckError("120 measurements of one target give no estimate")
+
+
+def _follows(kind: Kind, **changes: Any) -> Rule:
+    def test(make: Make) -> None:
+        scans = kind.drive(**changes)
+        pairs = [pair for pair in zip(scans, answers(kind, make, scans), strict=True) if len(pair[1].ids)]
+        if not pairs:
+            raise TrackerCheckError(f"{len(scans)} scans of targets in plain sight give no {kind.noun}")
+        # Each (time, 4, objects): what the track nearest to each object is off.
+        errors = np.array([_nearest(tracks, kind.truth(scan.time)) for scan, tracks in pairs])
+        error = float(np.hypot(*errors[-1, :2]).max())
+        if not error < LOST or pairs[-1][0] is not scans[-1]:
+            raise TrackerCheckError(f"after {len(scans)} scans it is {error:.1f} m off a target in plain sight")
+        # On average: the differences of measurements that a tracker without a filter gives are noisy, but not biased.
+        bias = float(np.hypot(*errors[len(errors) // 2 :, 2:].mean(axis=0)).max())
+        if not bias < LOST:
+            raise TrackerCheckError(f"the velocity is {bias:.1f} m/s off that of a target in plain sight, on average")
+
+    return test
+
+
+def _nearest(tracks: Tracks, truth: Array) -> Array:
+    """``(4, objects)`` error of the track that is nearest to each object."""
+    errors = tracks.mean[:, :, None] - truth[:, None, :]
+    nearest = np.hypot(*errors[:2]).argmin(axis=0)
+    return errors[:, nearest, np.arange(truth.shape[1])]
+
+
+def _is_deterministic(kind: Kind) -> Rule:
+    def test(make: Make) -> None:
+        runs = [list(answers(kind, make, kind.drive())) for _ in range(2)]
+        if not all(_is_same(first, second) for first, second in zip(*runs, strict=True)):
+            raise TrackerCheckError(f"two fresh trackers give different {kind.noun}s of the same measurements")
+
+    return test
+
+
+def _keeps_state(kind: Kind) -> Rule:
+    def test(make: Make) -> None:
+        tracker, state = make(), None
+        for scan in kind.drive()[:40]:
+            after, first = _step(kind, tracker, state, [scan])
+            _, second = _step(kind, tracker, state, [scan])
+            if not _is_same(first[0], second[0]):
+                raise TrackerCheckError(
+                    f"at {scan.time:g} s the same state and scan give another answer the second time: "
+                    "the state was changed in place, or the tracker remembers something beside it"
+                )
+            state = after
+
+    return test
+
+
+def _stands_alone(kind: Kind) -> Rule:
+    def test(make: Make) -> None:
+        alone = answers(kind, make, kind.drive(1))
+        beside = zip(answers(kind, make, kind.drive()), answers(kind, make, kind.drive(1)), strict=True)
+        if not all(_is_same(tracks, shared) for tracks, (_, shared) in zip(list(alone), beside, strict=True)):
+            raise TrackerCheckError("a second tracker at work at the same time changes its answers")
+
+    return test
+
+
+def _batch_is_loop(kind: Kind, drives: Callable[[], list[list[Scan]]]) -> Rule:
+    def test(make: Make) -> None:
+        if not getattr(make(), "batched", False):
+            return
+        together = list(reports(kind, make, *drives()))
+        for run, scans in enumerate(drives()):
+            # A tracker of one object begins with its first detection.
+            alone = list(answers(kind, make, list(dropwhile(lambda scan: not scan.valid.any(), scans))))
+            for of_batch, b in zip(together[-len(alone) :], alone, strict=True):
+                a = of_batch[run]
+                if not (np.array_equal(a.ids, b.ids) and np.allclose(a.mean, b.mean, rtol=1e-9, atol=1e-9)):
+                    raise TrackerCheckError(f"run {run} of a batch of {len(of_batch)} has another answer than alone")
+
+    return test
+
+
+def _emptied(scan: Scan) -> Scan:
+    return scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0])
+
+
+def _with_gaps(*gaps: range) -> list[Scan]:
+    """Return a drive with false alarms and misses, some scans of which are empty."""
+    return [
+        _emptied(scan) if any(number in gap for gap in gaps) else scan
+        for number, scan in enumerate(hidden_drive(clutter=1.0, probability=0.9))
+    ]
+
+
+def _predicts_to_empty_scans(make: Make) -> None:
+    *scans, latest = hidden_drive()[:61]
+    *_, last, tracks = answers(SEVERAL, make, [*scans, _emptied(latest)])
+    if len(last.ids) and not len(tracks.ids):
+        raise TrackerCheckError(f"after {len(scans)} scans of two cars there is no track at an empty one")
+    _, before, after = np.intersect1d(last.ids, tracks.ids, return_indices=True)
+    way = STEP * last.mean[2:, before]
+    error = np.hypot(*(tracks.mean[:2, after] - last.mean[:2, before] - way))
+    if np.any(error > 0.5 * np.hypot(*way) + 0.01):
+        raise TrackerCheckError(
+            f"at an empty scan {STEP:g} s after the last detections a track is {error.max():.2g} m from where its own "
+            "velocity takes it"
         )
-        if not same:
-            raise TrackerCheckError(
-                f"at {scan.time:g} s the same state and scan give {other} the second time: "
-                "the state was changed in place, or the tracker remembers something beside it"
-            )
-        state = after
+
+
+def _order_means_nothing(make: Make) -> None:
+    scans, random = hidden_drive(clutter=2.0, probability=0.9), np.random.default_rng(1)
+    orders = [random.permutation(scan.measurement.shape[1]) for scan in scans]
+    turned = [scan._replace(measurement=scan.measurement[:, order]) for scan, order in zip(scans, orders, strict=True)]
+    for pair in zip(answers(SEVERAL, make, scans), answers(SEVERAL, make, turned), strict=True):
+        a, b = (np.array(sorted(map(tuple, np.round(tracks.mean.T, 6)))) for tracks in pair)
+        if a.shape != b.shape or not np.allclose(a, b, atol=1e-5):
+            raise TrackerCheckError("detections in another order give other tracks")
+
+
+def _never_reuses(make: Make) -> None:
+    """Refuse an id that comes back elsewhere than where the velocity of its track takes it."""
+    latest: dict[int, tuple[float, Array]] = {}
+    before: set[int] = set()
+    scans = _with_gaps(range(40, 80))
+    for scan, tracks in zip(scans, answers(SEVERAL, make, scans), strict=True):
+        reported = dict(zip(tracks.ids.tolist(), tracks.mean.T, strict=True))
+        for track in (reported.keys() - before) & latest.keys():
+            time, state = latest[track]
+            if not np.hypot(*(reported[track] - state)[:2] - (scan.time - time) * state[2:]) < LOST:
+                raise TrackerCheckError(f"the id {track} is used again after its track had ended")
+        latest |= {track: (scan.time, state) for track, state in reported.items()}
+        before = set(reported)
+
+
+#: The rules of each kind of trackers; the second ones compare two answers to the same, and not of random trackers.
+RULES: Mapping[Identities, tuple[dict[str, Rule], dict[str, Rule]]] = {
+    "known": (
+        {
+            "gives estimates of the right shape, finite, with a positive definite covariance": _gives_estimates,
+            "follows a target in plain sight": _follows(ONE),
+            "follows it from a sensor that moves": _follows(ONE, velocity=(-10.0, -8.0)),
+            "goes on through missed measurements": _bears(
+                ONE, lambda: usual_drive(missed=[1, 5, 6, 30, *range(60, 90)])
+            ),
+            "takes two sensors at the same instant": _bears(
+                ONE, lambda: drive(["lidar", "radar"] * 40, [0.1 * (i // 2) for i in range(80)])
+            ),
+            "takes uneven time steps": _bears(
+                ONE, lambda: drive(["radar", "lidar"] * 20, [0.01 * i**1.7 for i in range(40)])
+            ),
+            "works with lidar alone": _bears(ONE, lambda: drive(["lidar"] * 60, [0.05 * i for i in range(60)])),
+            "works with radar alone": _bears(ONE, lambda: drive(["radar"] * 60, [0.05 * i for i in range(60)])),
+        },
+        {
+            "gives the same estimates every time": _is_deterministic(ONE),
+            STATE_KEPT: _keeps_state(ONE),
+            "does not disturb another tracker": _stands_alone(ONE),
+            "gives a batch the same estimates as single targets (if batched)": _batch_is_loop(
+                ONE, lambda: [usual_drive(i, missed) for i, missed in enumerate(([0], [0, 9, 10], range(15)))]
+            ),
+        },
+    ),
+    "hidden": (
+        {
+            "gives tracks of the right form, and follows two cars in plain sight": _follows(SEVERAL),
+            "follows them through missed detections and false alarms": _follows(SEVERAL, clutter=1.0, probability=0.9),
+            "takes scans without a detection": _bears(SEVERAL, lambda: _with_gaps(range(10), range(60, 80))),
+            "predicts its tracks to scans without a detection": _predicts_to_empty_scans,
+            "uses no id again": _never_reuses,
+        },
+        {
+            "gives the same tracks whatever the order of the detections": _order_means_nothing,
+            "gives the same tracks every time": _is_deterministic(SEVERAL),
+            STATE_KEPT: _keeps_state(SEVERAL),
+            "does not disturb another tracker": _stands_alone(SEVERAL),
+            "gives a batch the same tracks as single runs (if batched)": _batch_is_loop(
+                SEVERAL, lambda: [hidden_drive(seed, clutter=1.0, probability=0.9) for seed in range(3)]
+            ),
+        },
+    ),
+}

@@ -20,8 +20,9 @@ class Command(Config):
     command: list[Annotated[str, Field(min_length=1)]] = Field(
         min_length=1,
         max_length=100,
-        description="The program and its arguments: [./my_tracker, --q, '2']. No shell reads them. A path starts at "
-        "the scenario's folder, which is the program's working directory; a name without / is looked for on PATH.",
+        description="The program and its arguments: [./my_tracker, --q, '2']. No shell reads them. The path of "
+        "the program starts in the scenario's folder, where it runs, or in the working directory; a name without / is "
+        "looked for on PATH.",
     )
 
     def __str__(self) -> str:
@@ -42,7 +43,7 @@ class Command(Config):
 
     def files(self, folder: Path) -> set[Path]:
         """The files of a folder that the command names: a program, a script, its data."""
-        return {folder / name for name in self.command if (folder / name).is_file()}
+        return {file for name in self.command if (file := _place(name, folder)).is_file()}
 
 
 def use_of(text: str) -> str | dict[str, object]:
@@ -56,13 +57,18 @@ def use_of(text: str) -> str | dict[str, object]:
     return {"command": words}
 
 
+def _place(name: str, folder: Path) -> Path:
+    """Return the file of a folder, or else of the working directory."""
+    return next((file for file in (folder / name, Path(name).absolute()) if file.is_file()), folder / name)
+
+
 def _executable(name: str, folder: Path) -> Path:
     if "/" not in name:
         program = shutil.which(name)
         if program is not None:
             return Path(program)
         raise InputError(f"there is no program {name!r} on PATH: a path has a /, such as ./{name}")
-    path = folder / name
+    path = _place(name, folder)
     if not path.is_file():
         raise InputError(f"there is no program {path.name!r} in {path.parent}{similar_path_hint(path)}")
     if not os.access(path, os.X_OK):

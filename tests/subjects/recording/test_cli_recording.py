@@ -73,7 +73,7 @@ def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
         (["view", "results/tiny", "--tracker", "ekf"], "give --worst with it"),
         (["view", "results/tiny", "--vehicle", "vv1"], "did you mean 'v1'?"),
         (["inspect", "results/tiny", "--worst", "1", "--at", "1"], "--at and --worst are two times"),
-        (["snapshot", "results/tiny", "--worst", "a.png"], "'a.png' is not a whole number from 1 on"),
+        (["snapshot", "results/tiny", "--worst", "a.png"], "'a.png' is not a valid integer"),
         (["inspect", "results/tiny", "--tracker", "ekf"], "give --worst with it"),
     ],
 )

@@ -29,9 +29,8 @@ from trackbench.subjects.doctor.report import Examination, examination_verdict
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import lives_elsewhere, subject, subject_in
 from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
+from trackbench.testing.drives import drive, hidden_drive
 from trackbench.testing.rules import Identities, gives_reports
-from trackbench.testing.tracker import drive
-from trackbench.testing.tracks import hidden_drive
 
 
 def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *, hidden: bool) -> str:

@@ -16,13 +16,11 @@ from trackbench.base.subjects import resolve
 from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import (
     WORKERS,
-    Whole,
     engine_option,
     isolation_options,
     junit_option,
     names_in,
     out_option,
-    scenario_paths,
     write_suites,
 )
 from trackbench.cli.run_output import RunOutput
@@ -62,9 +60,7 @@ class EnvelopeGroup(click.Group):
     invoke_without_command=True,
     subcommand_metavar="| diff A B",
 )
-@click.argument(
-    "scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True, shell_complete=scenario_paths
-)
+@click.argument("scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True)
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("The folder NAME-envelope is written there.", "results")
@@ -72,7 +68,7 @@ class EnvelopeGroup(click.Group):
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
 @engine_option
 @isolation_options
-@click.option("--counter-examples", type=Whole(0), metavar="N", help="At most N of a tracker.")
+@click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N of a tracker.")
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @junit_option("Write the cells as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from trackbench import results
-from trackbench.api.save import pages, with_artifacts
+from trackbench.api.save import with_artifacts
 from trackbench.base.files import read_bytes
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
@@ -75,7 +75,7 @@ def _files_of(shown: ShownExample, folder: Path, recording: bool) -> dict[str, C
     """The scenario of a counter-example, and the folder of its run."""
     text = written_with_changes(shown.loaded, folder)
     left_out = () if recording else (RECORDING,)
-    result, artifacts = with_artifacts(shown.result, pages(shown.result), left_out)
+    result, artifacts = with_artifacts(shown.result, left_out)
     return {"scenario.yaml": partial(results.write_file, text), **result.files(), **artifacts}
 
 

@@ -8,14 +8,14 @@ import click
 
 from trackbench.base.errors import counted
 from trackbench.cli.answer import print_answer
-from trackbench.cli.options import NearestChoice, Whole, scenario_paths
+from trackbench.cli.options import NearestChoice
 from trackbench.cli.terminal import progress, quiet_option
 
 FORMAT_NAMES = ("csv", "parquet", "mcap")
 
 
 @click.command("export")
-@click.argument("scenario", type=click.Path(path_type=Path), metavar="SCENARIO", shell_complete=scenario_paths)
+@click.argument("scenario", type=click.Path(path_type=Path), metavar="SCENARIO")
 @click.option(
     "--scans",
     required=True,
@@ -35,9 +35,9 @@ FORMAT_NAMES = ("csv", "parquet", "mcap")
     metavar="NAME",
     help=f"{', '.join(FORMAT_NAMES[:-1])} or {FORMAT_NAMES[-1]}.",
 )
-@click.option("--runs", type=Whole(1), metavar="N", help="Monte-Carlo runs of each scene.")
-@click.option("--scenes", type=Whole(1, 1000), metavar="N", help="Number of scenes.")
-@click.option("--seed", type=Whole(0), metavar="S", help="Seed of the noise.")
+@click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs of each scene.")
+@click.option("--scenes", type=click.IntRange(1, 1000), metavar="N", help="Number of scenes.")
+@click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @quiet_option("Print nothing.")
 def export_command(

@@ -18,7 +18,6 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.overrides import set_value, with_moved_paths
-from trackbench.scenario.source import Origin
 from trackbench.scenario.truth import own_source
 from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, sensor_findings
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
@@ -56,7 +55,7 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
     tree = copy.deepcopy(loaded.document.value)
     for finding in findings:
         for key, value in finding.changes.items():
-            set_value(tree, key.split("."), value, Origin("the audit"))
+            set_value(tree, key, value)
     if folder is not None:
         tree["truth"] = with_moved_paths(tree["truth"], lambda path: path_from(path, loaded.folder, folder))
     lines = [f"# {finding.title}." + ("" if finding.changes else " Not put in.") for finding in findings]

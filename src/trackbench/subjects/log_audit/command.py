@@ -9,14 +9,14 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.cli.answer import answer, print_answer
-from trackbench.cli.options import out_option, scenario_paths
+from trackbench.cli.options import out_option
 from trackbench.cli.terminal import progress
 
 FOUND = 1
 
 
 @click.command("audit")
-@click.argument("log", type=click.Path(path_type=Path), metavar="LOG", shell_complete=scenario_paths)
+@click.argument("log", type=click.Path(path_type=Path), metavar="LOG")
 @out_option("Folder of the files.  [default: results/audit/NAME]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and nothing else.")
 def audit_command(log: Path, out: Path | None, as_json: bool) -> None:

@@ -14,7 +14,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.cli.answer import answer, print_answer
-from trackbench.cli.options import Finite, OptionValues, RunOptions, Whole
+from trackbench.cli.options import Finite, OptionValues, RunOptions
 
 if TYPE_CHECKING:
     from trackbench.scenario import Scenario
@@ -28,7 +28,7 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
     @click.option("--at", "at_s", type=Finite(0), metavar="T", help="At this time, in seconds.")
     @click.option(
         "--worst",
-        type=Whole(1),
+        type=click.IntRange(1),
         is_flag=False,
         flag_value="1",
         metavar="[N]",
@@ -122,20 +122,17 @@ def _add(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--live", is_flag=True, help="Show the run in the Rerun viewer as it goes.")(command)
 
 
-def _check(scenarios: Sequence[Scenario], values: OptionValues) -> None:
-    """Refuse hidden identities: only estimates of known objects are shown while a run goes on."""
-    for scenario in scenarios:
-        if values["live"] and scenario.config.sensing.identities == "hidden":
-            problem = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"
-            raise InputError(problem, file=scenario.path, key="sensing.identities")
-
-
 @contextmanager
-def _follow(values: OptionValues) -> Iterator[Live | None]:
+def _follow(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[Live | None]:
     """Yield the connection to the viewer; a viewer that cannot start or gets lost is only a note on stderr."""
     if not values["live"]:
         yield None
         return
+    # Only estimates of known objects are shown while a run goes on.
+    for scenario in scenarios:
+        if scenario.config.sensing.identities == "hidden":
+            problem = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"
+            raise InputError(problem, file=scenario.path, key="sensing.identities")
     from trackbench.subjects.recording import viewer
     from trackbench.subjects.recording.live import Live
 
@@ -155,4 +152,4 @@ def _follow(values: OptionValues) -> Iterator[Live | None]:
             click.echo("the viewer was lost; the run went on without it", err=True)
 
 
-RUN_OPTIONS = RunOptions(_add, _check, _follow)
+RUN_OPTIONS = RunOptions(_add, _follow)

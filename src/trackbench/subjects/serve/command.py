@@ -10,7 +10,7 @@ import click
 
 from trackbench.base.errors import InputError
 from trackbench.cli.answer import print_answer
-from trackbench.cli.options import Whole, isolation_options, scenario_paths
+from trackbench.cli.options import isolation_options
 from trackbench.cli.terminal import log_to_stderr
 from trackbench.scenario import load_scenario
 
@@ -33,10 +33,9 @@ def serve_command() -> None:
     "--tracker",
     required=True,
     metavar="SCENARIO#NAME",
-    shell_complete=scenario_paths,
     help="A tracker of a scenario, whose sensors it reads.",
 )
-@click.option("--port", type=Whole(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
+@click.option("--port", type=click.IntRange(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen at: this machine's own unless given."
 )

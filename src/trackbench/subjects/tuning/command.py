@@ -14,7 +14,6 @@ from trackbench.base.execution import executor
 from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import (
     WORKERS,
-    Whole,
     engine_option,
     isolation_options,
     names_in,
@@ -39,15 +38,15 @@ from trackbench.scenario.shipped import files_of_scenarios
     help="likelihood, position_rmse, tgospa, or a metric of the scenario.  [tgospa with hidden identities and a "
     "truth, else likelihood]",
 )
-@click.option("--trials", type=Whole(2, 100_000), metavar="N", help="How many sets of values are tried.")
+@click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many sets of values are tried.")
 @click.option(
     "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="SQLite file of the trials."
 )
-@click.option("--train-scenes", type=Whole(1, 1000), metavar="N", help="Scenes that are tuned on.")
-@click.option("--test-scenes", type=Whole(1, 1000), metavar="N", help="Scenes that the values are tried on.")
-@click.option("--train-runs", type=Whole(1), metavar="N", help="Runs of each scene that is tuned on.")
-@click.option("--test-runs", type=Whole(1), metavar="N", help="Runs of each scene that is tried on.")
-@click.option("--seed", type=Whole(0), metavar="S", default=0, help="Seed of the search.")
+@click.option("--train-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that are tuned on.")
+@click.option("--test-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that the values are tried on.")
+@click.option("--train-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tuned on.")
+@click.option("--test-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tried on.")
+@click.option("--seed", type=click.IntRange(0), metavar="S", default=0, help="Seed of the search.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
     "--out",

@@ -14,7 +14,6 @@ from trackbench.models.motion import MotionModel
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import set_value
-from trackbench.scenario.source import Origin
 from trackbench.trackers.config import AnyTracker, FilterConfig, PluginConfig
 
 Entry = FilterConfig | PluginConfig
@@ -29,7 +28,7 @@ def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]
     """Return the entry as a scenario writes it, with some options changed."""
     entry: dict[str, Any] = copy.deepcopy(loaded.document.value["trackers"][tracker])
     for key, value in values.items():
-        set_value(entry, key.split("."), copy.deepcopy(value), Origin("--range"))
+        set_value(entry, key, copy.deepcopy(value))
     return entry
 
 

@@ -1,0 +1,113 @@
+"""Short synthetic drives of the check-ups: one target, or two cars whose detections say nothing of their origin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array, FieldOfView, Mask, Scan
+from trackbench.models.sensors import SENSOR_MODELS
+
+NOISE = {
+    "radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
+    "lidar": np.diag([0.15, 0.15]) ** 2,
+}
+#: Pose of the sensor at time 0, which is neither at the origin nor looks along x.
+POSE = np.array([4.0, -3.0, 0.4])
+#: Two cars in lanes of their own, one of which comes and one of which goes: px, py, vx, vy at time 0.
+CARS = np.array([[20.0, 15.0, 12.0, 3.0], [35.0, 40.0, 9.0, -1.0]])
+DURATION, STEP = 6.0, 0.05
+FIELD = FieldOfView(np.pi, 200.0)
+
+
+def drive(
+    kinds: Sequence[str],
+    times: Sequence[float],
+    missed: Sequence[int] = (),
+    target: int = 0,
+    velocity: tuple[float, float] = (0.0, 0.0),
+) -> list[Scan]:
+    """Measure a target that drives past a sensor which is neither at the origin nor looks along x.
+
+    Args:
+        kinds: "radar" or "lidar" of each scan.
+        times: when each is taken, s.
+        missed: numbers of the scans that do not detect the target.
+        target: another number is another target and other noise.
+        velocity: vx, vy of the sensor, m/s.
+    """
+    random = np.random.default_rng(target)
+    own = np.array(velocity)
+    scans = []
+    for number, (kind, time) in enumerate(zip(kinds, times, strict=True)):
+        pose = POSE + np.array([*own * time, 0.0])
+        ideal = SENSOR_MODELS[kind].measure(target_at(time, target), pose, own)
+        valid = np.array(number not in missed)
+        noise = np.sqrt(np.diag(NOISE[kind])) * random.standard_normal(len(ideal))
+        scans.append(_scan(kind, time, np.where(valid, ideal + noise, np.nan), valid, pose, own))
+    return scans
+
+
+def target_at(time: float, target: int = 0) -> Array:
+    """``(4,)`` px, py, vx, vy."""
+    vx, vy = 12.0 - target, 3.0
+    return np.array([20.0 + vx * time, 15.0 + 4.0 * target + vy * time, vx, vy])
+
+
+def usual_drive(target: int = 0, missed: Sequence[int] = (), velocity: tuple[float, float] = (0.0, 0.0)) -> list[Scan]:
+    """Measure a target 120 times by a lidar and a radar in turn."""
+    return drive(["lidar", "radar"] * 60, [STEP * i for i in range(120)], missed, target, velocity)
+
+
+def hidden_drive(seed: int = 0, *, clutter: float = 0.0, probability: float = 1.0) -> list[Scan]:
+    """Measure two cars by a lidar and a radar in turn, in one run.
+
+    Args:
+        seed: of noise, misses and clutter.
+        clutter: mean number of false alarms in a scan.
+        probability: of detecting a car.
+    """
+    random = np.random.default_rng(seed)
+    still = np.zeros(2)
+    scans = []
+    for number in range(round(DURATION / STEP)):
+        kind, time = ("lidar", "radar")[number % 2], STEP * number
+        model = SENSOR_MODELS[kind]
+        ideal = model.measure(cars_at(time), POSE[:, None], still[:, None])
+        detected = random.random(len(CARS)) < probability
+        result = ideal + np.sqrt(np.diag(NOISE[kind]))[:, None] * random.standard_normal(ideal.shape)
+        alarms = random.poisson(clutter)
+        anywhere = np.concatenate([random.uniform(-100, 100, (2, alarms)), random.uniform(-20, 20, (2, alarms))])
+        false = model.measure(anywhere, POSE[:, None], still[:, None])
+        measurement = np.concatenate([result[:, detected], false], axis=1)
+        scan = _scan(kind, time, measurement, np.ones(measurement.shape[1], dtype=bool), POSE, still)
+        density = max(clutter, 1e-3) / 200.0**2
+        scans.append(scan._replace(detection_probability=probability, clutter_density=density, field_of_view=FIELD))
+    return scans
+
+
+def cars_at(time: float) -> Array:
+    """``(4, cars)`` px, py, vx, vy."""
+    cars: Array = CARS.T + np.array([[time], [time], [0.0], [0.0]]) * np.roll(CARS.T, -2, axis=0)
+    return cars
+
+
+def _scan(kind: str, time: float, measurement: Array, valid: Mask, pose: Array, velocity: Array) -> Scan:
+    # As in the bench, the arrays are read-only: a tracker that writes into them is found out.
+    for shared in (measurement, valid, NOISE[kind], pose, velocity):
+        shared.setflags(write=False)
+    return Scan(time, kind, kind, measurement, valid, NOISE[kind], pose, velocity, time)
+
+
+def batched_scan(runs: Sequence[Scan]) -> Scan:
+    """Stack the scans of several runs at one instant along a last axis, padded to as many detections."""
+    most = np.max([scan.valid.shape for scan in runs], axis=0).astype(int)
+    measurement = np.full((len(runs[0].measurement), *most, len(runs)), np.nan)
+    valid = np.zeros((*most, len(runs)), dtype=bool)
+    for run, scan in enumerate(runs):
+        there: tuple[slice | int, ...] = (*map(slice, scan.valid.shape), run)
+        measurement[:, *there], valid[there] = scan.measurement, scan.valid
+    for shared in (measurement, valid):
+        shared.setflags(write=False)
+    return runs[0]._replace(measurement=measurement, valid=valid)
