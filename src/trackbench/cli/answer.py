@@ -17,8 +17,8 @@ def redirect_prints() -> None:
     """Let everything but ``print_answer`` that is printed from now on go to standard error."""
     global _kept
     if sys.stdout is not None:
-        encoding, errors = sys.stdout.encoding, sys.stdout.errors
-        _kept = open(os.dup(1), "w", encoding=encoding, errors=errors)  # noqa: SIM115 (as long as the process)
+        # A character that the encoding lacks is a question mark, and no reason to lose the rest.
+        _kept = open(os.dup(1), "w", encoding=sys.stdout.encoding, errors="replace")  # noqa: SIM115 (as the process)
         os.dup2(2, 1)
 
 

@@ -194,9 +194,6 @@ def _unexpected(error: BaseException) -> int:
         case SystemExit() if not with_plugins() or _raised_in(error) in ("rich", "click"):
             # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
             return UNREAD if error.code else 0
-        case UnicodeEncodeError():
-            problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
-            return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
         case MemoryError():
             return _failed(
                 "trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT
