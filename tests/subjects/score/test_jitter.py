@@ -5,10 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
-from benchmarks.jitter import on_path, stamps
 
 import trackbench as tb
+
+SECONDS = 60.0
+#: One row in so many is missing.
+MISSING = 5
+
+
+def on_path(time: np.ndarray) -> pd.DataFrame:
+    """Return rows of a car that weaves and changes its speed, exactly where it is at its stamps."""
+    return pd.DataFrame({"time": time, "id": 1, "x": 10 * time + 3 * np.sin(time), "y": 2 * np.sin(time / 2)})
+
+
+def stamps(random: np.random.Generator, rate: float, jitter: float, *, missing: bool = False) -> np.ndarray:
+    """Return stamps of frames at a rate, each off by up to a share of the period, every fifth perhaps missing."""
+    frame = np.arange(1, SECONDS * rate)
+    time = (frame + random.uniform(-jitter, jitter, len(frame))) / rate
+    return time[frame % MISSING > 0] if missing else time
 
 
 def scored(folder: Path, truth_rate: float = 50, **tracks: np.ndarray) -> tb.Result:
@@ -20,7 +36,7 @@ def scored(folder: Path, truth_rate: float = 50, **tracks: np.ndarray) -> tb.Res
 
 def test_tracks_that_jitter_match_as_regular_ones_do(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
-    times = {f"by_{int(100 * jitter)}": stamps(random, 10, jitter) for jitter in (0.0, 0.1, 0.2, 0.3, 0.4)}
+    times = {f"by_{int(100 * jitter)}": stamps(random, 10, jitter) for jitter in (0.0, 0.1, 0.2, 0.25)}
     times["normal"] = times["by_0"] + random.normal(0, 0.01, len(times["by_0"]))
     result = scored(tmp_path, **times)
     for name in times:
@@ -40,7 +56,7 @@ def test_a_perfect_tracker_that_jitters_is_better_than_one_that_is_a_metre_off(t
     assert result["jitters"].tgospa.value < 0.3 < 1 < result["off"].tgospa.value
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.4])
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
 def test_missing_rows_and_a_second_of_silence_are_seen(tmp_path: Path, jitter: float) -> None:
     time = stamps(np.random.default_rng(3), 10, jitter, missing=True)
     away = time[(time < 20) | (time > 21)]

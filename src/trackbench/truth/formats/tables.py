@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -15,7 +14,6 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
-from trackbench.truth.formats.geographic import GeographicOrigin
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table_files import read_header, read_table
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
@@ -49,7 +47,7 @@ NAMES = {
     **{key: key for key in QUANTITIES},
 }
 #: How the names of columns of degrees begin.
-LONGITUDE, LATITUDE = ("lon", "long", "longitude"), ("lat", "latitude")
+DEGREES = ("lon", "long", "longitude", "lat", "latitude")
 
 
 class ColumnLayout(NamedTuple):
@@ -184,11 +182,6 @@ class TableFormat(TrafficFormat):
         "p_00 to p_33 (covariance of x, y, vx, vy), scene, run and fingerprint.",
     )
     units: Units = Field(default_factory=Units, description="Units of the columns.")
-    origin: GeographicOrigin | None = Field(
-        None,
-        description="Where x and y are longitude and latitude: the point at which a plane touches the ground; x is "
-        "then the distance to its east and y to its north, m.",
-    )
 
     def problems(self) -> Iterator[Problem]:
         for key in self.columns:
@@ -202,21 +195,11 @@ class TableFormat(TrafficFormat):
             raise error.located(file=file, line=None) from None
         factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
         table = read_table(file, self.form, layout.columns.values())
-        x, y = (layout.columns[key].lower().split("_")[0] for key in ("x", "y"))
-        if x in LATITUDE or y in LONGITUDE:
-            raise InputError(f"x is {x!r}: x is the longitude (east) and y the latitude (north)", file=file)
-        if self.origin is None:
-            if x in LONGITUDE or y in LATITUDE:
-                message = (
-                    f"{x!r} and {y!r} are degrees, and metres are scored: state a point nearby as origin, such as "
-                )
-                raise InputError(
-                    f"{message}origin: {{lat_deg: 48.1, lon_deg: 11.6}} (score: --origin 48.1 11.6)", file=file
-                )
-            return table_rows(table, layout, factors)
-        rows = table_rows(table, layout, {**factors, "x": 1.0, "y": 1.0})
-        east, north = self.origin.plane(rows.py, rows.px)
-        return replace(rows, px=east, py=north)
+        for column in (layout.columns[key] for key in ("x", "y")):
+            if column.lower().split("_")[0] in DEGREES:
+                message = "is in degrees, and metres are scored: project it first, such as by pymap3d.geodetic2enu"
+                raise InputError(f"{column!r} {message}", file=file)
+        return table_rows(table, layout, factors)
 
 
 class Csv(TableFormat):
