@@ -18,11 +18,6 @@ from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table_files import read_header, read_table
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
-#: What cannot be meant: the least, the most, and why.
-_NO_SIZE = (np.nextafter(0, 1), np.inf, "which is no size; leave it empty where it is not known")
-POSSIBLE = {"length": _NO_SIZE, "width": _NO_SIZE, "existence": (0.0, 1.0, "which is no probability")}
-
-
 #: What a column may hold, and its quantity; None: it is read as it is.
 QUANTITIES: dict[str, str | None] = {
     "time": "time",
@@ -31,8 +26,9 @@ QUANTITIES: dict[str, str | None] = {
     **dict.fromkeys(("vx", "vy"), "speed"),
     "heading": "angle",
     "speed": "speed",
-    **dict.fromkeys(("length", "width"), "length"),
-    **dict.fromkeys(("class", "existence", "scene", "run", "fingerprint"), None),
+    **dict.fromkeys(("length", "width"), "size"),
+    "existence": "probability",
+    **dict.fromkeys(("class", "scene", "run", "fingerprint"), None),
     **dict.fromkeys(COVARIANCE, None),
 }
 REQUIRED = ("time", "id", "x", "y")
@@ -153,10 +149,6 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
     numeric: dict[str, Any] = {
         key: numbers(key) for key in ("x", "y", "vx", "vy", "heading", "speed", "length", "width", "existence")
     }
-    for key, (least, most, why) in POSSIBLE.items():
-        if (values := numeric[key]) is not None and (wrong := (values < least) | (values > most)).any():
-            row = int(np.argmax(wrong))
-            raise rows.error(row, f"{layout.columns[key]} is {values[row]:g}, {why}")
     named: dict[str, Any] = {key: texts(key) for key in ("scene", "run", "fingerprint")}
     return TrackRows(
         rows.labels(layout.columns["id"]).of_rows,
