@@ -156,7 +156,12 @@ def mixed_with(first: type[Any], **attributes: Any) -> Callable[[type[Any]], typ
         first: the class that goes first.
         attributes: of the classes that are made.
     """
-    return cache(lambda kind: type(f"{first.__name__}{kind.__name__}", (first, kind), attributes))
+
+    @cache
+    def mixed(kind: type[Any]) -> type[Any]:
+        return type(f"{first.__name__}{kind.__name__}", (first, kind), attributes)
+
+    return mixed
 
 
 def rates_at_instants(truth: Truth, stepped: Mask) -> Truth:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -43,8 +44,6 @@ class ResidualNoise:
 
     name: str
     unit: str
-    mean: BlockInterval
-    """Of measurement minus truth as logged, before anything is corrected."""
     sigma: BlockInterval
     """After the errors that were found are taken out."""
     stated: float
@@ -55,22 +54,17 @@ class ResidualNoise:
 
 def residual_noises(log: SensorLog, fit: JointFit) -> tuple[ResidualNoise, ...]:
     """Return the noise of each component."""
-    logged = log.residual({})[:, fit.inlier]
     distance = log.polar(log.log.time, log.log.object, fit.errors)[0, fit.inlier]
-    return tuple(_component(log, fit, i, logged[i], distance) for i in range(len(log.components)))
-
-
-def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, distance: Array) -> ResidualNoise:
-    finite = np.isfinite(logged)
-    counted = np.where(finite, logged, 0.0)
-    mean = fit.blocks.intervals(np.stack([counted, finite.astype(float)]), lambda sums: sums[:1] / sums[1:])[0]
-    return ResidualNoise(
-        name=log.components[i],
-        unit=log.config.units[i],
-        mean=mean,
-        sigma=_sigma(log, fit, i, np.ones(len(distance), dtype=bool)),
-        stated=float(log.config.sigmas()[i]),
-        bands=_bands(distance, IN_BAND // 2, lambda rows: _sigma(log, fit, i, rows)),
+    every = np.ones(len(distance), dtype=bool)
+    return tuple(
+        ResidualNoise(
+            name=name,
+            unit=log.config.units[i],
+            sigma=_sigma(log, fit, i, every),
+            stated=float(log.config.sigmas()[i]),
+            bands=_bands(distance, IN_BAND // 2, partial(_sigma, log, fit, i)),
+        )
+        for i, name in enumerate(log.components)
     )
 
 

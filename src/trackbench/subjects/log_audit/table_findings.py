@@ -139,10 +139,10 @@ def _error_ratio(sensors: Mapping[str, SensorLog], others: Mapping[str, SensorLo
 
 
 def _ego_finding(key: str, unit: str, evidence: str) -> LogFinding:
-    change = {f"truth.ego.units.{key}": _other_angle(unit)[0]}
-    title = f"observer: {key.replace('_', ' ')} is in {_other_angle(unit)[0]}, not {unit}"
-    (setting,) = change.items()
-    return LogFinding("unit", None, title, evidence, f"Set {setting[0]}: {setting[1]}.", component=key, changes=change)
+    other = _other_angle(unit)[0]
+    title, setting = f"observer: {key.replace('_', ' ')} is in {other}, not {unit}", f"truth.ego.units.{key}"
+    fix, changes = f"Set {setting}: {other}.", {setting: other}
+    return LogFinding("unit", None, title, evidence, fix, component=key, changes=changes)
 
 
 def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:
