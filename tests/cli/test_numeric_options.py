@@ -54,7 +54,9 @@ def test_every_numeric_option_has_one_of_these_types() -> None:
     assert others == []
 
 
-@pytest.mark.parametrize("name", ["check --tracker-timeout", "run --workers", "score --time-offset", "serve udacity --port"])
+@pytest.mark.parametrize(
+    "name", ["check --tracker-timeout", "run --workers", "score --time-offset", "serve udacity --port"]
+)
 def test_an_odd_number_is_refused(name: str) -> None:
     parameter = NUMERIC[name]
     for text in [*ODD, "9" * 5000]:

@@ -52,7 +52,7 @@ BAD = [
         [
             "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, seeds, "
             "observer, targets, ego, steering_rate_degps, drivers, sizes, "
-            "others_within_m, audit"
+            "others_within_m"
         ],
     ),
     (
