@@ -149,7 +149,7 @@ def steered(rate: float) -> Control:
     return control
 
 
-def mixed_with(first: type[Any], **attributes: Any) -> Callable[[type[Any]], type[Any]]:
+def mixed_with(first: type[Any], **attributes: Any) -> Callable[[Any], type[Any]]:
     """Return what makes of a class of vehicles one with another class before it; highway-env's own stay as they are.
 
     Args:
