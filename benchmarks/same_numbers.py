@@ -47,6 +47,7 @@ RENAMED: dict[str, str] = {}
 RENAMED_VALUES: dict[str, dict[str, str]] = {}
 #: New path that the old commit does not have: why.
 ADDED: dict[str, str] = {
+    "*truth.motion*": "of recorded traffic: what as_recorded and as_used had",
     "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
@@ -54,6 +55,17 @@ ADDED: dict[str, str] = {
 }
 #: Old path that the new commit does not have: why.
 REMOVED: dict[str, str] = {
+    "*audit.clock_drift_s": "time is counted in the simulator's steps whatever its clock",
+    "*audit.repaired.own_clock": "the same",
+    "*audit.repaired.velocity_from_course_and_slip": "what the simulator states and no truth uses is not judged",
+    "*truth.as_recorded*": "of recorded traffic: motion has it",
+    "*truth.as_used*": "the same",
+    "*components.*.mean*": "the errors that an audit of a log estimates together tell it",
+    "*components.*.exponent*": "the noise by range is in its bands",
+    "*components.*.spread": "the same",
+    "*detections.seen_*": "fields that no page showed",
+    "*truth_velocity[*].jumps": "a finding that is gone",
+    "*truth_velocity[*].noise": "a field that no page showed",
     "*trackers[*].first_velocity*": "the warning about a stated first velocity is gone",
     "*trackers[*].run_spread": "trackers that use no measurement are not looked for",
     "*:precision*": "a run has the number of runs that it is given",
@@ -86,6 +98,8 @@ REMOVED: dict[str, str] = {
 }
 #: Path that is not compared: why.
 LEFT_OUT: dict[str, str] = {
+    "*audit.velocity_error_before*": "of the truth's own velocity, before of the one that the simulator states",
+    "*audit.verdict": "the same",
     "*.step_time": "measured with a clock",
     "*step_time|*": "measured with a clock",
     "*|step_time*": "measured with a clock",

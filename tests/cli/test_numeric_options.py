@@ -54,7 +54,7 @@ def test_every_numeric_option_has_one_of_these_types() -> None:
     assert others == []
 
 
-@pytest.mark.parametrize("name", ["check --tracker-timeout", "score --origin"])
+@pytest.mark.parametrize("name", ["check --tracker-timeout", "score --time-offset"])
 def test_an_odd_number_is_refused(name: str) -> None:
     parameter = NUMERIC[name]
     for text in [*ODD, "9" * 5000]:

@@ -137,12 +137,9 @@ def make_summary() -> dict[str, Any]:
                     "time_s": 4.55,
                     "peak_acceleration_mps2": 100.6,
                 },
-                "clock_drift_s": 0.0,
                 "repaired": {
-                    "velocity_from_course_and_slip": ["v1", "v2"],
-                    "velocity_from_displacement": [],
+                    "velocity_from_displacement": ["v1", "v2"],
                     "cut_at_jump": ["v3"],
-                    "own_clock": False,
                 },
             },
             "cached": True,

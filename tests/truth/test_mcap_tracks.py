@@ -130,7 +130,10 @@ BAD_TRACKS: list[tuple[dict[str, Any], str]] = [
     ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2]}]}, "message 1 of trackbench.Tracks is damaged"),
     ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, True]}]}, "vy is not a finite number: 'True'"),
     ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "covariance": [[1]]}]}, "is damaged"),
-    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "existence": 1.5}]}, "no probability"),
+    (
+        {"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "existence": 1.5}]},
+        "and 0 to 1 can be meant",
+    ),
     ({"time_s": 0, "tracks": [4]}, "message 1 of trackbench.Tracks is damaged"),
 ]
 

@@ -62,9 +62,9 @@ def test_a_file_gives_its_tracks(name: str, tmp_path: Path) -> None:
         ("1,car,0.1,1.0", "1,car,0.1,nan", "x is not a finite number: 'nan'"),
         ("1,car,0.1,1.0", "1,car,0.1,1e12", "check its unit"),
         ("1,car,0.1,1.0", "1,car,1e6,1.0", "check the unit of time"),
-        (",4.5,1.8\n", ",450,1.8\n", "its length is 450 m; above 0 and at most 100 m is possible"),
-        (",4.5,1.8\n", ",-3,1.8\n", ".csv:2: length is -3, which is no size; leave it empty where it is not known"),
-        (",4.5,1.8\n", ",4.5,0\n", ".csv:2: width is 0, which is no size"),
+        (",4.5,1.8\n", ",450,1.8\n", ".csv:2: length is '450': it would be 450 m, and 0.001 to 100 m can be meant"),
+        (",4.5,1.8\n", ",-3,1.8\n", ".csv:2: length is '-3': it would be -3 m, and 0.001 to 100 m can be meant"),
+        (",4.5,1.8\n", ",4.5,0\n", ".csv:2: width is '0': it would be 0 m, and 0.001 to 100 m can be meant"),
     ],
 )
 def test_what_is_wrong_with_a_table(old: str, new: str, message: str, tmp_path: Path) -> None:

@@ -216,11 +216,11 @@ DEFAULTS: dict[str, Any] = {
     "reward_speed_range": [20, 30],
     "action": {"type": "Meta", "lateral": True, "target_speeds": [0, 5, 10]},
 }
-VARIANTS = {"action": {"Meta": {"lateral", "longitudinal", "target_speeds"}, "Both": {"clip", "action_config"}}}
+ACTION = {"type", "lateral", "longitudinal", "target_speeds", "clip", "action_config"}
 
 
 def test_partial_action_keeps_the_defaults_of_its_type() -> None:
-    assert complete({"action": {"lateral": False}}, DEFAULTS, VARIANTS) == {
+    assert complete({"action": {"lateral": False}}, DEFAULTS, ACTION) == {
         "action": {"type": "Meta", "lateral": False, "target_speeds": [0, 5, 10]}
     }
 
@@ -230,8 +230,7 @@ def test_partial_action_keeps_the_defaults_of_its_type() -> None:
     [
         ({"lane_count": 3}, "lane_count", "unknown key; did you mean 'lanes_count'"),
         ({"lanes_count": "3"}, "lanes_count", "must be of the kind of the default, 4, and not '3'"),
-        ({"action": "Meta"}, "action", "must be a mapping"),
-        ({"action": {"type": "Mta"}}, "action.type", "did you mean 'Meta'"),
+        ({"action": "Meta"}, "action", "must be of the kind of the default"),
         ({"action": {"latral": True}}, "action.latral", "did you mean 'lateral'"),
         (
             {"action": {"type": "Both", "action_config": {"type": "Meta", "latral": 1}}},
@@ -242,5 +241,5 @@ def test_partial_action_keeps_the_defaults_of_its_type() -> None:
 )
 def test_mistakes_are_named_with_their_key(given: dict[str, Any], key: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        complete(given, DEFAULTS, VARIANTS)
+        complete(given, DEFAULTS, ACTION)
     assert caught.value.key == f"truth.config.{key}"

@@ -20,10 +20,8 @@ def bicycle(speed: float, steering: float, absent: slice = slice(0, 0)) -> Frame
     for values in columns.values():
         values[absent] = np.nan
     one = np.ones(1)
-    still = np.zeros((STEPS, 1))
     never = np.zeros((STEPS, 1), dtype=bool)
-    return Frames(DT, ("v1",), **columns, reported_vx=still, reported_vy=still, collided=never, length=one, width=one,
-                  clock=np.arange(STEPS) * DT)  # fmt: skip
+    return Frames(DT, ("v1",), **columns, collided=never, length=one, width=one)
 
 
 def roadside() -> Observer:

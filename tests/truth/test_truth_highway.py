@@ -9,6 +9,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Truth
+from trackbench.base.units import wrap_angle
 from trackbench.truth.highway import list_envs, simulate
 from trackbench.truth.sources import HighwayTruth
 
@@ -44,14 +45,8 @@ def test_every_environment_gives_a_consistent_truth(env: str) -> None:
 
 def test_slip_angle_matters_on_a_roundabout() -> None:
     truth = simulate(configured("roundabout-v1", seed=0, duration_s=6, observer=ROADSIDE))
-    stated = truth.audit["velocity_error_before"]
-    assert stated["max_mps"] > 2.0
-    assert stated["mean_mps"] > 0.3
+    assert np.abs(wrap_angle(truth.course - truth.heading)).max() > 0.1
     assert truth.audit["velocity_error_after"]["max_mps"] < 1e-9
-    assert truth.audit["repaired"]["velocity_from_course_and_slip"]
-    with pytest.raises(InputError, match="contradicts the motion") as caught:
-        simulate(configured("roundabout-v1", seed=0, duration_s=6, observer=ROADSIDE, audit="refuse"))
-    assert caught.value.key == "truth.audit"
 
 
 def test_frame_is_right_handed_seen_from_above() -> None:
@@ -65,9 +60,7 @@ def test_frame_is_right_handed_seen_from_above() -> None:
 
 
 def test_straight_traffic_needs_no_repair() -> None:
-    truth = simulate(configured("two-way-v0", audit="refuse"))
-    assert truth.audit["verdict"] == "consistent"
-    assert truth.audit["clock_drift_s"] < 1e-9
+    assert simulate(configured("two-way-v0")).audit["verdict"] == "consistent"
 
 
 def test_vehicles_are_followed_by_identity_as_they_come_and_go() -> None:

@@ -97,9 +97,8 @@ def test_shares_of_sizes() -> None:
     nothing = np.zeros((1, count))
     ids = ("ego", *(f"v{i}" for i in range(1, count)))
     alike = Frames(
-        dt=0.1, ids=ids, px=nothing, py=nothing, heading=nothing, slip=nothing, speed=nothing, reported_vx=nothing,
-        reported_vy=nothing, collided=nothing > 0, length=np.full(count, 5.0), width=np.full(count, 2.0),
-        clock=np.zeros(1),
+        dt=0.1, ids=ids, px=nothing, py=nothing, heading=nothing, slip=nothing, speed=nothing, collided=nothing > 0,
+        length=np.full(count, 5.0), width=np.full(count, 2.0),
     )  # fmt: skip
     one, other = (with_sizes(alike, VehicleSizes(van=0.2, truck=0.1), seed).length for seed in (1, 2))
     assert one[0] == 5.0

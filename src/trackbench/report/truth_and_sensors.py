@@ -55,14 +55,14 @@ def _recording(truth: TruthSummary) -> Iterator[_Finding]:
     options = truth.model_extra or {}
     if truth.source != "recorded-traffic":
         return
-    raw, used, noise = options["as_recorded"], options["as_used"], options["recorded_noise"]
+    motion, noise = options["motion"], options["recorded_noise"]
     smoothed = f"smoothed over {options['smoothing']['window_s']:g} s" if options["smoothing"] else ""
-    after = f"{smoothed}: {_two_digits(used['acceleration_max_mps2'])} m/s²" if smoothed else ""
-    at_most = f"{_two_digits(raw['acceleration_max_mps2'])} m/s²"
-    apart = f"{_two_digits(raw['displacement_rms_mps'])} m/s (RMS)"
-    yield "acceleration as recorded", at_most, f"vehicle {raw['vehicle']}", after
+    after = f"{smoothed}: {_two_digits(motion['acceleration_mps2'])} m/s²" if smoothed else ""
+    at_most = f"{_two_digits(motion['recorded_acceleration_mps2'])} m/s²"
+    apart = f"{_two_digits(motion['recorded_speed_error_mps'])} m/s (RMS)"
+    yield "acceleration as recorded", at_most, f"vehicle {motion['recorded_vehicle']}", after
     yield "stated speed", f"off by {apart}", "as recorded", ""
-    yield "position jumps", str(raw["jumps"]), "as recorded", ""
+    yield "position jumps", str(motion["recorded_jumps"]), "as recorded", ""
     if smoothed:
         own = f"{_two_digits(noise['position_m'])} m per axis, {_two_digits(noise['velocity_mps'])} m/s (RMS)"
         yield "noise of the recording", own, "", f"{smoothed}; intervals carry it"
@@ -77,11 +77,8 @@ def _velocity(audits: Audits) -> Iterator[_Finding]:
     most = max((error for error in left if error is not None), default=None)
     if not before.max_mps or audit.velocity_error_after.max_mps is None or most is None:
         return
-    sources = {
-        "course and slip angle": repaired.velocity_from_course_and_slip,
-        "displacement": repaired.velocity_from_displacement,
-    }
-    how = joined_names([f"from {source} for {joined_names(names)}" for source, names in sources.items() if names])
+    names = repaired.velocity_from_displacement
+    how = f"from displacement for {joined_names(names)}" if names else ""
     remaining = f"less than {_NEGLIGIBLE:g}" if most < _NEGLIGIBLE else f"at most {_two_digits(most)}"
     done = f"computed {how}: {remaining} m/s left" if how else ""
     place = _place(before.object, before.time_s, scene)
@@ -89,7 +86,7 @@ def _velocity(audits: Audits) -> Iterator[_Finding]:
 
 
 def _jumps(audits: Audits) -> Iterator[_Finding]:
-    """Jumps of velocity and position, truths that end early, and clocks that are off."""
+    """Jumps of velocity and position, and truths that end early."""
     jumps = {name: audit.velocity_jumps for name, audit in audits.items()}
     peak = max((item.peak_acceleration_mps2 or 0.0 for item in jumps.values()), default=0.0)
     largest = [(worst.largest_mps, scene, worst) for scene, worst in jumps.items() if worst.largest_mps is not None]
@@ -107,9 +104,6 @@ def _jumps(audits: Audits) -> Iterator[_Finding]:
                 yield "position jump", f"{_two_digits(jump.distance_m)} m", place, "left out from then on"
         if audit.ended_early is not None:
             yield "early end", f"{rounded(audit.ended_early.time_s, 2)} s", scene, audit.ended_early.reason
-    drifts = [audit.clock_drift_s or 0.0 for audit in audits.values() if audit.repaired.own_clock]
-    if drifts:
-        yield "clock of the simulator", f"off by {rounded(max(drifts), 3)} s", "", "time is counted from its steps"
 
 
 def _place(name: str | None, time_s: float | None, scene: str) -> str:

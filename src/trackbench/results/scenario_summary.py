@@ -57,12 +57,9 @@ class EndedEarly(ResultModel):
 class Repairs(ResultModel):
     """What was corrected."""
 
-    velocity_from_course_and_slip: list[str] = Field(default_factory=list)
     velocity_from_displacement: list[str] = Field(default_factory=list)
     cut_at_jump: list[str] = Field(default_factory=list)
     """Objects whose track ends at a jump."""
-    own_clock: bool = False
-    """Time is counted in steps, since the source's clock is off."""
 
     @property
     def any(self) -> bool:
@@ -78,12 +75,10 @@ class TruthAudit(ResultModel):
     tolerance_mps: float
     """Largest velocity mismatch that passes."""
     velocity_error_before: VelocityMismatch
-    """Of the velocity that the source states."""
+    """Of the velocity of the source."""
     velocity_error_after: VelocityMismatch
     jumps: list[PositionJump]
     velocity_jumps: VelocityJumps
-    clock_drift_s: float | None
-    """None where the source keeps no clock."""
     repaired: Repairs
     ended_early: EndedEarly | None = None
 

@@ -1,4 +1,4 @@
-"""Does the truth tell the truth? Velocity against displacement, jumps, and the clock.
+"""Does the truth tell the truth? Velocity against displacement, and jumps.
 
 A velocity that contradicts the motion corrupts every Doppler measurement, velocity error and NEES. So each step's
 displacement is compared with the velocity that is said to cause it.
@@ -7,7 +7,7 @@ displacement is compared with the velocity that is said to cause it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -25,38 +25,25 @@ TOLERANCE_MPS = 0.05
 NEIGHBOURS = 2
 
 
-@dataclass(frozen=True)
-class Reported:
-    """What a source states besides the motion."""
-
-    velocity: Array
-    """``(2, steps, objects, runs)`` m/s."""
-    clock: Array
-    """``(steps,)`` the source's own time, s; NaN where it keeps none."""
-    collided: Mask
-    """``(steps, objects)``: after a collision."""
-    observer_collided: Mask
-    """``(steps,)``."""
-
-
 def audited_truth(
     truth: Truth,
     mode: Literal["repair", "refuse"],
-    reported: Reported | None = None,
+    *,
+    collided: tuple[Mask, Mask] | None = None,
     ended_early: EndedEarly | None = None,
     remedy: str = "",
 ) -> Truth:
     """The truth with its faults repaired, and what was found and done in ``Truth.audit``.
 
-    A velocity that the source misstates is replaced by course and slip (which ``truth`` already holds), or by the
-    displacement where those contradict the motion too. A track is cut where its body jumps, and the whole truth
-    where the observer does: what follows a collision in a simulator is no motion of a vehicle. Velocity jumps are
-    counted and stay.
+    A velocity that contradicts the motion is replaced by that of the displacement. A track is cut where its body jumps,
+    and the whole truth where the observer does: what follows a collision in a simulator is no motion of a vehicle.
+    Velocity jumps are counted and stay.
 
     Args:
         truth: the motion.
         mode: whether to repair or to refuse a truth with faults.
-        reported: what the source states besides; nothing but the motion unless given.
+        collided: which objects ``(steps, objects)``, and at which steps the observer, have had a collision; none
+            unless given.
         ended_early: why the truth is shorter than it should be.
         remedy: what also corrects a velocity that contradicts the motion, as a message says it.
 
@@ -65,34 +52,25 @@ def audited_truth(
     """
     if len(truth.time) < 2:
         raise InputError("the truth has less than two steps", key="truth.duration_s")
-    if reported is None:
-        never = np.zeros_like(truth.alive)
-        reported = Reported(_velocity(truth), truth.time, never, np.zeros(len(truth.time), dtype=bool))
-    truth, cut = _without_observer_jump(truth, reported.observer_collided)
-    steps = len(truth.time)
-    stated, clock = reported.velocity[:, :steps], reported.clock[:steps]
-
+    never = np.zeros_like(truth.alive), np.zeros(len(truth.time), dtype=bool)
+    objects_collided, observer_collided = never if collided is None else collided
+    truth, cut = _without_observer_jump(truth, observer_collided)
     jumped = _jumps(_displacement(truth), _velocity(truth), _together(truth.alive), truth.time)
-    jumped |= _begins(reported.collided[:steps]) & _together(truth.alive)
+    jumped |= _begins(objects_collided[: len(truth.time)]) & _together(truth.alive)
     ends = [_jump(truth, step, body) for body in range(len(truth.ids)) for step in np.flatnonzero(jumped[:, body])[:1]]
     # The end of a jump and all that follows.
     cut_off = np.concatenate([np.zeros_like(truth.alive[:1]), np.logical_or.accumulate(jumped, axis=0)])
     repaired = replace(truth, alive=truth.alive & ~cut_off)
 
     moving = _together(repaired.alive)
-    before = _errors(_displacement(truth), stated, moving)
-    own = _errors(_displacement(truth), _velocity(truth), moving)
-    wrong = np.flatnonzero(_worst(own) > TOLERANCE_MPS).tolist()
-    misstated = np.flatnonzero(_worst(before) > TOLERANCE_MPS).tolist()
+    before = _errors(_displacement(truth), _velocity(truth), moving)
+    wrong = np.flatnonzero(np.nanmax(before, axis=0, initial=0.0) > TOLERANCE_MPS).tolist()
     repaired = _velocity_from_displacement(repaired, wrong)
     after = _errors(_displacement(truth), _velocity(repaired), moving)
 
-    drift = float(np.nanmax(np.abs(clock - truth.time))) if np.isfinite(clock).any() else None
     repairs = Repairs(
-        velocity_from_course_and_slip=[truth.ids[i] for i in misstated if i not in wrong],
         velocity_from_displacement=[truth.ids[i] for i in wrong],
         cut_at_jump=[jump.object for jump in (*cut, *ends)],
-        own_clock=drift is not None and drift > float(truth.time[1]) / 2,
     )
     result = TruthAudit(
         mode=mode,
@@ -102,7 +80,6 @@ def audited_truth(
         velocity_error_after=_summary(after, truth),
         jumps=[*cut, *ends],
         velocity_jumps=jumps.summarised(repaired),
-        clock_drift_s=drift,
         repaired=repairs,
         ended_early=EndedEarly(time_s=float(truth.time[-1]), reason="the observer collides or jumps")
         if cut
@@ -124,7 +101,6 @@ def exact(truth: Truth) -> Truth:
         velocity_error_after=none,
         jumps=[],
         velocity_jumps=jumps.summarised(truth),
-        clock_drift_s=0.0,
         repaired=Repairs(),
     )
     return replace(truth, audit=result.model_dump(mode="json"))
@@ -174,10 +150,6 @@ def _typical(errors: Array) -> Array:
     return np.array(
         [np.median(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in errors.T]
     )
-
-
-def _worst(errors: Array) -> Array:
-    return np.asarray(np.nanmax(errors, axis=0, initial=0.0))
 
 
 def _jumps(displacement: Array, velocity: Array, moving: Mask, time: Array) -> Mask:
@@ -274,6 +246,4 @@ def _complaint(result: TruthAudit, remedy: str) -> str:
             f"({worst.object} at {worst.time_s:.2f} s){remedy}"
         )
     parts += [f"{jump.object} jumps by {jump.distance_m:.2g} m at {jump.time_s:.2f} s" for jump in result.jumps]
-    if result.repaired.own_clock:
-        parts.append(f"the simulator's clock is off by {result.clock_drift_s:.3g} s")
     return "; ".join(parts)

@@ -128,10 +128,6 @@ class TruthSource(Config, ABC):
         drives any object; else None."""
         return None
 
-    def most_runs(self) -> int | None:
-        """The number of runs whose motion fits the memory; None where it does not depend on them."""
-        return None
-
     def with_all_objects(self, within_m: float) -> Self:
         """The source whose truth has every object, with ``Truth.target``: for hidden identities.
 

@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Truth
 from trackbench.truth.config import HighwayOptions
 from trackbench.truth.environment import Recorder, rates_at_instants
 from trackbench.truth.frames import with_sizes
-from trackbench.truth.highway import control_of, isolated, prepare_env, step_count
+from trackbench.truth.highway import DriverModel, control_of, isolated, prepare_env, step_count
 
 #: By how many places for bodies the truth grows where vehicles come that were not there at first.
 MORE_PLACES = 16
@@ -30,8 +30,8 @@ class DrivenTraffic:
 
     def __init__(self, config: HighwayOptions) -> None:
         self._config = config.model_copy(update={"ego": "idle"})
-        self._classes: dict[type[Any], dict[str, Any]] = {}
-        with isolated(self._classes):
+        self._driver_model: DriverModel = {}
+        with isolated(self._driver_model):
             self.env = prepare_env(self._config)
             if isinstance(self.env.action_type, MultiAgentAction):
                 self.env.close()
@@ -48,7 +48,7 @@ class DrivenTraffic:
         Returns:
             The reward, whether the episode has ended, and whether the environment's time limit is over.
         """
-        with isolated(self._classes):
+        with isolated(self._driver_model):
             _, reward, terminated, truncated, _ = self.env.step(action)
         return float(reward), bool(terminated), bool(truncated)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +14,12 @@ from highway_env.vehicle.behavior import IDMVehicle
 from trackbench.base.streams import stream
 from trackbench.base.units import wrap_angle
 from trackbench.truth.config import HighwayOptions
-from trackbench.truth.environment import Kinds, SteeredVehicle, steered
+from trackbench.truth.environment import SteeredVehicle, mixed_with, steered
 
 #: With which a driver brakes for a bend ahead, m/s^2.
 COMFORTABLE_BRAKING_MPS2 = 2.0
 #: How far a driver looks for bends from the start of its lane, m: beyond where it would brake at 40 m/s.
 SEEN_AHEAD_M = 500.0
-DRAWN_AT_ONCE = 128
 #: Acceleration and braking of a calm driver, m/s^2. Source: Kesting, Treiber and Helbing (2010), as ``calm_braking``.
 CALM_ACCELERATION_MPS2, CALM_BRAKING_MPS2 = 1.4, 2.0
 #: So much above ``calm_from_mps`` a driver is wholly calm, m/s.
@@ -80,17 +78,11 @@ class GaussMarkov:
         self._keep = math.exp(-dt / time_s)
         self._drive = sigma * math.sqrt(1.0 - self._keep**2)
         self._random = random
-        self._normal: Iterator[float] = iter(())
         self.value = sigma * random.standard_normal()
 
     def advance(self) -> float:
         """The value one step later."""
-        normal = next(self._normal, None)
-        if normal is None:
-            # Many at once take a tenth of the time of as many draws; the numbers are the same.
-            self._normal = iter(self._random.standard_normal(DRAWN_AT_ONCE).tolist())
-            normal = next(self._normal)
-        self.value = self._keep * self.value + self._drive * normal
+        self.value = self._keep * self.value + self._drive * self._random.standard_normal()
         return self.value
 
 
@@ -270,7 +262,7 @@ class Traffic:
         self._env, self._options, self._seed, self._dt = env, options, config.seed, 1.0 / config.rate_hz
         bends = bend_speeds(env.road.network, options.cornering_mps2)
         rate = math.radians(config.steering_rate_degps or STEERING_RATE_DEGPS)
-        self._kinds = Kinds(HumanVehicle, STEERING_RATE=rate, GRIP=options.grip_mps2, BENDS=bends)
+        self._human = mixed_with(HumanVehicle, STEERING_RATE=rate, GRIP=options.grip_mps2, BENDS=bends)
         self._steered = steered(rate)
 
     def __call__(self, vehicle: Any, number: int) -> None:
@@ -279,7 +271,7 @@ class Traffic:
             return
         vehicle.driver = Driver(self._options, self._dt, self._seed, number)
         vehicle.TIME_WANTED = vehicle.driver.headway
-        self._kinds.change(vehicle)
+        vehicle.__class__ = self._human(type(vehicle))
         if self._env.steps == 0 and vehicle.BENDS:
             # Of those that are there at the start some are in a bend, faster than tyres allow.
             vehicle.along = vehicle.road.network.get_lane(vehicle.target_lane_index).local_coordinates(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,54 +19,40 @@ from trackbench.truth.frames import Frames
 
 #: Kinds of values that do not stand for each other.
 KINDS: tuple[Any, ...] = (bool, int | float, str, list | tuple, Mapping)
-#: For ``action``: the keys that each of its types takes.
-Variants = Mapping[str, Mapping[str, Collection[str]]]
+#: The keys of an action, which has keys of its own for each of its types.
+ACTION = ("action", "action_config")
 
 
 def complete(
-    config: Mapping[str, Any], defaults: Mapping[str, Any], variants: Variants, at: str = "truth.config"
+    config: Mapping[str, Any], defaults: Mapping[str, Any], action: Collection[str], at: str = "truth.config"
 ) -> dict[str, Any]:
-    """``config`` with what it leaves out of a nested mapping filled in from ``defaults``.
+    """``config`` with what it leaves out of an action filled in from ``defaults``.
+
+    Args:
+        config: of the scenario.
+        defaults: of the environment.
+        action: the keys of all types of actions.
+        at: the key of ``config``, for error messages.
 
     Raises:
         InputError: an unknown key, or a value of another kind than its default.
     """
     result: dict[str, Any] = {}
     for key, value in config.items():
-        path = f"{at}.{key}"
         if key not in defaults:
-            raise InputError(f"unknown key; {nearest_choices(str(key), defaults)}", key=path)
-        if key in variants:
-            result[key] = _variant(value, defaults[key], key, variants, path)
-            continue
-        if None not in (value, defaults[key]) and _kind(value) is not _kind(defaults[key]):
-            raise InputError(f"must be of the kind of the default, {defaults[key]!r}, and not {value!r}", key=path)
+            raise InputError(f"unknown key; {nearest_choices(str(key), defaults)}", key=f"{at}.{key}")
+        default = defaults[key]
+        if None not in (value, default) and _kind(value) is not _kind(default):
+            raise InputError(f"must be of the kind of the default, {default!r}, and not {value!r}", key=f"{at}.{key}")
         result[key] = value
+        if key in ACTION and isinstance(value, Mapping):
+            usual = default if default is not None and value.get("type", default["type"]) == default["type"] else {}
+            result[key] = {**usual, **complete(value, {**dict.fromkeys(action), **usual}, action, f"{at}.{key}")}
     return result
 
 
 def _kind(value: Any) -> Any:
     return next((kind for kind in KINDS if isinstance(value, kind)), None)
-
-
-def _variant(value: Any, default: Mapping[str, Any], name: str, variants: Variants, at: str) -> dict[str, Any]:
-    if not isinstance(value, Mapping):
-        raise InputError(f"must be a mapping, not {value!r}", key=at)
-    kind = value.get("type", default.get("type"))
-    if kind not in variants[name]:
-        raise InputError(
-            f"unknown {name} type {kind!r}; {nearest_choices(str(kind), variants[name])}", key=f"{at}.type"
-        )
-    usual = default if kind == default.get("type") else {}
-    accepted = {"type", *variants[name][kind], *usual}
-    for key in value:
-        if key not in accepted:
-            raise InputError(f"unknown key; {nearest_choices(str(key), accepted)}", key=f"{at}.{key}")
-    merged = {**usual, **value}
-    part = f"{name}_config"
-    if part in value:
-        merged[part] = _variant(value[part], usual.get(part, {}), name, variants, f"{at}.{part}")
-    return merged
 
 
 class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
@@ -153,33 +140,28 @@ Control = Callable[[Any, int], None]
 
 def steered(rate: float) -> Control:
     """Let every vehicle that follows lanes steer at ``rate`` (rad/s) at most."""
-    kinds = Kinds(SteeredVehicle, STEERING_RATE=rate)
+    steered_kind = mixed_with(SteeredVehicle, STEERING_RATE=rate)
 
     def control(vehicle: Any, _: int) -> None:
         if isinstance(vehicle, ControlledVehicle):
-            kinds.change(vehicle)
+            vehicle.__class__ = steered_kind(type(vehicle))
 
     return control
 
 
-class Kinds:
-    """Classes of vehicles with another one mixed in, one for each class; highway-env's own stay as they are.
+def mixed_with(first: type[Any], **attributes: Any) -> Callable[[Any], type[Any]]:
+    """Return what makes of a class of vehicles one with another class before it; highway-env's own stay as they are.
 
     Args:
-        mixed: the class that goes first.
-        attributes: of the class that is made.
+        first: the class that goes first.
+        attributes: of the classes that are made.
     """
 
-    def __init__(self, mixed: type[Any], **attributes: Any) -> None:
-        self._mixed, self._attributes = mixed, attributes
-        self._made: dict[type[Any], type[Any]] = {}
+    @cache
+    def mixed(kind: type[Any]) -> type[Any]:
+        return type(f"{first.__name__}{kind.__name__}", (first, kind), attributes)
 
-    def change(self, vehicle: Any) -> None:
-        """Give a vehicle its new class."""
-        kind = type(vehicle)
-        if kind not in self._made:
-            self._made[kind] = type(f"{self._mixed.__name__}{kind.__name__}", (self._mixed, kind), self._attributes)
-        vehicle.__class__ = self._made[kind]
+    return mixed
 
 
 def rates_at_instants(truth: Truth, stepped: Mask) -> Truth:
@@ -235,7 +217,6 @@ class Recorder:
         self._control = control
         self._bodies: list[Any] = []
         self._numbers: dict[int, int] = {}
-        self._clock: dict[int, float] = {}
         self._step: Callable[[float], None] = env.road.step
         env.road.step = self
         for vehicle in (env.vehicle, *env.road.vehicles):
@@ -258,10 +239,6 @@ class Recorder:
         """Number of vehicles that have been there."""
         return len(self._bodies)
 
-    def note_clock(self) -> None:
-        """The environment's time between two of its steps; within one it runs ahead."""
-        self._clock[len(self.frames)] = float(self._env.time)
-
     def _number(self, vehicle: Any) -> int:
         if id(vehicle) not in self._numbers:
             self._numbers[id(vehicle)] = len(self._bodies)
@@ -274,7 +251,7 @@ class Recorder:
         """The first ``steps`` frames; the ego is body 0."""
         raw = _stacked(self.frames[:steps], len(self._bodies))
         seen = np.flatnonzero(np.isfinite(raw[0]).any(axis=0))
-        return self._frames(raw[:, :, seen], seen, dt, self._times(raw.shape[1]))
+        return self._frames(raw[:, :, seen], seen, dt)
 
     def until_now(self, dt: float, places: int) -> Frames:
         """Return the frames of all steps, and that of now; the ego is body 0.
@@ -287,10 +264,10 @@ class Recorder:
         """
         now = {self._number(v): (*_state(v), float(v.action["steering"])) for v in self._env.road.vehicles}
         raw = _stacked([*self.frames, now], max(places, len(self._bodies)))
-        return self._frames(raw, range(raw.shape[2]), dt, np.full(raw.shape[1], math.nan))
+        return self._frames(raw, range(raw.shape[2]), dt)
 
-    def _frames(self, raw: Array, numbers: Iterable[int], dt: float, clock: Array) -> Frames:
-        px, down, clockwise, speed, vx, vy_down, crashed, steering = raw
+    def _frames(self, raw: Array, numbers: Iterable[int], dt: float) -> Frames:
+        px, down, clockwise, speed, crashed, steering = raw
         return Frames(
             dt=dt,
             ids=tuple("ego" if i == 0 else f"v{i}" for i in numbers),
@@ -301,31 +278,24 @@ class Recorder:
             # The slip angle of the kinematic bicycle (Polack et al. 2017): beta = atan(tan(steering) / 2).
             slip=-np.arctan(0.5 * np.tan(steering)),
             speed=speed,
-            reported_vx=vx,
-            reported_vy=-vy_down,
             collided=crashed == 1.0,
             length=self._sizes("LENGTH", numbers),
             width=self._sizes("WIDTH", numbers),
-            clock=clock,
         )
 
     def _sizes(self, name: str, numbers: Iterable[int]) -> Array:
         count = len(self._bodies)
         return np.array([float(getattr(self._bodies[i], name)) if i < count else 1.0 for i in numbers])
 
-    def _times(self, steps: int) -> Array:
-        kept = any(self._clock.values())
-        return np.array([self._clock.get(k, math.nan) if kept else math.nan for k in range(steps)])
-
 
 def _state(vehicle: Any) -> tuple[float, ...]:
     """Of a vehicle at the start of a step, as highway-env has it: y to the right, headings clockwise."""
-    return (*vehicle.position, vehicle.heading, vehicle.speed, *vehicle.velocity, vehicle.crashed)
+    return (*vehicle.position, vehicle.heading, vehicle.speed, vehicle.crashed)
 
 
 def _stacked(frames: Sequence[Mapping[int, tuple[float, ...]]], bodies: int) -> Array:
-    """``(8, frames, bodies)``, NaN where a body is absent."""
-    raw = np.full((8, len(frames), bodies), np.nan)
+    """``(6, frames, bodies)``, NaN where a body is absent."""
+    raw = np.full((6, len(frames), bodies), np.nan)
     for k, frame in enumerate(frames):
         for body, state in frame.items():
             raw[:, k, body] = state

@@ -30,17 +30,12 @@ class Frames:
     """Course minus heading during the step that starts here, rad."""
     speed: Array
     """Along the course; negative in reverse, m/s."""
-    reported_vx: Array
-    """The velocity that the simulator itself states, m/s."""
-    reported_vy: Array
     collided: Mask
     """After a collision."""
     length: Array
     """``(bodies,)`` m."""
     width: Array
     """``(bodies,)`` m."""
-    clock: Array
-    """``(steps,)`` the simulator's own time, s; NaN where it keeps none."""
 
     @property
     def alive(self) -> Mask:

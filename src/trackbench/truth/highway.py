@@ -20,13 +20,12 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
-from trackbench.truth.audit import Reported, audited_truth, by_euler
+from trackbench.truth.audit import audited_truth, by_euler
 from trackbench.truth.config import HighwayOptions
 from trackbench.truth.frames import (
     Frames,
     bodies_near,
     fixed_observer,
-    hold_nearest,
     lane_edges,
     target_bodies,
     with_sizes,
@@ -42,20 +41,22 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from highway_env.envs.parking_env import ParkingEnv
     from highway_env.vehicle.behavior import IDMVehicle
     from highway_env.vehicle.controller import ControlledVehicle
-    from highway_env.vehicle.kinematics import Vehicle
 
     from trackbench.truth.drivers import HUMAN, Traffic
     from trackbench.truth.environment import Control, Recorder, complete, rates_at_instants, steered
 
 #: Observing costs half of a step, and nothing here looks at what the environment observes.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
+#: Attributes of the driver model's classes that intersections write.
+TUNED = ("DISTANCE_WANTED", "COMFORT_ACC_MAX", "COMFORT_ACC_MIN")
+DriverModel = dict[tuple[type[Any], str], Any]
 NOT_FOR_IDM = {ParkingEnv: "has no lanes to follow", LaneKeepingEnv: "needs its own dynamic vehicle"}
-ACTIONS = {
-    "ContinuousAction": actions.ContinuousAction,
-    "DiscreteAction": actions.DiscreteAction,
-    "DiscreteMetaAction": actions.DiscreteMetaAction,
-    "MultiAgentAction": actions.MultiAgentAction,
-}
+ACTIONS = (
+    actions.ContinuousAction,
+    actions.DiscreteAction,
+    actions.DiscreteMetaAction,
+    actions.MultiAgentAction,
+)
 
 
 def list_envs() -> list[str]:
@@ -91,7 +92,6 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
         ended = None
         try:
             while len(recorder.frames) < steps and ended is None:
-                recorder.note_clock()
                 _, _, terminated, truncated, _ = env.step(action)
                 progress(min(len(recorder.frames), steps), steps)
                 if terminated or truncated:
@@ -135,10 +135,8 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
         source=config.model_dump(mode="json", exclude={"seeds", *unused}),
         target=np.isin(bodies, targets),
     )
-    velocity = [hold_nearest(a[:, bodies], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
-    observer_collided = frames.collided[:, 0] & (config.observer == "ego")
-    stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, bodies], observer_collided)
-    audited = audited_truth(truth, config.audit, stated, ended_early)
+    collided = frames.collided[:, bodies], frames.collided[:, 0] & (config.observer == "ego")
+    audited = audited_truth(truth, "repair", collided=collided, ended_early=ended_early)
     result = rates_at_instants(audited, by_euler(audited))
     return replace(result, audit={**result.audit, "velocity_jumps": summarised(result).model_dump(mode="json")})
 
@@ -176,7 +174,7 @@ def prepare_env(config: HighwayOptions) -> AbstractEnv:
 
 
 def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any]:
-    stated = complete(config.config, defaults, {"action": {name: _parameters(cls) for name, cls in ACTIONS.items()}})
+    stated = complete(config.config, defaults, {"type"}.union(*map(_parameters, ACTIONS)))
     simulation = stated.get("simulation_frequency", config.rate_hz)
     if simulation != config.rate_hz:
         raise InputError(
@@ -240,22 +238,19 @@ def _reason(env: AbstractEnv, truncated: bool) -> str:
 
 
 @contextlib.contextmanager
-def isolated(own: dict[type[Any], dict[str, Any]] | None = None) -> Iterator[None]:
-    """Nothing leaks out: no warning, no message, and no change of highway-env's classes.
+def isolated(own: DriverModel | None = None) -> Iterator[None]:
+    """Let no warning, no message and no change of highway-env's driver model leak out.
 
     Intersections tune the driver model by writing to the attributes of its class, so that without this a scenario's
     truth would depend on which scenarios ran before it.
 
     Args:
-        own: by class, the attributes that an environment has written before, which hold meanwhile; updated.
+        own: the driver model that an environment has written before, which holds meanwhile; updated.
     """
     log = logging.getLogger("highway_env")
-    level = log.level
-    before = {cls: dict(vars(cls)) for cls in _family(Vehicle)}
+    level, before = log.level, _driver_model()
     log.setLevel(logging.CRITICAL)
-    for cls, attributes in (own or {}).items():
-        for name, value in attributes.items():
-            setattr(cls, name, value)
+    _set_driver_model(own or {})
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -263,17 +258,17 @@ def isolated(own: dict[type[Any], dict[str, Any]] | None = None) -> Iterator[Non
     finally:
         log.setLevel(level)
         if own is not None:
-            own.update({cls: _changed(cls, attributes) for cls, attributes in before.items()})
-        for cls, attributes in before.items():
-            for name in [name for name in vars(cls) if name not in attributes]:
-                delattr(cls, name)
-            for name, value in attributes.items():
-                if vars(cls)[name] is not value:
-                    setattr(cls, name, value)
+            own.update(_driver_model())
+        _set_driver_model(before)
 
 
-def _changed(cls: type[Any], before: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in vars(cls).items() if name not in before or before[name] is not value}
+def _driver_model() -> DriverModel:
+    return {(cls, name): getattr(cls, name) for cls in _family(IDMVehicle) for name in TUNED}
+
+
+def _set_driver_model(model: DriverModel) -> None:
+    for (cls, name), value in model.items():
+        setattr(cls, name, value)
 
 
 def _family(cls: type[Any]) -> Iterator[type[Any]]:

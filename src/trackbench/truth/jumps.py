@@ -59,9 +59,16 @@ def _change(truth: Truth) -> Array:
     return np.asarray(np.where(there, np.hypot(np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)), 0.0))
 
 
-#: By quantity, in SI units and radians.
-LARGEST = {"length": 1e8, "speed": 1e5, "angle": 1e6, "time": 1e30}
-UNITS = {"length": "m", "speed": "m/s", "angle": "rad", "time": "s"}
+#: Least and most that can be meant, by quantity, and its unit.
+POSSIBLE = {
+    "length": (-1e8, 1e8, " m"),
+    "speed": (-1e5, 1e5, " m/s"),
+    "angle": (-1e6, 1e6, " rad"),
+    "time": (-1e30, 1e30, " s"),
+    "size": (0.001, 100.0, " m"),
+    "probability": (0.0, 1.0, ""),
+}
+LARGEST = {quantity: most for quantity, (_, most, _) in POSSIBLE.items()}
 #: Of a recording, s.
 LONGEST = 86_400.0
 

@@ -29,51 +29,40 @@ SMOOTHER = "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
 
 
 class MotionFigures(NamedTuple):
-    """Largest accelerations, errors and jumps of all vehicles of a recording."""
+    """What a recording implies of its vehicles' motion."""
 
-    acceleration_p99_mps2: float
-    acceleration_max_mps2: float
+    recorded_acceleration_mps2: float
+    """Largest change of the speed that the file states, over a step."""
+    recorded_vehicle: str
+    recorded_speed_error_mps: float
+    """Root mean square of the displacement over a step minus the speed that the file states."""
+    recorded_jumps: int
+    """Number of steps in which the displacement changes by more than ``IMPOSSIBLE_MPS2`` would do."""
+    acceleration_mps2: float
+    """Largest acceleration of the motion as it is used."""
     vehicle: str
     time_s: float
     impossible: int
     """Number of vehicles that ever accelerate by more than ``POSSIBLE_MPS2``."""
-    displacement_rms_mps: float
-    """Root mean square of the speed minus the displacement over the step."""
-    displacement_max_mps: float
-    jumps: int
-    """Number of steps in which the displacement changes by more than ``IMPOSSIBLE_MPS2`` would do."""
 
 
-def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float, *, raw: bool) -> MotionFigures:
-    """Return the figures of the motion as recorded, by the file's speeds, or as it is used, by the velocity vector.
-
-    Args:
-        tracks: all vehicles.
-        dt: time of a step, s.
-        start: of the scene, s: times count from there.
-        raw: which of the two.
-    """
-    accelerations, errors, jumps = [], [], 0
-    for track in tracks:
-        x, y = (track.raw_x, track.raw_y) if raw else (track.x, track.y)
-        speed = track.raw_speed if raw else np.hypot(track.vx, track.vy)
-        steps = np.stack([np.diff(x), np.diff(y)]) / dt
-        changes = np.abs(np.diff(speed)) if raw else np.hypot(np.diff(track.vx), np.diff(track.vy))
-        accelerations.append(changes / dt)
-        errors.append(_displacement_error(x, y, speed, dt))
-        jumps += int((np.hypot(*np.diff(steps, axis=1)) > 2 * IMPOSSIBLE_MPS2 * dt).sum())
-    peaks = np.array([values.max() for values in accelerations])
-    worst = int(np.argmax(peaks))
-    error = np.concatenate(errors)
+def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float) -> MotionFigures:
+    """Return the figures of all vehicles; times count from ``start``, s, and ``dt`` is the time of a step, s."""
+    used = [np.hypot(np.diff(track.vx), np.diff(track.vy)) / dt for track in tracks]
+    recorded = np.array([np.abs(np.diff(track.raw_speed)).max() / dt for track in tracks])
+    peaks = np.array([values.max() for values in used])
+    worst, worst_recorded = int(np.argmax(peaks)), int(np.argmax(recorded))
+    errors = [_displacement_error(track.raw_x, track.raw_y, track.raw_speed, dt) for track in tracks]
+    turns = [np.hypot(np.diff(track.raw_x, 2), np.diff(track.raw_y, 2)) / dt for track in tracks]
     return MotionFigures(
-        acceleration_p99_mps2=float(np.quantile(np.concatenate(accelerations), 0.99)),
-        acceleration_max_mps2=float(peaks[worst]),
+        recorded_acceleration_mps2=float(recorded[worst_recorded]),
+        recorded_vehicle=tracks[worst_recorded].track.id,
+        recorded_speed_error_mps=float(np.sqrt(np.mean(np.concatenate(errors) ** 2))),
+        recorded_jumps=int((np.concatenate(turns) > 2 * IMPOSSIBLE_MPS2 * dt).sum()),
+        acceleration_mps2=float(peaks[worst]),
         vehicle=tracks[worst].track.id,
-        time_s=float((tracks[worst].first + int(np.argmax(accelerations[worst]))) * dt - start),
+        time_s=float((tracks[worst].first + int(np.argmax(used[worst]))) * dt - start),
         impossible=int((peaks > POSSIBLE_MPS2).sum()),
-        displacement_rms_mps=float(np.sqrt(np.mean(error**2))),
-        displacement_max_mps=float(np.abs(error).max()),
-        jumps=jumps,
     )
 
 
@@ -129,7 +118,7 @@ def refuse_impossible(
 
     if used.impossible:
         most = f"{used.impossible} of {counted(len(tracks), 'vehicle')} by more than {POSSIBLE_MPS2:g}"
-        what = f"{used.vehicle} accelerates by {used.acceleration_max_mps2:.3g} m/s^2 at {used.time_s:.2f} s"
+        what = f"{used.vehicle} accelerates by {used.acceleration_mps2:.3g} m/s^2 at {used.time_s:.2f} s"
         key = "smoothing" if smooths else "audit"
         refuse(f"{what} ({most}), which no vehicle does", f"check the units; {smoother}", key)
     slip, name = largest(_slip)
@@ -147,4 +136,4 @@ def refuse_impossible(
     if frames is not None and len(pairs := np.argwhere(np.triu(overlaps(frames, -OVERLAP_M)))):
         first, second = (frames.ids[body] for body in pairs[0])
         what = f"{counted(len(pairs), 'pair')} of vehicles are in one place at one time, such as {first} and {second}"
-        refuse(what, "simultaneous: false keeps them apart")
+        refuse(what, "check the units of length and width")

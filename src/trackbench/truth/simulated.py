@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import logging
+import pickle
 import time
-import zipfile
 from collections.abc import Iterable
-from dataclasses import fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from trackbench.base import streams, types, units
 from trackbench.base.files import cache_folder, write_whole
-from trackbench.base.types import Observer, Progress, Truth
+from trackbench.base.types import Progress, Truth
 from trackbench.truth.base import LoadedTruth
 from trackbench.truth.config import HighwayOptions
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
 OWN_CLASSES = "highway_env."
+DIGEST_BYTES = hashlib.sha256().digest_size
 
 log = logging.getLogger(__name__)
 
@@ -39,10 +35,8 @@ def stored(config: HighwayOptions) -> LoadedTruth | None:
     if not _determined(config) or not file.exists():
         return None
     try:
-        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        truth = _unpacked(arrays, json.loads(str(arrays.pop("meta"))))
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        truth = _unpacked(file.read_bytes())
+    except (OSError, ValueError) as error:
         log.warning("cache: %s cannot be read (%s); simulated again", file, error)
         return None
     log.info("truth from the cache: %s", file)
@@ -70,33 +64,16 @@ def fingerprint(files: Iterable[Path]) -> str:
 
 
 def _packed(truth: Truth) -> bytes:
-    arrays: dict[str, Any] = {
-        **{name: value for name, value in _attributes(truth).items() if isinstance(value, np.ndarray)},
-        **{f"observer.{name}": value for name, value in _attributes(truth.observer).items()},
-        **{f"roads.{i}": line for i, line in enumerate(truth.roads)},
-    }
-    meta = {"ids": truth.ids, "source": truth.source, "audit": truth.audit, "roads": len(truth.roads)}
-    stream = io.BytesIO()
-    np.savez(stream, meta=np.array(json.dumps(meta)), **arrays)
-    return stream.getvalue()
+    content = pickle.dumps(truth)
+    return hashlib.sha256(content).digest() + content
 
 
-def _unpacked(arrays: dict[str, Any], meta: dict[str, Any]) -> Truth:
-    observer: dict[str, Any] = {field.name: arrays.pop(f"observer.{field.name}") for field in fields(Observer)}
-    roads = tuple(arrays.pop(f"roads.{i}") for i in range(meta["roads"]))
-    observer.update({name: float(observer[name]) for name in ("length", "width")})
-    return Truth(
-        **arrays,
-        ids=tuple(meta["ids"]),
-        observer=Observer(**observer),
-        roads=roads,
-        source=meta["source"],
-        audit=meta["audit"],
-    )
-
-
-def _attributes(value: Any) -> dict[str, Any]:
-    return {field.name: getattr(value, field.name) for field in fields(value)}
+def _unpacked(packed: bytes) -> Truth:
+    digest, content = packed[:DIGEST_BYTES], packed[DIGEST_BYTES:]
+    if hashlib.sha256(content).digest() != digest:
+        raise ValueError("damaged")
+    truth: Truth = pickle.loads(content)
+    return truth
 
 
 def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:

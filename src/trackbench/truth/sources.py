@@ -46,9 +46,6 @@ class ScriptedTruth(ScriptedOptions):
     def quick(self) -> bool:
         return True
 
-    def most_runs(self) -> int | None:
-        return scripted.most_runs(self) if self.random else None
-
 
 class _Recorded(TruthSource):
     """What is read from files, and not made."""

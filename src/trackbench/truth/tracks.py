@@ -19,8 +19,6 @@ from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
 
-#: Longest and widest body that can be meant, m.
-LARGEST_BODY_M = 100.0
 #: Time stamps this near to each other, s, are the same: files are written with microseconds.
 SAME_STAMP_S = 1e-6
 #: A longer time between two rows, s and usual times between them, is a gap.
@@ -268,8 +266,9 @@ def tracks_of_rows(rows: TrackRows, file: Path) -> list[TrafficTrack]:
 def _size(name: str, key: str, sizes: Array | None, row: int, file: Path) -> float | None:
     if sizes is None or sizes[row] == 0 or np.isnan(sizes[row]):
         return None
-    if not 0 < sizes[row] <= LARGEST_BODY_M:
-        problem = f"its {key} is {sizes[row]:g} m; above 0 and at most {LARGEST_BODY_M:g} m is possible"
+    least, most, _ = jumps.POSSIBLE["size"]
+    if not least <= sizes[row] <= most:
+        problem = f"its {key} is {sizes[row]:g} m; {least:g} to {most:g} m is possible"
         raise InputError(f"vehicle {name[:20]!r}: {problem}", file=file)
     return float(sizes[row])
 

@@ -28,7 +28,7 @@ from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks, record
 from trackbench.truth.tracks import TRAFFIC_FORMATS, moving_tracks
 
 #: The arrays of ``Frames`` with a column for each body.
-OF_BODIES = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
+OF_BODIES = ("px", "py", "heading", "slip", "speed", "collided")
 #: Vehicles that did not drive at the same time are put this far apart in a scene, m.
 APART_M = 0.5
 #: Least time between two rows, s.
@@ -41,8 +41,7 @@ class RecordedVehicles(NamedTuple):
     """A recording between two times."""
 
     frames: Frames
-    raw: MotionFigures
-    used: MotionFigures
+    figures: MotionFigures
     error: RecordedNoise
     vehicles: int
     """Of the whole file."""
@@ -68,7 +67,7 @@ def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
     traffic = _recorded_vehicles(config, folder)
     every = _scene_bodies(config, traffic.frames)
     truth = _truth(config, traffic, every[config.scene])
-    for number in range(config.scene if config.drove_together else 0):
+    for number in range(config.scene if config.format.simultaneous else 0):
         _require_apart(config, number, truth, _truth(config, traffic, every[number]))
     return truth, _note(traffic)
 
@@ -125,12 +124,11 @@ def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
         message = f"{counted(len(inside), 'vehicle')} in {(last - first) * dt:g} s are too many; take a shorter time"
         raise InputError(message, key="truth.duration_s")
     frames, start = _frames(inside, dt, first, last, (config.length_m, config.width_m)), first * dt
-    used = motion_figures(inside, dt, start, raw=False)
+    figures = motion_figures(inside, dt, start)
     if config.audit == "refuse":
-        together = frames if config.drove_together else None
-        refuse_impossible(used, inside, together, dt, smoothing is not None)
-    raw, error = motion_figures(inside, dt, start, raw=True), recorded_noise(inside)
-    return RecordedVehicles(frames, raw, used, error, len(tracks), clock + start)
+        together = frames if config.format.simultaneous else None
+        refuse_impossible(figures, inside, together, dt, smoothing is not None)
+    return RecordedVehicles(frames, figures, recorded_noise(inside), len(tracks), clock + start)
 
 
 def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size: tuple[float, float]) -> Frames:
@@ -151,12 +149,9 @@ def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size:
         heading=heading,
         slip=np.where(np.isnan(heading), np.nan, slip),
         speed=speed,
-        reported_vx=vx,
-        reported_vy=vy,
         collided=np.zeros(vx.shape, dtype=bool),
         length=np.array([track.track.length or size[0] for track in tracks]),
         width=np.array([track.track.width or size[1] for track in tracks]),
-        clock=np.full(len(vx), np.nan),
     )
 
 
@@ -168,7 +163,7 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             message = f"there is no vehicle {name!r} in this recording; {nearest_choices(name, number)}"
             raise InputError(message, key="truth.observer.vehicle")
     carriers: list[int | None] = [number[name] for name in config.vehicles] or [None]
-    if config.drove_together:
+    if config.format.simultaneous:
         return [SceneBodies(carrier, list(range(len(frames.ids)))) for carrier in carriers]
     apart = ~overlaps(frames, APART_M)
     scenes: list[list[int]] = [[] if carrier is None else [carrier] for carrier in carriers]
@@ -221,7 +216,7 @@ def _only(frames: Frames, bodies: Sequence[int]) -> Frames:
 
 def _during(frames: Frames, first: int, last: int) -> Frames:
     """The steps from ``first`` to ``last``, and the bodies that are there for at least two of them."""
-    part = replace(frames, **{name: getattr(frames, name)[first : last + 1] for name in (*OF_BODIES, "clock")})
+    part = replace(frames, **{name: getattr(frames, name)[first : last + 1] for name in OF_BODIES})
     return _only(part, np.flatnonzero(part.alive.sum(axis=0) > 1).tolist())
 
 
@@ -246,19 +241,18 @@ def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]
         "smoothing": config.smoothing and config.smoothing.model_dump(mode="json"),
         "vehicles": traffic.vehicles,
         "rate_hz": round(1 / traffic.frames.dt, 6),
-        "as_recorded": traffic.raw._asdict(),
-        "as_used": traffic.used._asdict(),
+        "motion": traffic.figures._asdict(),
         "recorded_noise": traffic.error._asdict(),
     }
 
 
 def _note(traffic: RecordedVehicles) -> str:
-    raw, used, error = traffic.raw, traffic.used, traffic.error
+    figures, error = traffic.figures, traffic.error
     parts = [
         f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",
-        f"as recorded, change of speed to {raw.acceleration_max_mps2:.3g} m/s^2, "
-        f"displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
-        f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2",
+        f"as recorded, change of speed to {figures.recorded_acceleration_mps2:.3g} m/s^2, displacement against speed "
+        f"{figures.recorded_speed_error_mps:.2g} m/s (RMS), {counted(figures.recorded_jumps, 'jump')}",
+        f"as used, acceleration to {figures.acceleration_mps2:.3g} m/s^2",
     ]
     if error.position_m > 0:
         parts.append(f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)")

@@ -18,8 +18,6 @@ from trackbench.truth.config.columns import COMPONENT_QUANTITIES
 
 #: A standard deviation is off if it is wrong by at least this factor.
 SIGMA_OFF = 1.1
-#: The noise depends on the range if it changes by at least this factor over the middle 80 % of the ranges.
-SHAPE = 1.25
 #: A clock drifts if its offset changes by more than this during the log, s.
 DRIFT_S = 0.005
 #: More outliers than this share are no tail of the noise.
@@ -31,7 +29,7 @@ OUTLIERS = 0.005
 ELSEWHERE = 0.5
 #: The kind of a finding of which several errors may be the cause.
 UNDECIDED = "undecided"
-#: Probability with which a log without errors gives no finding of an error, a noise or a shape.
+#: Probability with which a log without errors gives no finding of an error or a noise.
 FAMILY = 0.95
 
 
@@ -78,10 +76,9 @@ class SensorAudit:
 
     @property
     def tests(self) -> int:
-        """How many errors, noises and shapes are judged, and the drift."""
-        shapes = sum(noise.exponent is not None for noise in self.noise)
+        """How many errors and noises are judged, and the drift."""
         errors = 0 if self.fit is None else len(self.fit.estimates) + len(self.log.errors)
-        return 0 if self.fit is None else 1 + errors + len(sigma_keys(self.log)) + shapes
+        return 0 if self.fit is None else 1 + errors + len(sigma_keys(self.log))
 
 
 #: The units in which angles and times are read.
@@ -354,27 +351,6 @@ def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
         ratio = BlockInterval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
         if ratio.excludes(0.0, level) and abs(ratio.value) > np.log(SIGMA_OFF):
             yield sigma_finding(item.log, key, noises, ratio)
-    for noise in item.noise:
-        shape = noise.exponent
-        if shape is not None and shape.excludes(0.0, level) and noise.spread ** abs(shape.value) > SHAPE:
-            name, sensor = noise.name.replace("_", " "), item.log.name
-            low, high = shape.bounds()
-            near, far = (
-                f"{quantity_text(band.interval.value, noise.unit)} at {band.from_m:.0f} to {band.to_m:.0f} m"
-                for band in (noise.bands[0], noise.bands[-1])
-            )
-            yield LogFinding(
-                kind="sigma_by_range",
-                sensor=sensor,
-                title=f"{sensor}: the noise of {name} {'grows' if shape.value > 0 else 'falls'} with the range",
-                evidence=f"It is proportional to the range to the power {shape.value:.2f} (95 %: {low:.2f} to "
-                f"{high:.2f}): {near} and {far}.",
-                fix="A scenario states one sigma for all ranges: take that of the range that matters, or let a tracker "
-                "of your own compute R from the range.",
-                value=shape.value,
-                ci95=(low, high),
-                component=noise.name,
-            )
 
 
 def sigma_keys(log: SensorLog) -> dict[str, list[int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +21,7 @@ from trackbench.truth.config.columns import CARTESIAN, POLAR
 from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.drive import Drive, Log, RowOrder
 from trackbench.truth.recorded.robust import EDGE, KEPT, clipped
+from trackbench.truth.recorded.scans import position_of
 from trackbench.truth.sources import RecordingTruth
 
 #: Measurements in a band of the range, at least, and bands at most.
@@ -42,44 +44,27 @@ class ResidualNoise:
 
     name: str
     unit: str
-    mean: BlockInterval
-    """Of measurement minus truth as logged, before anything is corrected."""
     sigma: BlockInterval
     """After the errors that were found are taken out."""
     stated: float
     """The standard deviation that the scenario states."""
     bands: tuple[Band, ...]
     """The standard deviation by range."""
-    exponent: BlockInterval | None
-    """The standard deviation is proportional to this power of the range; None where the range hardly changes."""
-    spread: float
-    """Range at the 90 % quantile of the measurements over that at the 10 %."""
 
 
 def residual_noises(log: SensorLog, fit: JointFit) -> tuple[ResidualNoise, ...]:
     """Return the noise of each component."""
-    logged = log.residual({})[:, fit.inlier]
     distance = log.polar(log.log.time, log.log.object, fit.errors)[0, fit.inlier]
-    return tuple(_component(log, fit, i, logged[i], distance) for i in range(len(log.components)))
-
-
-def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, distance: Array) -> ResidualNoise:
-    finite = np.isfinite(logged)
-    counted = np.where(finite, logged, 0.0)
-    mean = fit.blocks.intervals(np.stack([counted, finite.astype(float)]), lambda sums: sums[:1] / sums[1:])[0]
-    low, high = np.quantile(distance, [0.1, 0.9])
-    spread = float(high / max(low, 1e-6))
-    sigma = _sigma(log, fit, i, np.ones(len(distance), dtype=bool))
-    exponent = _exponent(log, fit, i, distance) if spread > 1.2 else None
-    return ResidualNoise(
-        name=log.components[i],
-        unit=log.config.units[i],
-        mean=mean,
-        sigma=sigma,
-        stated=float(log.config.sigmas()[i]),
-        bands=_bands(distance, IN_BAND // 2, lambda rows: _sigma(log, fit, i, rows)),
-        exponent=exponent,
-        spread=spread,
+    every = np.ones(len(distance), dtype=bool)
+    return tuple(
+        ResidualNoise(
+            name=name,
+            unit=log.config.units[i],
+            sigma=_sigma(log, fit, i, every),
+            stated=float(log.config.sigmas()[i]),
+            bands=_bands(distance, IN_BAND // 2, partial(_sigma, log, fit, i)),
+        )
+        for i, name in enumerate(log.components)
     )
 
 
@@ -101,27 +86,6 @@ def _sigma(log: SensorLog, fit: JointFit, i: int, chosen: Mask) -> BlockInterval
     # Of the variance; that of the reference is an estimate too.
     spread = np.hypot(2 * (sigma**2 + added) * share * logarithm.sigma, log.noise.uncertainty * added)
     return BlockInterval(sigma, float(spread / (2 * sigma)) if sigma > 0 else np.inf, logarithm.freedom)
-
-
-def _exponent(log: SensorLog, fit: JointFit, i: int, distance: Array) -> BlockInterval:
-    """The slope of the logarithm of the residual over its expected size, against that of the range."""
-    ratio = np.abs(fit.residual[i] / fit.scale[i])[fit.inlier]
-    size = np.log(np.maximum(ratio, 1e-3))
-    by_reference = (fit.reference[i] / fit.scale[i] ** 2)[fit.inlier]
-    along = np.log(np.maximum(distance, 1e-6))
-    along = along - along.mean()
-    terms = np.stack([np.ones_like(along), along, size, along * along, along * size])
-
-    def slope(sums: Array) -> Array:
-        count, x, y, xx, xy = sums
-        return np.asarray((xy - x * y / count) / (xx - x * x / count))[None]
-
-    interval = fit.blocks.intervals(terms, slope)[0]
-    # What a wrong noise of the reference would make of it: that of each object is an estimate of its own, while the
-    # observer's is in the rows of all.
-    by_object = np.bincount(log.log.object[fit.inlier], along * by_reference) / (along @ along)
-    wrong = 0.5 * log.noise.uncertainty * max(abs(by_object.sum()), np.linalg.norm(by_object))
-    return interval._replace(sigma=float(np.hypot(interval.sigma, wrong)))
 
 
 def _bands(distance: Array, fewest: int, interval_of: Callable[[Mask], BlockInterval]) -> tuple[Band, ...]:
@@ -155,10 +119,6 @@ class Detections:
     share: BlockInterval
     bands: tuple[Band, ...]
     """The share by range."""
-    seen_half_angle: float
-    """The largest azimuth of a detection to either side of the boresight, rad."""
-    seen_range_m: float
-    """The largest range of a detection."""
     silent_from_s: float | None
     """When the longest time began in which nothing was detected though chance does not explain it."""
     silent_for_s: float
@@ -193,8 +153,6 @@ def detection_shares(log: SensorLog, looked: Cycles, errors: dict[str, float]) -
         chances=int(inside.sum()),
         share=_share(time, owner, hit),
         bands=_bands(distance, 2, lambda rows: _share(time[rows], owner[rows], hit[rows])),
-        seen_half_angle=seen_half,
-        seen_range_m=seen_range,
         silent_from_s=silent_from,
         silent_for_s=silent_for,
     )
@@ -291,7 +249,7 @@ def with_boxes(name: str, config: Sensor, drive: Drive, truth: RecordingTruth) -
     every = np.repeat(time, objects), np.tile(np.arange(objects), len(time))
     log = Log(*every, np.zeros((len(measurement), len(every[0]))), time, RowOrder(len(scan), 0, 0.0, 0))
     sensor = SensorLog(name, config, log, drive, truth, reference_noise(drive), np.ones(len(measurement)))
-    boxes, places = (_position(config, values) for values in (sensor.expected({}), measurement))
+    boxes, places = (position_of(config.components, values) for values in (sensor.expected({}), measurement))
     boxes, owner = boxes.reshape(2, -1, objects), np.full(len(scan), -1)
     for number in np.unique(scan).tolist():
         own = np.flatnonzero(scan == number)
@@ -320,13 +278,6 @@ def unlabelled_detections(sensor: SensorLog) -> Unlabelled:
         others=_ratio(log.scans, others, ones),
         stated_others=density * config.volume() if density else 0.0,
     )
-
-
-def _position(config: Sensor, measurement: Array) -> Array:
-    """``(2, n)`` in the sensor's frame, m."""
-    first, second = measurement[:2]
-    polar = config.components[:2] == POLAR
-    return np.stack([first * np.cos(second), first * np.sin(second)] if polar else [first, second])
 
 
 def _counts(scans: Array, time: Array) -> Array:

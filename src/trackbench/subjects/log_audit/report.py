@@ -48,16 +48,14 @@ def log_audit_summary(audit: LogAudit) -> Document:
     blocks: list[Block] = [*_verdict(audit)]
     if items:
         blocks.append(Section("Findings", (Items(items, numbered=True),)))
-    detections = (rates_table(audit), *_unlabelled(audit))
-    blocks += [Section("Noise", (noise_table(audit),)), Section("Detections", detections)]
+    detections = [rates_table(audit)]
+    if any(item.unlabelled for item in audit.sensors.values()):
+        detections.append(unlabelled_table(audit))
+    blocks += [Section("Noise", (noise_table(audit),)), Section("Detections", tuple(detections))]
     hidden = [Item(text, name) for name, item in audit.sensors.items() for text in _hidden(item)]
     if hidden:
         blocks.append(Section("What this log cannot tell", (Items(tuple(hidden)),)))
     return Document("audit", audit.name, tuple(blocks))
-
-
-def _unlabelled(audit: LogAudit) -> list[Table]:
-    return [unlabelled_table(audit)] if any(item.unlabelled for item in audit.sensors.values()) else []
 
 
 def _verdict(audit: LogAudit) -> Iterator[Block]:
@@ -104,19 +102,18 @@ _INTERVAL = "95 % interval"
 
 
 def noise_table(audit: LogAudit) -> Table:
-    """Mean error and standard deviation of all components."""
+    """Standard deviation of all components."""
     rows = []
     for name, item in audit.sensors.items():
         if not item.noise:
-            rows.append([Cell(name), Cell("all"), *[Cell(NOT_AVAILABLE, reason="too few measurements")] * 3])
+            rows.append([Cell(name), Cell("all"), *[Cell(NOT_AVAILABLE, reason="too few measurements")] * 2])
         for number, component in enumerate(item.noise):
-            unit, stated = component.unit, Cell(quantity_text(component.stated, component.unit))
-            found = [_interval(component.mean, unit), _interval(component.sigma, unit), stated]
-            rows.append([Cell("" if number else name), Cell(component.name.replace("_", " ")), *found])
+            stated = Cell(quantity_text(component.stated, component.unit))
+            words, sigma = Cell(component.name.replace("_", " ")), _interval(component.sigma, component.unit)
+            rows.append([Cell("" if number else name), words, sigma, stated])
     columns = (
         Column("sensor", left=True),
         Column("component", left=True),
-        Column("mean error", "measurement minus truth, as logged", details=_INTERVAL),
         Column("sigma", "of what the errors that were found leave", details=_INTERVAL),
         Column("stated"),
     )
@@ -192,9 +189,6 @@ def clocks_table(audit: LogAudit) -> Table:
         (Column("rows"), [Cell(str(clock.order.rows)) for clock in audit.clocks]),
         (Column("usual interval, ms"), usual),
         (Column("longest gap, s"), [Cell(f"{clock.longest_gap_s:.3g}") for clock in audit.clocks]),
-        (Column("out of order"), [Cell(str(clock.order.backwards)) for clock in audit.clocks]),
-        (Column("repeated"), [Cell(str(clock.order.duplicates)) for clock in audit.clocks]),
-        (Column("outside the truth"), [Cell(str(clock.outside)) for clock in audit.clocks]),
     ]
     return Table.of_columns("clocks", columns, "Times")
 

@@ -106,25 +106,17 @@ class VelocityCheck:
     """The velocity of one body of the truth beside its displacement."""
 
     name: str
-    noise: float
-    """Standard deviation of the noise of the positions, m."""
     difference: float
     """Median length of the difference of the two velocities, m/s, over windows that the noise makes longer."""
     scale: float
     """The displacement's velocity is this many times the stated one."""
     unit: str | None
     """The unit in which the stated speed would fit, if it is another one."""
-    jumps: int
-    """Windows with a displacement that no vehicle makes, beside the stated velocity."""
 
     @property
     def contradicts(self) -> bool:
         """Whether the velocity cannot be that of the motion."""
         return self.difference > TOLERANCE_MPS
-
-
-#: A displacement that differs from the stated velocity by more than this many times its own spread is a jump; and m/s.
-JUMP, JUMP_MPS = 10.0, 5.0
 
 
 def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck | None:
@@ -151,10 +143,7 @@ def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck
     for unit, factor in UNITS["speed"].items():
         if unit != stated_unit and abs(scale * UNITS["speed"][stated_unit] / factor - 1) < NEAR:
             fits = unit
-    apart = np.hypot(*(moved - stated))
-    middle = np.median(apart)
-    jumps = int((apart > max(JUMP_MPS, middle + JUMP * 1.4826 * np.median(np.abs(apart - middle)))).sum())
-    return VelocityCheck(name, noise, usual, scale, fits, jumps)
+    return VelocityCheck(name, usual, scale, fits)
 
 
 #: The errors of time and mounting that every sensor may have, with their units.

@@ -34,55 +34,41 @@ def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None])
         periods: of the sensors, s; within half of one, rows of several objects may stand in any order.
     """
     for clock in clocks:
-        sensor = None if clock.name == "truth" else clock.name
-        order = clock.order
-        if clock.outside > OUTSIDE * order.rows:
-            yield LogFinding(
-                kind="outside",
-                sensor=sensor,
-                title=f"{clock.name}: many rows are at times without truth",
-                evidence=f"{clock.outside} of {counted(order.rows, 'row')} lie outside the time of the truth.",
-                fix="Check the units of time of the files, and whether their clocks begin alike.",
-            )
-        if order.backwards and order.largest_step_back > 0.5 * (periods.get(clock.name) or 0.0):
-            back = quantity_text(order.largest_step_back, "s")
-            yield LogFinding(
-                kind="clock",
-                sensor=sensor,
-                title=f"{clock.name}: time runs backwards",
-                evidence=f"{order.backwards} of {counted(order.rows, 'row')} are earlier than one before them, by up "
-                f"to {back}.",
-                fix="The rows are read in the order of their times. If the clock was set while it ran, split the log "
+        order, sensor = clock.order, None if clock.name == "truth" else clock.name
+        rows, back = counted(order.rows, "row"), order.largest_step_back
+        checks = {
+            "outside": (
+                clock.outside > OUTSIDE * order.rows,
+                "many rows are at times without truth",
+                f"{clock.outside} of {rows} lie outside the time of the truth.",
+                "Check the units of time of the files, and whether their clocks begin alike.",
+            ),
+            "clock": (
+                order.backwards and back > 0.5 * (periods.get(clock.name) or 0.0),
+                "time runs backwards",
+                f"{order.backwards} of {rows} are earlier than one before them, by up to {quantity_text(back, 's')}.",
+                "The rows are read in the order of their times. If the clock was set while it ran, split the log "
                 "there: the time offset differs before and after.",
-            )
-        if order.duplicates:
-            yield LogFinding(
-                kind="duplicates",
-                sensor=sensor,
-                title=f"{clock.name}: rows are repeated",
-                evidence=f"{order.duplicates} of {counted(order.rows, 'row')} are of an object and a time that came "
-                "before.",
-                fix="The first of them is read. Remove the others, or give each detection its own time.",
-            )
+            ),
+            "duplicates": (
+                order.duplicates,
+                "rows are repeated",
+                f"{order.duplicates} of {rows} are of an object and a time that came before.",
+                "The first of them is read. Remove the others, or give each detection its own time.",
+            ),
+        }
+        for kind, (is_wrong, what, evidence, fix) in checks.items():
+            if is_wrong:
+                yield LogFinding(kind, sensor, f"{clock.name}: {what}", evidence, fix)
 
 
 def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """Velocities that contradict the motion, of all objects of one wrong unit together, and jumps."""
+    """Velocities that contradict the motion, of all objects of one wrong unit together."""
     alike: dict[str | None, list[VelocityCheck]] = {}
     for check in checks:
         if check.contradicts:
             own = check.unit if check.unit is not None and check.name != "observer" else None
             alike.setdefault(own, []).append(check)
-        elif check.jumps:
-            yield LogFinding(
-                kind="truth_jumps",
-                sensor=None,
-                title=f"truth: {check.name} jumps",
-                evidence=f"{counted(check.jumps, 'window')} of half a second with a displacement that its velocity "
-                "does not explain.",
-                fix="Cut the log there, or repair the positions.",
-                component=check.name,
-            )
     columns = truth.columns
     for unit, same in alike.items():
         changes = {}
@@ -153,10 +139,10 @@ def _error_ratio(sensors: Mapping[str, SensorLog], others: Mapping[str, SensorLo
 
 
 def _ego_finding(key: str, unit: str, evidence: str) -> LogFinding:
-    change = {f"truth.ego.units.{key}": _other_angle(unit)[0]}
-    title = f"observer: {key.replace('_', ' ')} is in {_other_angle(unit)[0]}, not {unit}"
-    (setting,) = change.items()
-    return LogFinding("unit", None, title, evidence, f"Set {setting[0]}: {setting[1]}.", component=key, changes=change)
+    other = _other_angle(unit)[0]
+    title, setting = f"observer: {key.replace('_', ' ')} is in {other}, not {unit}", f"truth.ego.units.{key}"
+    fix, changes = f"Set {setting}: {other}.", {setting: other}
+    return LogFinding("unit", None, title, evidence, fix, component=key, changes=changes)
 
 
 def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:

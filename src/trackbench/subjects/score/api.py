@@ -19,7 +19,6 @@ def score(
     format: str | None = None,
     truth_format: str | None = None,
     rate_hz: float | None = None,
-    origin: tuple[float, float] | None = None,
     time_offset_s: float = 0.0,
     out: Path | str | None = None,
 ) -> ReportableResult:
@@ -34,7 +33,6 @@ def score(
         format: of the files; by the ending of each unless given.
         truth_format: of the file of boxes, where it is not that of the tracks.
         rate_hz: frames per second of files that count frames, Hz.
-        origin: latitude and longitude, degrees, of a point nearby, for tables with latitudes and longitudes.
         time_offset_s: added to the time stamps of the tracks, s.
         out: a folder in which the result gets one, beside the scenario that it is. Nothing is written unless given.
 
@@ -44,7 +42,7 @@ def score(
     files, boxes = (
         [Path(file) for file in ([places] if isinstance(places, Path | str) else places)] for places in (tracks, truth)
     )
-    options = FileOptions(list((columns or {}).items()), format, rate_hz, origin, truth_format)
+    options = FileOptions(list((columns or {}).items()), format, rate_hz, truth_format)
     folder = Path() if out is None else Path(out)
     loaded = scoring_scenario(files, boxes, options, folder, time_offset_s=time_offset_s)
     if out is not None:

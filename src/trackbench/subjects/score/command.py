@@ -30,13 +30,6 @@ from trackbench.cli.terminal import quiet_option
     "--rate", type=Finite(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
 )
 @click.option(
-    "--origin",
-    type=Finite(-180, 180),
-    nargs=2,
-    metavar="LAT LON",
-    help="Degrees of a point nearby, for columns of latitude and longitude.",
-)
-@click.option(
     "--time-offset", type=Finite(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
 )
 @click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="As gospa:0.8, or gospa:2% of the first.")
@@ -53,7 +46,6 @@ def score_command(
     form: str | None,
     truth_format: str | None,
     rate: float | None,
-    origin: tuple[float, float] | None,
     time_offset: float,
     gates: tuple[str, ...],
     settings: tuple[str, ...],
@@ -99,7 +91,7 @@ def score_command(
     stated = [(key, column) for key, _, column in (text.partition("=") for text in columns)]
     if junit is not None:
         results.require_file(junit, "--junit")
-    options = FileOptions(stated, form, rate, origin, truth_format)
+    options = FileOptions(stated, form, rate, truth_format)
     loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
     for limit in limits:
         limit.require_files(len(loaded.config.trackers))

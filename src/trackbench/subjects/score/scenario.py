@@ -40,8 +40,6 @@ class FileOptions(NamedTuple):
     """Of the files; None or auto: by the ending of each."""
     rate_hz: float | None = None
     """Of files that count frames."""
-    origin: tuple[float, float] | None = None
-    """Of tables with latitude and longitude, those of the point that becomes x = y = 0, degrees."""
     truth_format: str | None = None
     """Of the boxes, where it is not that of the tracks."""
 
@@ -172,12 +170,7 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
     columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
-    if options.origin is not None and abs(options.origin[0]) > 90:
-        raise InputError(f"a latitude is from -90 to 90, not {options.origin[0]:g}", key="--origin")
-    origin = (
-        {} if options.origin is None else {"origin": dict(zip(("lat_deg", "lon_deg"), options.origin, strict=True))}
-    )
-    return {**entry, "columns": columns, **origin}
+    return {**entry, "columns": columns}
 
 
 def _column(text: str, names: Sequence[str]) -> str:

@@ -18,11 +18,14 @@ UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
     "speed": {"mps": 1.0, "kmph": 1 / 3.6, "mph": 0.44704},
     "angle": {"rad": 1.0, "deg": np.pi / 180},
+    "probability": {},
 }
+UNITS["size"] = UNITS["length"]
 #: The quantity in each column of a motion; that of a measurement's component follows from its unit.
 MOTION_QUANTITIES = {
     "time": "time",
-    **dict.fromkeys(("px", "py", "length", "width"), "length"),
+    **dict.fromkeys(("px", "py"), "length"),
+    **dict.fromkeys(("length", "width"), "size"),
     **dict.fromkeys(("vx", "vy", "speed"), "speed"),
     **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
 }
@@ -44,7 +47,8 @@ class Units(Config):
 
     def factor(self, quantity: str | None, own: str | None) -> float:
         """What a column is multiplied by; ``own`` is the unit that it states itself."""
-        return 1.0 if quantity is None else UNITS[quantity][own or getattr(self, quantity)]
+        stated = {**dict(self), "size": self.length}
+        return 1.0 if quantity not in stated else UNITS[quantity][own or stated[quantity]]
 
 
 def unit_problems(units: Mapping[str, str], quantities: Mapping[str, str | None]) -> Iterator[Problem]:

@@ -133,9 +133,6 @@ class HighwayOptions(SteppedTruth):
         None, description="Shares of the vehicles with the size of vans and trucks, drawn from the seed."
     )
     others_within_m: OthersWithin = None
-    audit: Literal["repair", "refuse"] = Field(
-        "repair", description="What to do where the simulated velocity contradicts the simulated motion."
-    )
 
     @property
     def scene_name(self) -> str:

@@ -98,21 +98,10 @@ class TrafficOptions(TruthSource, OptionsBeside):
         description="What to do with motion that no vehicle makes: refuse the recording with the figure, or take it as "
         "it is (repair: cut tracks where they jump; velocities that contradict the motion come from the displacement).",
     )
-    simultaneous: bool | None = Field(
-        None,
-        description="Whether the vehicles drove at the same time. If not (i80), those that would overlap are kept "
-        "apart: a scene has vehicles that do not overlap, and each is in at most one scene. As the format says unless "
-        "given.",
-    )
     others_within_m: OthersWithin = None
     length_m: Positive = Field(4.5, description="Length of a vehicle of which the file does not say it, m.")
     width_m: Positive = Field(1.8, description="Width of a vehicle of which the file does not say it, m.")
     _scene: int = PrivateAttr(0)
-
-    @property
-    def drove_together(self) -> bool:
-        """Whether the vehicles drove at the same time."""
-        return self.format.simultaneous if self.simultaneous is None else self.simultaneous
 
     @property
     def vehicles(self) -> list[str]:

@@ -17,7 +17,8 @@ from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
-STATES = "vehicle_id, sim_time, position_x, position_y, heading_rad, speed"
+STATES = """SELECT vehicle_id, sim_time, position_x, position_y, heading_rad, speed,
+COALESCE(length, 0), COALESCE(width, 0), type FROM Trajectory LEFT JOIN Vehicle ON Vehicle.id = vehicle_id"""
 #: Of a vehicle in NGSIM, which SMARTS keeps; a size that it does not know is 0 or NULL.
 KINDS = {1: "motorcycle", 2: "car", 3: "truck"}
 
@@ -32,12 +33,10 @@ class Smarts(TrafficFormat):
         try:
             with closing(sqlite3.connect(f"file:{quote(str(file.resolve()))}?mode=ro", uri=True)) as database:
                 # A row takes some bytes: a damaged file may name one page again and again.
-                states = database.execute(f"SELECT {STATES} FROM Trajectory").fetchmany(file.stat().st_size)
-                bodies = database.execute("SELECT id, COALESCE(length, 0), COALESCE(width, 0), type FROM Vehicle")
-                by_id = {number: body for number, *body in bodies.fetchmany(file.stat().st_size)}
+                states = database.execute(STATES).fetchmany(file.stat().st_size)
             if not states:
                 raise InputError("there is no vehicle in this file", file=file)
-            *numeric, kinds = zip(*((*row, *by_id.get(row[0], (0, 0, 0))) for row in states), strict=True)
+            *numeric, kinds = zip(*states, strict=True)
             owner, time, x, y, heading, speed, length, width = np.array(numeric, dtype=float)
             ids = [str(int(number)) for number in owner.tolist()]
         except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -15,15 +14,9 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import UNITS, Units
-from trackbench.truth.formats.geographic import GeographicOrigin
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table_files import read_header, read_table
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
-
-#: What cannot be meant: the least, the most, and why.
-_NO_SIZE = (np.nextafter(0, 1), np.inf, "which is no size; leave it empty where it is not known")
-POSSIBLE = {"length": _NO_SIZE, "width": _NO_SIZE, "existence": (0.0, 1.0, "which is no probability")}
-
 
 #: What a column may hold, and its quantity; None: it is read as it is.
 QUANTITIES: dict[str, str | None] = {
@@ -33,8 +26,9 @@ QUANTITIES: dict[str, str | None] = {
     **dict.fromkeys(("vx", "vy"), "speed"),
     "heading": "angle",
     "speed": "speed",
-    **dict.fromkeys(("length", "width"), "length"),
-    **dict.fromkeys(("class", "existence", "scene", "run", "fingerprint"), None),
+    **dict.fromkeys(("length", "width"), "size"),
+    "existence": "probability",
+    **dict.fromkeys(("class", "scene", "run", "fingerprint"), None),
     **dict.fromkeys(COVARIANCE, None),
 }
 REQUIRED = ("time", "id", "x", "y")
@@ -49,7 +43,7 @@ NAMES = {
     **{key: key for key in QUANTITIES},
 }
 #: How the names of columns of degrees begin.
-LONGITUDE, LATITUDE = ("lon", "long", "longitude"), ("lat", "latitude")
+DEGREES = ("lon", "long", "longitude", "lat", "latitude")
 
 
 class ColumnLayout(NamedTuple):
@@ -155,10 +149,6 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
     numeric: dict[str, Any] = {
         key: numbers(key) for key in ("x", "y", "vx", "vy", "heading", "speed", "length", "width", "existence")
     }
-    for key, (least, most, why) in POSSIBLE.items():
-        if (values := numeric[key]) is not None and (wrong := (values < least) | (values > most)).any():
-            row = int(np.argmax(wrong))
-            raise rows.error(row, f"{layout.columns[key]} is {values[row]:g}, {why}")
     named: dict[str, Any] = {key: texts(key) for key in ("scene", "run", "fingerprint")}
     return TrackRows(
         rows.labels(layout.columns["id"]).of_rows,
@@ -184,11 +174,6 @@ class TableFormat(TrafficFormat):
         "p_00 to p_33 (covariance of x, y, vx, vy), scene, run and fingerprint.",
     )
     units: Units = Field(default_factory=Units, description="Units of the columns.")
-    origin: GeographicOrigin | None = Field(
-        None,
-        description="Where x and y are longitude and latitude: the point at which a plane touches the ground; x is "
-        "then the distance to its east and y to its north, m.",
-    )
 
     def problems(self) -> Iterator[Problem]:
         for key in self.columns:
@@ -202,21 +187,11 @@ class TableFormat(TrafficFormat):
             raise error.located(file=file, line=None) from None
         factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
         table = read_table(file, self.form, layout.columns.values())
-        x, y = (layout.columns[key].lower().split("_")[0] for key in ("x", "y"))
-        if x in LATITUDE or y in LONGITUDE:
-            raise InputError(f"x is {x!r}: x is the longitude (east) and y the latitude (north)", file=file)
-        if self.origin is None:
-            if x in LONGITUDE or y in LATITUDE:
-                message = (
-                    f"{x!r} and {y!r} are degrees, and metres are scored: state a point nearby as origin, such as "
-                )
-                raise InputError(
-                    f"{message}origin: {{lat_deg: 48.1, lon_deg: 11.6}} (score: --origin 48.1 11.6)", file=file
-                )
-            return table_rows(table, layout, factors)
-        rows = table_rows(table, layout, {**factors, "x": 1.0, "y": 1.0})
-        east, north = self.origin.plane(rows.py, rows.px)
-        return replace(rows, px=east, py=north)
+        for column in (layout.columns[key] for key in ("x", "y")):
+            if column.lower().split("_")[0] in DEGREES:
+                message = "is in degrees, and metres are scored: project it first, such as by pymap3d.geodetic2enu"
+                raise InputError(f"{column!r} {message}", file=file)
+        return table_rows(table, layout, factors)
 
 
 class Csv(TableFormat):

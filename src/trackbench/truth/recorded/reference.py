@@ -13,9 +13,6 @@ from trackbench.truth.recorded.drive import Drive, Motion, slope
 from trackbench.truth.recorded.robust import noise_of_motions
 from trackbench.truth.tracks import longest_gap
 
-#: Of a box, m.
-LARGEST_M = 1000.0
-
 
 def moved_ahead(motion: Motion, heading: Array, ahead: Array | float) -> Motion:
     """Return the motion of a point ``ahead`` m in front of the body's own, along ``heading`` ``(rows,)`` rad."""

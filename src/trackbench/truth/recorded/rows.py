@@ -96,11 +96,11 @@ class Rows:
         Args:
             column: its name.
             factor: from its unit.
-            quantity: a key of ``jumps.LARGEST``.
+            quantity: a key of ``jumps.POSSIBLE``; None: any number can be meant.
             optional: whether cells may be empty or nan.
 
         Raises:
-            InputError: a cell is no number, or too large to be meant.
+            InputError: a cell is no number, or cannot be meant.
         """
         values = self._floats(column)
         wrong = ~np.isfinite(values)
@@ -109,11 +109,12 @@ class Rows:
         if wrong.any():
             raise self._no_number(int(np.argmax(wrong)), column)
         values = values * factor
-        if quantity is not None and (large := np.abs(values) > jumps.LARGEST[quantity]).any():
-            row = int(np.argmax(large))
-            unit, most = jumps.UNITS[quantity], jumps.LARGEST[quantity]
-            problem = f"it would be {values[row]:.3g} {unit}, and at most {most:.0e} {unit} can be meant"
-            raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}: check its unit")
+        if quantity is not None:
+            least, most, unit = jumps.POSSIBLE[quantity]
+            if (wrong := (values < least) | (values > most)).any():
+                row = int(np.argmax(wrong))
+                problem = f"it would be {values[row]:.3g}{unit}, and {least:g} to {most:g}{unit} can be meant"
+                raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}: check its unit")
         return values
 
     def times(self, column: str, factor: float) -> TimeColumn:

@@ -48,6 +48,13 @@ def column_measurements(
     return measurement, rows
 
 
+def position_of(components: tuple[str, ...], measurement: Array) -> Array:
+    """Return the position ``(2, n)`` that measurements ``(m, n)`` state, in the sensor's frame, m."""
+    first, second = measurement[:2]
+    is_polar = components[:2] == POLAR
+    return np.stack([first * np.cos(second), first * np.sin(second)] if is_polar else [first, second])
+
+
 def columns_of(entry: MeasurementColumns) -> list[str | None]:
     """The columns of a file of unlabelled measurements, as far as they are given."""
     return [entry.time, entry.slot, entry.new_track, *entry.components.values()]
@@ -117,9 +124,7 @@ def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) ->
 
 def _without_copies(of: Scans, time: Array, model: type[Sensor], within: float) -> Scans:
     """Of detections of one scan that are near each other, only that of the sensor's older track."""
-    first, second = of.measurement[:2]
-    polar = model.components[:2] == POLAR
-    position = np.stack([first * np.cos(second), first * np.sin(second)] if polar else [first, second])
+    position = position_of(model.components, of.measurement)
     _, first_row, track = np.unique(of.own_track, return_index=True, return_inverse=True)
     began = time[first_row][track]
     order = np.lexsort((began, of.scan))

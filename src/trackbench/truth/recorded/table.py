@@ -33,7 +33,6 @@ from trackbench.truth.recorded.drive import (
     rows_of_each,
     slope,
 )
-from trackbench.truth.recorded.reference import LARGEST_M
 from trackbench.truth.recorded.rows import Labels, Rows
 from trackbench.truth.recorded.scans import (
     column_measurements,
@@ -154,11 +153,6 @@ def _motions(
     table: Rows, columns: TruthColumns, seconds: Array, config: RecordingOptions
 ) -> tuple[dict[str, Motion], RowOrder]:
     value = _values(table, columns, config.units, columns.units)
-    for key in ("length", "width"):
-        sizes = value.get(key, np.ones(1))
-        for row in np.flatnonzero((sizes <= 0) | (sizes > LARGEST_M)).tolist():
-            size = f"{getattr(columns, key)} is {sizes[row]:g} m"
-            raise table.error(row, f"{size}, where more than 0 and at most {LARGEST_M:g} is expected")
     ids, owner = _objects(table, columns)
     kept, order = row_order(seconds, owner)
     members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
