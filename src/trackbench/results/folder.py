@@ -16,7 +16,6 @@ import pydantic_core
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
 from trackbench.base.files import require_regular
-from trackbench.results.declared import HIDDEN, LABELLED
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -196,7 +195,7 @@ def _put(temporary: Path, folder: Path, mark: str) -> None:
 class Tables(Mapping[str, Any]):
     """The tables of a result by name, in memory or in its folder.
 
-    A table is an attribute too, such as ``tables.steps``; ``results.declared`` says what each holds.
+    A table is an attribute too, such as ``tables.steps``.
     """
 
     def __init__(
@@ -210,12 +209,12 @@ class Tables(Mapping[str, Any]):
 
     def __getattr__(self, name: str) -> pa.Table:
         """A table as an attribute."""
-        if name not in LABELLED | HIDDEN:
+        if name not in self:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         return self[name]
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *(LABELLED | HIDDEN)]
+        return [*super().__dir__(), *self]
 
     def __len__(self) -> int:
         return sum(1 for _ in self)

@@ -13,7 +13,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
 from trackbench.base.files import read_json
-from trackbench.results.declared import OF_RECORDED_RUN, SHARED
+from trackbench.results.columns import table_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
 from trackbench.results.frame import tidy
 from trackbench.results.metric_value import ResultModel, model_of
@@ -57,10 +57,9 @@ class Difference(ResultModel):
 def difference_table(differences: Iterable[Difference]) -> pa.Table:
     """The table ``differences``; without columns where there is none."""
     rows = [{**vars(item), **dict(zip(_ENDS, item.ci95 or (None, None), strict=True))} for item in differences]
-    table = SHARED["differences"]
-    record: dict[str, Any] = {name: [row[name] for row in rows] for name in table.names}
-    record |= {name: np.array([row[name] for row in rows], dtype=float) for name in table.numbers}
-    return table.written([record] if rows else [])
+    words: dict[str, Any] = {name: [row[name] for row in rows] for name in _WORDS}
+    numbers = {name: np.array([row[name] for row in rows], dtype=float) for name in _NUMBERS}
+    return table_of([words | numbers] if rows else [])
 
 
 def differences_from_table(table: pa.Table) -> list[Difference]:
@@ -71,8 +70,12 @@ def differences_from_table(table: pa.Table) -> list[Difference]:
     return [Difference(**row, ci95=None if None in ci95 else ci95) for row, ci95 in zip(rows, ends, strict=True)]
 
 
-#: The columns of the ends of an interval.
+#: The columns of the ends of an interval, those of words, and those of numbers.
 _ENDS = ("ci95_low", "ci95_high")
+_WORDS = ("a", "b", "metric", "unit", "better", "verdict")
+_NUMBERS = ("value", *_ENDS, "margin", "p_value", "without_charged")
+#: Tables of the recorded scene alone.
+OF_RECORDED_RUN = ("measurements", "estimates", "recorded_nis", "recorded_modes", "taken", "gates", "objects", "due")
 #: More lines than this in one picture cannot be told apart, and more rows in one page are read by programs alone.
 MOST_DRAWN, MOST_LISTED = 12, 1000
 

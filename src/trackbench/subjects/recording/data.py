@@ -23,7 +23,6 @@ import pyarrow.parquet as pq
 from trackbench.base.errors import InputError, similar_path_hint
 from trackbench.base.files import require_regular
 from trackbench.results import Result, Tables, summary_of
-from trackbench.results.declared import FUNCTION_TABLES
 
 if TYPE_CHECKING:
     from trackbench.subjects.recording.stream import Stream
@@ -47,7 +46,7 @@ def send_data(stream: Stream, result: Result) -> None:
     import rerun as rr
 
     components: dict[str, Any] = {}
-    own = [name for name in FUNCTION_TABLES if name in result.tables]
+    own = [name for name in ("decisions", "function_events") if name in result.tables]
     for name in (*TABLES[result.summary.identities], *own):
         table = result.tables.if_there(name)
         if name == "events" and table.num_rows:
