@@ -77,7 +77,7 @@ def test_every_estimate_is_given_and_those_of_the_ukf_are_scored(
             own = project.rmse(results[name], tracker)
             assert np.isfinite(own).all()
             if name == project.TUNING:
-                metrics = [entries[tracker]["rmse"][key]["value"] for key in project.COMPONENTS]
+                metrics = [entries[tracker][f"rmse.{key}"]["value"] for key in project.COMPONENTS]
                 assert metrics == pytest.approx(own)
     assert results[project.FUSION].json()["truth"]["lines"] == 500
 
@@ -104,6 +104,6 @@ def test_share_of_innovations_under_the_line(results: dict[str, Result]) -> None
             if (tracker, name) == ("ukf", sensor) and value is not None
         ]
         share = np.mean(np.array(own) < line)
-        assert share == pytest.approx(entry["metrics"]["nis"][sensor]["inside95"], abs=1e-9)
+        assert share == pytest.approx(entry["metrics"][f"nis.{sensor}"]["inside95"], abs=1e-9)
         # A consistent filter has 95 %; of 249 innovations two standard deviations are 2.8 %.
         assert 0.92 < share < 0.99

@@ -128,7 +128,7 @@ def test_verdicts_in_words(page: Page) -> None:
 def test_a_metric_of_a_plug_in_has_its_column() -> None:
     summary = make_summary()
     for i, entry in enumerate(summary["trackers"][:-1]):
-        entry["metrics"]["jerk"] = {"rms": {"value": 0.5 + i, "unit": "m/s^3", "ci95": [0.4 + i, 0.6 + i]}}
+        entry["metrics"]["jerk.rms"] = {"value": 0.5 + i, "unit": "m/s^3", "ci95": [0.4 + i, 0.6 + i]}
     page = Page(render(Result.from_json(summary, make_tables())))
     headings = [text for row in page.rows for text in row]
     assert headings.count("jerk.rms, m/s³") == 1

@@ -71,7 +71,7 @@ SMALL = Result.from_json(
                 "failed": None,
                 "metrics": {
                     "position_rmse": {"value": 0.5, "unit": "m", "ci95": [0.4, 0.6]},
-                    "rmse": {"px": {"value": None, "unit": "m", "reason": "none"}},
+                    "rmse.px": {"value": None, "unit": "m", "reason": "none"},
                     "nees": {"mean": 4.1, "unit": "1", "dof": 4, "verdict": "consistent"},
                 },
                 "health": {"diverged_runs": 0, "repaired_covariances": 0, "repaired_runs": 0},
@@ -124,7 +124,7 @@ def test_metrics_by_attribute_and_by_path() -> None:
     assert (ekf.position_rmse.value, ekf.position_rmse.ci95) == (0.5, (0.4, 0.6))
     assert ekf.metrics["rmse.px"].reason == "none"
     assert (ekf.nees.mean, ekf.nees.verdict) == (4.1, "consistent")
-    assert SMALL.json()["trackers"][0]["metrics"]["rmse"]["px"] == {"value": None, "unit": "m", "reason": "none"}
+    assert SMALL.json()["trackers"][0]["metrics"]["rmse.px"] == {"value": None, "unit": "m", "reason": "none"}
     with pytest.raises(AttributeError, match="no attribute or metric 'gospa'"):
         _ = ekf.gospa
     with pytest.raises(InputError, match="no tracker 'ekg' in this result; did you mean 'ekf'"):
@@ -237,7 +237,10 @@ def test_text_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         (b'{"schema_version": 1', "result.json: not a readable result: "),
         (b"\xff\xfe", "result.json: not a readable result: "),
         (b"[1, 2]", "result.json: not a result"),
-        (b'{"schema_version": 1}', "schema_version is not 6: this result is of another version"),
+        (
+            b'{"schema_version": 1}',
+            "schema_version is not 7: this result is of another version, run again what wrote it",
+        ),
         (f'{{"schema_version": {SCHEMA_VERSION}}}'.encode(), "not a result: scenario: Field required"),
         (json_text({**SMALL.json(), "ranking": []}).encode(), "ranking does not name its trackers"),
     ],

@@ -53,39 +53,32 @@ def breakdown_entry(count: int, rmse: float, nees: dict[str, float], spread: flo
         "count": count,
         "given": count,
         "runs": 100,
-        "position_rmse": metric(rmse, "m"),
-        "velocity_rmse": metric(2.1 * rmse, "m/s"),
-        "nees": nees_part("nees", 4),
-        "nees_position": nees_part("nees_position", 2),
-        "nees_velocity": nees_part("nees_velocity", 2),
+        "metrics": {
+            "position_rmse": metric(rmse, "m"),
+            "velocity_rmse": metric(2.1 * rmse, "m/s"),
+            "nees": nees_part("nees", 4),
+            "nees_position": nees_part("nees_position", 2),
+            "nees_velocity": nees_part("nees_velocity", 2),
+        },
     }
 
 
-def breakdown(rmse: float, *, covariance: bool = True) -> dict[str, Any]:
+def conditions(rmse: float, *, covariance: bool = True) -> dict[str, Any]:
     """Turning, the velocity errors are 1.6 times as large as stated, if any covariance is."""
     found: dict[str, Any] = {
-        "all": breakdown_entry(10000, rmse, {}),
-        "manoeuvre": {
-            "straight": breakdown_entry(7000, 0.9 * rmse, {}),
-            "turning": breakdown_entry(2950, 1.2 * rmse, {"nees_velocity": 2 * 1.6**2}),
-            "sensor gap": breakdown_entry(50, 3 * rmse, {"nees_position": 50.0}),
-        },
-        "range": {
-            "0 to 20 m": {"from_m": 0.0, "to_m": 20.0, **breakdown_entry(4000, 0.8 * rmse, {})},
-            "20 to 50 m": {"from_m": 20.0, "to_m": 50.0, **breakdown_entry(6000, 1.1 * rmse, {})},
-        },
-        "age": {"later": breakdown_entry(10000, rmse, {})},
-        "jump": {
-            "elsewhere": breakdown_entry(9600, 0.9 * rmse, {}),
-            "after a velocity jump": breakdown_entry(400, 3 * rmse, {}),
-        },
+        "": breakdown_entry(10000, rmse, {}),
+        "manoeuvre: straight": breakdown_entry(7000, 0.9 * rmse, {}),
+        "manoeuvre: turning": breakdown_entry(2950, 1.2 * rmse, {"nees_velocity": 2 * 1.6**2}),
+        "manoeuvre: sensor gap": breakdown_entry(50, 3 * rmse, {"nees_position": 50.0}),
+        "range: 0 to 20 m": breakdown_entry(4000, 0.8 * rmse, {}),
+        "range: 20 to 50 m": breakdown_entry(6000, 1.1 * rmse, {}),
+        "age: later": breakdown_entry(10000, rmse, {}),
+        "jump: elsewhere": breakdown_entry(9600, 0.9 * rmse, {}),
+        "jump: after a velocity jump": breakdown_entry(400, 3 * rmse, {}),
     }
-    if not covariance:
-        for entry in (
-            found["all"],
-            *(entry for by in ("manoeuvre", "range", "age", "jump") for entry in found[by].values()),
-        ):
-            entry |= dict.fromkeys(("nees", "nees_position", "nees_velocity"))
+    for entry in () if covariance else found.values():
+        for path in ("nees", "nees_position", "nees_velocity"):
+            del entry["metrics"][path]
     return found
 
 
@@ -102,16 +95,16 @@ def tracker(name: str, place: int) -> dict[str, Any]:
         "metrics": {
             "position_rmse": metric(rmse, "m"),
             "velocity_rmse": metric(None if name == "raw" else 2.1 * rmse, "m/s", "raw gives no velocity"),
-            "rmse": {axis: metric(0.7 * rmse, unit) for axis, unit in units.items()},
+            **{f"rmse.{axis}": metric(0.7 * rmse, unit) for axis, unit in units.items()},
             "nees": mixed(4.1) if name == "ekf_ctrv" else chi_square(nees, 4, "the tracker gives no covariance"),
-            "nis": {
-                sensor: {
+            **{
+                f"nis.{sensor}": {
                     **chi_square(scale and dof * scale, dof, no_innovation),
                     "inside95": scale and min(0.99, 0.95 / scale),
                 }
                 for sensor, dof in SENSORS.items()
             },
-            "whiteness": dict.fromkeys(SENSORS, white),
+            **{f"whiteness.{sensor}": white for sensor in SENSORS},
             "position_over_reference": metric(rmse / BOUND, "1"),
             "velocity_over_reference": metric(1.2, "1"),
             "coverage": {"value": 0.99, "unit": "1"},
@@ -123,7 +116,7 @@ def tracker(name: str, place: int) -> dict[str, Any]:
             "repaired_runs": 0,
             "non_finite_estimates": 0,
         },
-        "breakdown": breakdown(rmse, covariance=nees is not None),
+        "conditions": conditions(rmse, covariance=nees is not None),
     }
 
 

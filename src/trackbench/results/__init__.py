@@ -17,14 +17,13 @@ from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartV
 from trackbench.results.result import MOST_DRAWN, Difference, Result, difference_table, merged_places, summary_of
 from trackbench.results.scenario_summary import TruthAudit, TruthSummary
 from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, Summary
-from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, FiledRows, Health, TrackerResult
+from trackbench.results.tracker_result import ConditionScores, Failure, FiledRows, Health, TrackerResult
 
 __all__ = [
     "EXAMINATION",
     "MOST_DRAWN",
     "SCHEMA_VERSION",
     "SUMMARY",
-    "Breakdown",
     "ConditionScores",
     "ConditionVerdict",
     "Difference",

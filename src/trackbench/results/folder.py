@@ -193,34 +193,32 @@ def _put(temporary: Path, folder: Path, mark: str) -> None:
 
 
 class Tables(Mapping[str, Any]):
-    """The tables of a result by name, in memory or in its folder.
+    """The tables of a result by name, each read from the folder of the run when it is first asked for.
 
     A table is an attribute too, such as ``tables.steps``.
     """
 
-    def __init__(
-        self, loaded: Mapping[str, pa.Table], folder: Path | None = None, digests: Mapping[str, str] | None = None
-    ) -> None:
-        """``loaded``: those in memory. ``folder``: of the others. ``digests``: by name, the sha256 of their files."""
-        self._loaded, self._folder, self._digests = dict(loaded), folder, digests or {}
+    def __init__(self, tables: Mapping[str, pa.Table | str], folder: Path = Path()) -> None:
+        """``tables``: by name each table, or the sha256 of its file in the folder."""
+        self._tables, self._folder = dict(tables), folder
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*self._loaded, *self._digests]))
+        return iter(self._tables)
 
-    def __getattr__(self, name: str) -> pa.Table:
-        """A table as an attribute."""
-        if name not in self:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        return self[name]
+    def __len__(self) -> int:
+        return len(self._tables)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._tables
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
 
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-    def __contains__(self, name: object) -> bool:
-        return any(name == there for there in self)
+    def __getattr__(self, name: str) -> pa.Table:
+        """A table as an attribute."""
+        if name.startswith("_") or name not in self:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return self[name]
 
     def __getitem__(self, name: str) -> pa.Table:
         """A table by its name.
@@ -228,9 +226,10 @@ class Tables(Mapping[str, Any]):
         Raises:
             InputError: it is not in the folder or cannot be read.
         """
-        if name not in self._loaded:
-            self._loaded[name] = self._read(name)
-        return self._loaded[name]
+        table = self._tables[name]
+        if isinstance(table, str):
+            table = self._tables[name] = _read_table(self._folder / f"{name}.parquet", table)
+        return table
 
     def if_there(self, name: str) -> pa.Table:
         """A table that not every run leaves; without rows where it is not there."""
@@ -238,21 +237,19 @@ class Tables(Mapping[str, Any]):
 
         return self[name] if name in self else pa.table({})
 
-    def _read(self, name: str) -> pa.Table:
-        if self._folder is None or name not in self._digests:
-            raise KeyError(name)
-        import pyarrow.parquet as pq
 
-        file = self._folder / f"{name}.parquet"
-        try:
-            require_regular(file)
-            if sha256(file) != self._digests[name]:
-                raise InputError(f"not the table that this run wrote: {SUMMARY} has another sha256 of it", file=file)
-            return pq.read_table(file)
-        except FileNotFoundError as error:
-            raise InputError(f"no {file.name} in the folder of this run", file=self._folder) from error
-        except OSError as error:
-            raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error
+def _read_table(file: Path, digest: str) -> pa.Table:
+    import pyarrow.parquet as pq
+
+    try:
+        require_regular(file)
+        if sha256(file) != digest:
+            raise InputError(f"not the table that this run wrote: {SUMMARY} has another sha256 of it", file=file)
+        return pq.read_table(file)
+    except FileNotFoundError as error:
+        raise InputError(f"no {file.name} in the folder of this run", file=file.parent) from error
+    except OSError as error:
+        raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error
 
 
 def sha256(file: Path) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     SerializerFunctionWrapHandler,
@@ -50,7 +51,9 @@ def model_of(kind: type[M], raw: Any, file: Path, what: str, versions: Sequence[
         raise InputError(f"not a {what}", file=file)
     if raw["schema_version"] not in versions:
         numbers = " or ".join(map(str, versions))
-        raise InputError(f"schema_version is not {numbers}: this {what} is of another version", file=file)
+        raise InputError(
+            f"schema_version is not {numbers}: this {what} is of another version, run again what wrote it", file=file
+        )
     try:
         return kind.model_validate({key: raw[key] for key in raw if key != "passed" or key in kind.model_fields})
     except ValidationError as invalid:
@@ -225,25 +228,7 @@ class MetricsByPath(dict[str, MetricValue]):
         raise InputError(f"no metric {path!r} of this tracker; {nearest_choices(str(path), self)}")
 
 
-def flat_metrics(nested: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """The metrics of a nested mapping by their dotted paths: ``{"rmse": {"px": ...}}`` gives ``rmse.px``."""
-    for name, entry in nested.items():
-        if isinstance(entry, Mapping) and not {"value", "mean"} & set(entry):
-            yield from flat_metrics(entry, f"{path}{name}.")
-        else:
-            yield f"{path}{name}", entry
-
-
-def nested_metrics(flat: Mapping[str, Any]) -> Json:
-    """The reverse of :func:`flat_metrics`."""
-    nested: Json = {}
-    for path, entry in flat.items():
-        *groups, name = path.split(".")
-        node = nested
-        for group in groups:
-            node = node.setdefault(group, {})
-        node[name] = entry
-    return nested
+Metrics = Annotated[dict[str, MetricValue], AfterValidator(MetricsByPath)]
 
 
 def by_value(values: Mapping[K, float]) -> list[K]:

@@ -15,8 +15,7 @@ from trackbench.base.errors import InputError, counted, nearest_choices, similar
 from trackbench.base.files import read_json
 from trackbench.results.columns import table_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
-from trackbench.results.frame import tidy
-from trackbench.results.metric_value import ResultModel, model_of
+from trackbench.results.metric_value import Json, MetricValue, ResultModel, data_frame, model_of
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 
@@ -64,8 +63,7 @@ def difference_table(differences: Iterable[Difference]) -> pa.Table:
 
 def differences_from_table(table: pa.Table) -> list[Difference]:
     """The rows of the table as differences."""
-    # Earlier versions wrote an empty name where there is none.
-    rows = [{name: None if value == "" else value for name, value in row.items()} for row in table.to_pylist()]
+    rows = table.to_pylist()
     ends = [tuple(row.pop(name) for name in _ENDS) for row in rows]
     return [Difference(**row, ci95=None if None in ci95 else ci95) for row, ci95 in zip(rows, ends, strict=True)]
 
@@ -118,8 +116,7 @@ class Result:
     @cached_property
     def places(self) -> dict[str, int]:
         """By tracker, its place in the scenario file, from which it has its colour."""
-        trackers = enumerate(self.summary.trackers)
-        return {tracker.name: i if tracker.place is None else tracker.place for i, tracker in trackers}
+        return {tracker.name: tracker.place for tracker in self.summary.trackers}
 
     @property
     def name(self) -> str:
@@ -197,19 +194,42 @@ class Result:
         """The summary as JSON values, without the digests of the tables as they were written."""
         return self.summary.model_dump(mode="json", exclude={"tables"})
 
+    @property
+    def rows(self) -> Iterator[Json]:
+        """Each value of each tracker, as a row: of a scene or of all, of a condition or of all estimates.
+
+        ``n`` is the number of runs, of a condition that of errors; ``reason`` says why a value or its interval is not
+        there.
+        """
+        summary = self.summary
+
+        def row(scene: str, tracker: str, metric: str, condition: str, value: MetricValue, n: int) -> Json:
+            keys = {"scenario": self.name, "scene": scene, "tracker": tracker, "metric": metric, "condition": condition}
+            low, high = value.ci95 or (None, None)
+            named = {"value": value.value, "low": low, "high": high, "n": n}
+            return {**keys, **named, "unit": value.unit, "reason": value.reason}
+
+        for tracker in summary.trackers:
+            parts = [("", tracker.metrics, summary.runs)]
+            parts += [(name, own.metrics, own.count) for name, own in tracker.conditions.items() if name]
+            for condition, metrics, n in parts:
+                yield from (row("", tracker.name, path, condition, value, n) for path, value in metrics.items())
+            for scene in (scene for scene in summary.truth.scenes if tracker.name in scene.error):
+                value, n = MetricValue(value=scene.error[tracker.name], unit="m"), len(summary.truth.scenes)
+                yield row(scene.name, tracker.name, summary.headline, "", value, summary.runs // n)
+
     def to_pandas(self, table: str | None = None) -> Any:
         """A table as a pandas data frame.
 
         Args:
-            table: one of ``result.tables``; unless given, all values as one tidy table, a row for each tracker,
-                metric, scene and condition, with the columns of ``results.frame``. Of several scenes ``truth`` and
+            table: one of ``result.tables``; unless given, the rows of :attr:`rows`. Of several scenes ``truth`` and
                 ``tracks`` have all, other tables of the recorded run that one; the column ``scene`` says which.
 
         Raises:
             InputError: there is none of this name.
         """
         if table is None:
-            return tidy(self)
+            return data_frame(self.rows)
         if table not in self.tables:
             raise InputError(f"no table {table!r} in this result; {nearest_choices(table, self.tables)}")
         own, others = self.tables[table], self.tables.if_there(f"other_{table}")
@@ -282,7 +302,7 @@ class Result:
         except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
         summary = summary_of(raw, file)
-        return cls(summary, Tables({}, file.parent, summary.tables))
+        return cls(summary, Tables(summary.tables, file.parent))
 
 
 def merged_places(results: Iterable[Result]) -> dict[str, int]:

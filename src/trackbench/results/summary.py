@@ -54,7 +54,7 @@ class Provenance(ResultModel):
         return self.commit[:10] + (" (changed)" if self.changed else "")
 
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 
 
 class ExpectationResult(ResultModel):

@@ -108,8 +108,7 @@ def _gospa_record(name: str, blocks: Sequence[Timeline], time: Array) -> Record:
         parts = np.stack([block.gospa.sum(axis=0), *block.gospa])
         sums[:, : parts.shape[1]] += parts
         count[: parts.shape[1]] += block.runs
-    parts = dict(zip(_GOSPA_COLUMNS, np.sqrt(mean(sums, count)), strict=True))
-    return {"tracker": name, "time_s": time, **parts}
+    return {"tracker": name, "time_s": time, **dict(zip(_GOSPA_COLUMNS, np.sqrt(mean(sums, count)), strict=True))}
 
 
 def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Record]:

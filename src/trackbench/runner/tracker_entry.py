@@ -60,7 +60,7 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
         share = scene_share(ratio(*headline_sums(work, evaluation)), work.scene_of_run)
     entry |= {"metrics": evaluation.values, "scene_share": share}
     if name in scores.scores:
-        return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores))
+        return TrackerResult(**entry, health=health(scores.scores[name]), conditions=breakdown(evaluation.scores))
     if name in work.filed:
         pairs = [block.offset for block in scores.outcomes[name] if block.offset is not None]
         offset = offset_of(np.concatenate(pairs, axis=1))

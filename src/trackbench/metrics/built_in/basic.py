@@ -138,7 +138,7 @@ class Nees(EstimateMetric):
         inside = _inside(per_step[ERROR["given"]], per_step[ERROR["nees"]], 4)
         value = _chi_square(total, count, 4, inside, sums.scenes, len(sums.due))
         scores = breakdown(sums)
-        conditions, parts = condition_verdicts(scores), judged_parts(scores.all)
+        conditions, parts = condition_verdicts(scores), judged_parts(scores[""])
         whole = value.verdict if sums.coverage >= LEAST_COVERAGE else "undecided"
         if whole is None or (whole == "consistent" and not parts):
             # Too few to tell anything of the tails.
