@@ -89,16 +89,11 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
         "sensors": {},
         "reference": {
             "kind": "reference",
-            "motion": "cv",
             "acceleration_sigma_mps2": 1.0,
             "acceleration_from": "truth",
-            "acceleration_changes": "each measurement",
-            "velocity_sigma_mps": 20.0,
         },
         "score": {
             "settle_s": 0.0,
-            "divergence_m": 10.0,
-            "lost_after_s": 5.0,
             "min_coverage": 0.9,
             "from_s": 0.0,
             "to_s": 1.0,

@@ -4,7 +4,7 @@ import pytest
 from scipy import stats
 from tests.support.places import SCENARIOS
 
-from trackbench.results import Result, TrackerResult
+from trackbench.results import MetricValue, Result, TrackerResult
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -15,6 +15,10 @@ SCRIPTED = SCENARIOS / "scripted"
 def result(name: str, *overrides: str) -> Result:
     loaded = load_scenario(SCRIPTED / f"{name}.yaml", overrides)
     return run_scenario(loaded, truths_of(loaded))
+
+
+def nis_by_path(of: TrackerResult) -> dict[str, MetricValue]:
+    return {path: value for path, value in of.metrics.items() if path.startswith("nis.")}
 
 
 def by_name(of: Result) -> dict[str, TrackerResult]:
@@ -43,7 +47,7 @@ def test_verdicts_are_consistent_and_the_kalman_filter_reaches_the_bound(seed: i
     found = by_name(result("own_model", "monte_carlo.runs=200", f"monte_carlo.seed={seed}"))
     for name, tracker in found.items():
         assert tracker.nees.verdict == "consistent", name
-        for sensor, nis in tracker.of_sensors("nis").items():
+        for sensor, nis in nis_by_path(tracker).items():
             assert nis.mean is None or nis.verdict == "consistent", (name, sensor)
     for metric in ("position_over_reference", "velocity_over_reference"):
         over = found["kf_lidar"].metrics[metric]
@@ -75,7 +79,7 @@ def test_few_runs_are_not_taken_for_consistency() -> None:
     ekf = by_name(result("own_model", "monte_carlo.runs=1"))["ekf"]
     assert ekf.nees.verdict == "undecided"
     # Of 400 innovations in one run, the NIS may be shown to be right already.
-    assert {nis.verdict for nis in ekf.of_sensors("nis").values()} <= {"undecided", "consistent"}
+    assert {nis.verdict for nis in nis_by_path(ekf).values()} <= {"undecided", "consistent"}
     short = by_name(result("own_model", "monte_carlo.runs=10", "truth.duration_s=2"))["ekf"]
     assert short.nees.verdict == "undecided"
 

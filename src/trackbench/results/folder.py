@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 FALSE_ALARM, NO_OBJECT = "false alarm", ""
 OBSERVER = "observer"
 
+#: Name of the file of a run.
 SUMMARY = "result.json"
-#: The same of an examination.
+#: Name of the file of an examination.
 EXAMINATION = "examination.json"
 
 log = logging.getLogger(__name__)
@@ -84,19 +85,23 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
     log.info("wrote %s/: %s", folder, ", ".join(written))
 
 
-def require_writable(out: Path) -> None:
-    """Make sure, before any work, that results can be written.
+def require_writable(out: Path, key: str = "--out") -> None:
+    """Make sure, before any work, that files can be written to a folder.
+
+    Args:
+        out: the folder.
+        key: the option that names it.
 
     Raises:
         InputError: they cannot.
     """
     if out.exists() and not out.is_dir():
-        raise InputError(f"cannot write to {out}: it is a file, not a folder", key="--out")
+        raise InputError(f"cannot write to {out}: it is a file, not a folder", key=key)
     try:
         out.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=out).close()
     except OSError as error:
-        raise InputError(f"cannot write to {out}: {error.strerror or error}", key="--out") from error
+        raise InputError(f"cannot write to {out}: {error.strerror or error}", key=key) from error
 
 
 def require_file(path: Path, key: str) -> None:
@@ -111,11 +116,7 @@ def require_file(path: Path, key: str) -> None:
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder; name a file", key=key)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path.parent).close()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}", key=key) from error
+    require_writable(path.parent, key)
 
 
 def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
@@ -132,15 +133,6 @@ def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
     if not free and not (folder / mark).is_file():
         kind = "the folder of a run" if mark == SUMMARY else f"a folder with {mark}"
         raise InputError(f"there already, and not {kind}: not replaced", file=folder)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all, and the folder that it is in.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path, content: bytes) -> None:

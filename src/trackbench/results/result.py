@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
-from trackbench.base.files import read_json
 from trackbench.results.columns import table_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
-from trackbench.results.metric_value import Json, MetricValue, ResultModel, data_frame, model_of
+from trackbench.results.metric_value import Json, MetricValue, ResultModel, data_frame, read_model
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 
@@ -138,12 +137,6 @@ class Result:
     def contenders(self) -> list[TrackerResult]:
         """Of the scored trackers those that know no more than a tracker can; all where all do know more."""
         return [tracker for tracker in self.scored if not tracker.is_reference] or self.scored
-
-    @property
-    def references(self) -> list[TrackerResult]:
-        """The other scored trackers."""
-        competing = {tracker.name for tracker in self.contenders}
-        return [tracker for tracker in self.scored if tracker.name not in competing]
 
     @property
     def filtering(self) -> list[TrackerResult]:
@@ -295,13 +288,9 @@ class Result:
             there = other if path.exists() else f"there is no such folder{similar_path_hint(path)}"
             hint = "; a scenario is run first: `trackbench run`" if path.suffix in (".yaml", ".yml") else ""
             raise InputError(there + hint, file=path)
-        try:
-            raw = read_json(file)
-        except FileNotFoundError as error:
-            raise InputError(f"no {SUMMARY} in this folder: {_instead(file.parent)}", file=path) from error
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"not a readable result: {error}", file=file) from error
-        summary = summary_of(raw, file)
+        if not file.is_file():
+            raise InputError(f"no {SUMMARY} in this folder: {_instead(file.parent)}", file=path)
+        summary = read_model(Summary, file, "result", SCHEMA_VERSION)
         return cls(summary, Tables(summary.tables, file.parent))
 
 
@@ -321,15 +310,3 @@ def _instead(folder: Path) -> str:
     if inside:
         return f"it holds the folders of runs; name one of them: {', '.join(inside)}"
     return "it is not the folder of a run"
-
-
-def summary_of(raw: Any, file: Path) -> Summary:
-    """The summary in JSON values.
-
-    Raises:
-        InputError: they are no summary, or one of another version.
-    """
-    summary = model_of(Summary, raw, file, "result", [SCHEMA_VERSION])
-    if sorted(tracker.name for tracker in summary.trackers) != sorted(summary.ranking):
-        raise InputError("not a result: ranking does not name its trackers", file=file)
-    return summary

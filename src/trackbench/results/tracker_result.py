@@ -133,10 +133,6 @@ class TrackerResult(ResultModel):
     time_offset: MetricValue | None = None
     """Of tracks made elsewhere, what has to be added to their time stamps for the least error along the path, beside a
     shift along it, s."""
-    along_path_m: float | None = None
-    """The mean error along the path, m."""
-    offset_alone_s: float | None = None
-    """The time offset that would explain it without a shift, s."""
     offset_shown: bool = False
     """Whether the interval of the offset excludes 0, and the offset is a part of the error that matters."""
     filed: FiledRows | None = None
@@ -148,8 +144,6 @@ class TrackerResult(ResultModel):
     conditions: dict[str, ConditionScores] = Field(default_factory=dict)
     """Scores of all estimates, named "", and under each condition that occurred, such as "manoeuvre: braking" or
     "range: 20 to 50 m". Empty where identities are hidden."""
-    scene_share: float | None = None
-    """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
     @property
     def reference_kind(self) -> str:
@@ -171,8 +165,8 @@ class TrackerResult(ResultModel):
 
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
         """Whether it is no smoother, and shown to be below a Cramer-Rao bound of motion that no tracker can expect."""
-        is_bound = reference is not None and reference.motion_is_drawn
-        return is_bound and self.below_reference and not self.is_reference
+        is_drawn = reference is not None and reference.kind == "bound" and reference.acceleration_sigma_mps2 > 0
+        return is_drawn and self.below_reference and not self.is_reference
 
     @property
     def marks(self) -> tuple[str, ...]:
@@ -194,8 +188,3 @@ class TrackerResult(ResultModel):
         own = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
         properties = [name for name, value in vars(type(self)).items() if isinstance(value, property)]
         return [*(path for path in self.metrics if path.isidentifier()), *type(self).model_fields, *own, *properties]
-
-    def of_sensors(self, metric: str) -> dict[str, MetricValue]:
-        """A metric that each sensor has, such as ``nis``, by the sensor's name."""
-        prefix = f"{metric}."
-        return {path.removeprefix(prefix): entry for path, entry in self.metrics.items() if path.startswith(prefix)}

@@ -193,16 +193,13 @@ class Whiteness(EstimateMetric):
 
     def _of(self, nis: NisScores, scenes: bool) -> MetricValue:
         product, square = nis.per_part[NIS["product"]], nis.per_part[NIS["square"]]
-        pairs = nis.per_part[NIS["pairs"]].sum()
-        if pairs == 0:
+        if nis.per_part[NIS["pairs"]].sum() == 0:
             return self.no_value("there are no two innovations in a row")
         if square.sum() == 0:
             return self.no_value("every innovation is zero")
         correlation = ratio(product, square, scenes=scenes)
-        bound = float(1.96 / np.sqrt(pairs * nis.dof))
-        return correlation.as_value(self.unit).model_copy(
-            update={"bounds95": (-bound, bound), "verdict": whiteness_verdict(correlation.ci95)}
-        )
+        verdict = whiteness_verdict(correlation.ci95)
+        return correlation.as_value(self.unit).model_copy(update={"verdict": verdict})
 
 
 class OverReference(EstimateMetric):

@@ -22,7 +22,8 @@ import pyarrow.parquet as pq
 
 from trackbench.base.errors import InputError, similar_path_hint
 from trackbench.base.files import require_regular
-from trackbench.results import Result, Tables, summary_of
+from trackbench.results import SCHEMA_VERSION, Result, Summary, Tables
+from trackbench.results.metric_value import model_of
 
 if TYPE_CHECKING:
     from trackbench.subjects.recording.stream import Stream
@@ -92,7 +93,7 @@ def read(path: Path) -> Recorded:
         raise InputError(message, file=path) from error
     if summary is None:
         raise InputError("this recording holds no run of trackbench", file=path)
-    return Recorded(Result(summary_of(summary, path), Tables(tables)), path, path)
+    return Recorded(Result(model_of(Summary, summary, path, "result", SCHEMA_VERSION), Tables(tables)), path, path)
 
 
 def read_data(path: Path) -> dict[str, bytes]:
