@@ -288,7 +288,7 @@ def test_welch_agrees_with_scipy() -> None:
         ({"trackers": 3}, "result.json: not a result: trackers: "),
         ({"scenario": {"text": 3}}, "result.json: not a result: scenario.text: "),
         ({"runs": 0}, "result.json: not a result: runs: "),
-        ({"schema_version": 1}, "schema_version is not 6: this result is of another version"),
+        ({"schema_version": 1}, "schema_version is not 7: this result is of another version"),
     ],
 )
 def test_a_foreign_result_is_refused_in_one_line(
