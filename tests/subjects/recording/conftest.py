@@ -166,9 +166,10 @@ def _table(parts: list[dict[str, Any]]) -> pa.Table:
 def _summary() -> Summary:
     made = make_result().summary
     truth = made.truth.model_copy(update={"objects": list(TARGETS), "steps": STEPS})
+    kept = [tracker for tracker in made.trackers if tracker.name in TRACKERS]
     return made.model_copy(
         update={
-            "trackers": [tracker for tracker in made.trackers if tracker.name in TRACKERS],
+            "trackers": [tracker.model_copy(update={"place": place}) for place, tracker in enumerate(kept)],
             "ranking": sorted(TRACKERS, key=TRACKERS.__getitem__),
             "truth": truth,
             "score": made.score.model_copy(update={"settle_s": 0.0}),
