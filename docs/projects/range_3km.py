@@ -124,8 +124,8 @@ def trackers(results: dict[str, Result]) -> str:
     """RMSE of x and y over all runs, and how many runs lost the target."""
 
     def cells(entry: dict) -> str:
-        rmse, lost = entry["metrics"]["rmse"], entry["health"]["diverged_runs"]
-        text = f"{rmse['px']['value']:.1f}, {rmse['py']['value']:.1f}"
+        errors, lost = entry["metrics"], entry["health"]["diverged_runs"]
+        text = f"{errors['rmse.px']['value']:.1f}, {errors['rmse.py']['value']:.1f}"
         return f"{text} ({lost} lost)" if lost else text
 
     entries = {case: {item["name"]: item for item in found.json()["trackers"]} for case, found in results.items()}

@@ -251,7 +251,8 @@ def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
     assert len(metrics) == sum(len(tracker.metrics) for tracker in result.summary.trackers)
     straight = tidy[(tidy["condition"] == "manoeuvre: straight") & (tidy["metric"] == "position_rmse")]
     assert straight.set_index("tracker")["value"].to_dict() == {
-        tracker.name: tracker.breakdown.manoeuvre["straight"].position_rmse.value for tracker in result.summary.trackers
+        tracker.name: tracker.conditions["manoeuvre: straight"].metrics["position_rmse"].value
+        for tracker in result.summary.trackers
     }
     compared = tb.compare(result, metrics=["position_rmse", "velocity_rmse"])
     table = compared.to_pandas()

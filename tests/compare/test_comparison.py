@@ -64,8 +64,15 @@ def runs_table(rmse: dict[str, float], tied: tuple[str, ...]) -> pa.Table:
 def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), failed: bool = False) -> Result:
     """A result with the given errors."""
     entries = [
-        {"name": who, "describe": who, "failed": None, "metrics": metrics(value), "health": {"diverged_runs": 0}}
-        for who, value in rmse.items()
+        {
+            "name": who,
+            "place": place,
+            "describe": who,
+            "failed": None,
+            "metrics": metrics(value),
+            "health": {"diverged_runs": 0},
+        }
+        for place, (who, value) in enumerate(rmse.items())
     ]
     stated = {"tracker": "good", "metric": "position_rmse", "operator": "below", "limit": 1.0, "value": 0.5}
     made = scene().json()
@@ -75,7 +82,7 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
         "runs": RUNS,
         "fingerprints": [f"{name} {run}" for run in range(RUNS)],
         "truth": {**made["truth"], "motion": [name]},
-        "trackers": [*entries, *([failed_tracker()] if failed else [])],
+        "trackers": [*entries, *([{**failed_tracker(), "place": len(entries)}] if failed else [])],
         "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],
         "expectations": [{**stated, "passed": True, "text": "one"}, {**stated, "passed": False, "text": "other"}],
         "passed": False,

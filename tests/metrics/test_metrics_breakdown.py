@@ -149,28 +149,28 @@ def test_errors_of_each_class_by_hand(own):
     manoeuvre, band, age, jump = np.unravel_index(np.broadcast_to(codes[:, 0], (6, 5)), SHAPE)
     position, velocity = (errors[:, :2] ** 2).sum(axis=1), (errors[:, 2:] ** 2).sum(axis=1)
     for group, chosen in (
-        (found.all, band >= 0),
-        (found.manoeuvre["turning"], manoeuvre == MANOEUVRES.index("turning")),
-        (found.manoeuvre["straight"], manoeuvre == MANOEUVRES.index("straight")),
-        (found.range["50 to 100 m"], band == 2),
-        (found.age["first second"], age == 0),
-        (found.jump["after a velocity jump"], jump == 1),
+        (found[""], band >= 0),
+        (found["manoeuvre: turning"], manoeuvre == MANOEUVRES.index("turning")),
+        (found["manoeuvre: straight"], manoeuvre == MANOEUVRES.index("straight")),
+        (found["range: 50 to 100 m"], band == 2),
+        (found["age: first second"], age == 0),
+        (found["jump: after a velocity jump"], jump == 1),
     ):
         assert group.count == chosen.sum()
-        assert group.position_rmse.value == pytest.approx(np.sqrt(position[chosen].mean()))
-        assert group.velocity_rmse.value == pytest.approx(np.sqrt(velocity[chosen].mean()))
+        assert group.metrics["position_rmse"].value == pytest.approx(np.sqrt(position[chosen].mean()))
+        assert group.metrics["velocity_rmse"].value == pytest.approx(np.sqrt(velocity[chosen].mean()))
         # With unit covariances the NEES is the sum of squares.
-        assert group.nees.mean == pytest.approx((position + velocity)[chosen].mean())
-        assert group.nees_position.mean == pytest.approx(position[chosen].mean())
-        assert group.nees_velocity.mean == pytest.approx(velocity[chosen].mean())
+        assert group.metrics["nees"].mean == pytest.approx((position + velocity)[chosen].mean())
+        assert group.metrics["nees_position"].mean == pytest.approx(position[chosen].mean())
+        assert group.metrics["nees_velocity"].mean == pytest.approx(velocity[chosen].mean())
         count, total = chosen.sum(axis=0).astype(float), np.where(chosen, position, 0).sum(axis=0)
         if (count > 0).all():
-            assert group.position_rmse.ci95 == pytest.approx(root(ratio(total, count)).ci95)
-    assert "braking" not in found.manoeuvre
+            assert group.metrics["position_rmse"].ci95 == pytest.approx(root(ratio(total, count)).ci95)
+    assert "manoeuvre: braking" not in found
 
 
 def test_velocities_that_are_correlated_to_the_last_bit_break_nothing():
     tight = np.eye(4)
     tight[2:, 2:] = [[1, 1 - 1e-15], [1 - 1e-15, 1]]
     found = breakdown(scored(np.zeros((1, 4, 2)), np.zeros((1, 1, 1)), 2, np.repeat(tight[..., None], 2, 2)))
-    assert found.all.nees_velocity.mean == 0
+    assert found[""].metrics["nees_velocity"].mean == 0

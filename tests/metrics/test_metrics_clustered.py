@@ -12,7 +12,6 @@ from trackbench.metrics import clustered, ratio, root
 from trackbench.metrics.contrasts import paired, turning_factor, undrawn_share, unpaired
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.runner.tracker_entry import scene_share
 
 
 def sums(seed: int, scenes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -100,18 +99,6 @@ def test_a_difference_of_errors_over_scenes_reaches_further_by_what_they_do_not_
     # What is no error has no such term.
     shares = [item._replace(at_most=9.0) for item in over_scenes]
     assert compare(*shares).ci95[1] == pytest.approx(value + (1 + 1.5 / 3) * (of_runs[1] - value))
-
-
-def test_shares_by_hand() -> None:
-    # Two scenes of two runs: mean squares 16 between and 1 within, so the scenes' variance is (16 - 1) / 2.
-    found = scene_share(ratio(np.array([1.0, 1.0 + np.sqrt(2), 5.0, 5.0 + np.sqrt(2)]), np.ones(4)), [0, 0, 1, 1])
-    assert found == pytest.approx(7.5 / 8.5)
-
-
-@pytest.mark.parametrize("scene", [[0, 0, 0], [0, 1, 2]])
-def test_scene_and_noise_cannot_be_told_apart_from_one_scene_or_one_run_each(scene: list[int]) -> None:
-    assert scene_share(ratio(np.array([1.0, 2.0, 4.0]), np.ones(3)), scene) is None
-    assert scene_share(ratio(np.ones(4), np.ones(4)), [0, 0, 1, 1]) is None
 
 
 def test_intervals_from_scenes_cover_where_those_from_runs_do_not() -> None:

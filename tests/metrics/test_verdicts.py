@@ -14,7 +14,7 @@ from trackbench.metrics.verdicts import (
     overall_verdict,
     whiteness_verdict,
 )
-from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
+from trackbench.results import ConditionScores, ConditionVerdict, MetricValue
 
 
 @pytest.mark.parametrize(
@@ -102,22 +102,22 @@ def test_consistent_under_one_condition_and_far_from_it_over_all_is_mixed(mean, 
 
 def scores(count, runs=100, ci95=(3.9, 4.1)):
     nees = MetricValue(value=4.0, unit="1", dof=4, ci95=ci95, reason=None if ci95 else "one run")
-    return ConditionScores(count=count, given=count, runs=runs, nees=nees)
+    return ConditionScores(count=count, given=count, runs=runs, metrics={"nees": nees})
 
 
 def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():
-    found = Breakdown(
-        all=scores(1000),
-        manoeuvre={
-            "straight": scores(960),
-            "turning": scores(20),
-            "braking": scores(19),
-            "accelerating": scores(21, 4),
-        },
-        range={"0 to 20 m": scores(980), "20 to 50 m": scores(20, ci95=None)},
-        age={"first second": scores(50, ci95=(2.0, 2.5)), "later": scores(950)},
-        jump={"after a velocity jump": scores(500, ci95=(20.0, 30.0))},
-    )
+    found = {
+        "": scores(1000),
+        "manoeuvre: straight": scores(960),
+        "manoeuvre: turning": scores(20),
+        "manoeuvre: braking": scores(19),
+        "manoeuvre: accelerating": scores(21, 4),
+        "range: 0 to 20 m": scores(980),
+        "range: 20 to 50 m": scores(20, ci95=None),
+        "age: first second": scores(50, ci95=(2.0, 2.5)),
+        "age: later": scores(950),
+        "jump: after a velocity jump": scores(500, ci95=(20.0, 30.0)),
+    }
     names = {condition.name: condition.verdict for condition in condition_verdicts(found)}
     assert names == {
         "straight": "consistent",
@@ -134,16 +134,16 @@ def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():
 def test_an_undecided_verdict_tells_of_missing_estimates(whole, turning, share):
     """More runs would not tell; nothing is judged where none is given."""
     of_turns = scores(100) if turning else ConditionScores(count=100, given=0, runs=100)
-    breakdown = Breakdown(
-        all=scores(1000).model_copy(update={"given": whole}),
-        manoeuvre={"turning": of_turns.model_copy(update={"given": turning}), "straight": scores(900)},
-        range={}, age={}, jump={},
-    )  # fmt: skip
+    conditions = {
+        "": scores(1000).model_copy(update={"given": whole}),
+        "manoeuvre: turning": of_turns.model_copy(update={"given": turning}),
+        "manoeuvre: straight": scores(900),
+    }
     few = "too few runs or scenes to say whether the errors are as large as its covariance states"
     many = f"too many estimates are missing to say whether the errors are as large as stated: {share}, 99 % needed"
     undecided, optimistic = (MetricValue(unit="1", dof=4, verdict=word) for word in ("undecided", "optimistic"))
-    assert meaning(undecided, breakdown) == (many if share else few)
-    assert meaning(optimistic, breakdown) == "the errors are larger than its covariance states"
+    assert meaning(undecided, conditions) == (many if share else few)
+    assert meaning(optimistic, conditions) == "the errors are larger than its covariance states"
 
 
 @pytest.mark.slow

@@ -147,9 +147,7 @@ def test_each_measurement_is_scored_as_by_the_textbook(tmp_path: Path) -> None:
 def test_the_folder_of_a_run_has_each_estimate(tmp_path: Path) -> None:
     lines(tmp_path)
     scored(tmp_path, tmp_path / "lines.txt").save(tmp_path / "run", {})
-    result = Result.load(tmp_path / "run")
-    assert result.tables.estimates.num_rows == 2 * 120
-    assert result.json()["score"]["each"] == "measurement"
+    assert Result.load(tmp_path / "run").tables.estimates.num_rows == 2 * 120
 
 
 class SecondAlone:

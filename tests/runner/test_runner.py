@@ -161,10 +161,10 @@ def test_a_tracker_reads_its_sensors_alone(run_tiny: Run) -> None:
     assert quiet.summary.fingerprint != loud.summary.fingerprint
     assert numbers(tracker(quiet, "ekf")) == numbers(tracker(loud, "ekf"))
     assert numbers(tracker(quiet, "raw")) != numbers(tracker(loud, "raw"))
-    nis = quiet["ekf"].of_sensors("nis")
-    assert nis["radar"].value is None
-    assert nis["radar"].reason
-    assert nis["lidar"].dof == 2
+    nis = quiet["ekf"].metrics
+    assert nis["nis.radar"].value is None
+    assert nis["nis.radar"].reason
+    assert nis["nis.lidar"].dof == 2
     # Its estimates still come at every instant, those of the radar included.
     assert len(column(quiet.tables["estimates"], "px_m", tracker="ekf", object="v1")) == 21
 

@@ -26,7 +26,7 @@ PATIENCE = 20.0
 
 def provenance_of(loaded: Scenario) -> Provenance:
     """What there is to say of a scenario that is about to run."""
-    made_at = datetime.now(UTC).isoformat(timespec="milliseconds")
+    made_at = datetime.now(UTC)
     commit, changed, reason = _commit(loaded.path.resolve())
     code = _code_of_trackers(loaded)
     return Provenance(made_at=made_at, commit=commit, changed=changed, no_commit=reason, code=code)

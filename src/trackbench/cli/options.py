@@ -36,10 +36,10 @@ def junit_option(summary: str) -> Callable[[Callable[..., Any]], Callable[..., A
 def write_suites(suites: Sequence[Suite], junit: Path | None) -> None:
     """Write test cases as the file of ``--junit``, where it is given."""
     from trackbench.report.junit import to_xml
-    from trackbench.results import write_text
+    from trackbench.results import write_bytes
 
     if junit is not None:
-        write_text(kept_path(junit), to_xml(suites))
+        write_bytes(kept_path(junit), to_xml(suites).encode())
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:

@@ -339,4 +339,4 @@ def load_comparison(file: Path) -> Comparison:
     Raises:
         InputError: it cannot be read, or is none of this version.
     """
-    return read_model(Comparison, file, "comparison", [SCHEMA_VERSION])
+    return read_model(Comparison, file, "comparison", SCHEMA_VERSION)

@@ -23,13 +23,13 @@ def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequ
     for number in range(count if count > 1 else 0):
         own = [cell.entries for cell in cells if number in cell.entries]
         known = [made for entries in own if (made := entries[number].result.summary.provenance)]
-        last = max(known, key=lambda made: made.time, default=None)
+        last = max(known, key=lambda made: made.made_at, default=None)
         commits = dict.fromkeys(made.commit_in_words for made in known if made.commit)
         pairs = [(entries[number - 1], entries[number]) for entries in own if number - 1 in entries]
         changes = dict.fromkeys(change for pair in pairs for change in _changes(*pair, trackers))
-        origins.append(
-            SetOrigin(set=number, made_at=last and last.made_at, commit=", ".join(commits) or None, changes=[*changes])
-        )
+        made_at = last and last.made_at.isoformat(timespec="milliseconds")
+        commit = ", ".join(commits) or None
+        origins.append(SetOrigin(set=number, made_at=made_at, commit=commit, changes=[*changes]))
     return origins
 
 

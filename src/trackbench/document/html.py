@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from trackbench import document as model
 from trackbench.document import Cell, Document, LegendEntry, Table, typeset
-from trackbench.document.drawing import IN_PAGE, WIDTH, svg_in_page
+from trackbench.document.drawing import IN_PAGE, svg_in_page
 from trackbench.document.template import environment
 
 
@@ -33,7 +33,6 @@ def to_html(document: Document) -> str:
         bar_on_axis=_bar,
         css=lambda colour: IN_PAGE.get(colour, colour),
         identity=lambda text: re.sub(r"\W+", "-", text.lower()).strip("-"),
-        column_width=WIDTH,
         script=Markup(script),
         script_hash=b64encode(sha256(script.encode()).digest()).decode(),
     )

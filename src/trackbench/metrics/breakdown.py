@@ -10,11 +10,11 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
-from trackbench.metrics.consistency import BEYOND, DIRECTIONS
+from trackbench.metrics.consistency import BEYOND, DIRECTIONS, beyond_path
 from trackbench.metrics.count_intervals import effective_number, share_interval
 from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, ClassSums
-from trackbench.results import Breakdown, ConditionScores, MetricValue
+from trackbench.results import ConditionScores, MetricValue
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
 FIELDS = {
@@ -89,45 +89,26 @@ def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | Non
     return moments(by_scene)
 
 
-def breakdown(scores: BlockScores) -> Breakdown:
-    """The scores of one tracker by condition; what did not occur is left out."""
+def breakdown(scores: BlockScores) -> dict[str, ConditionScores]:
+    """Return the scores of one tracker by condition, "" for all estimates; what did not occur is left out."""
     ((_, sums),), scenes = scores.classes, scores.scenes
     if not sums.total[0, 0]:
-        return Breakdown(all=ConditionScores(count=0, given=0, runs=0), manoeuvre={}, range={}, age={}, jump={})
-    occurred = np.flatnonzero(sums.total[0])
-
-    def each(names: Sequence[str], first: int) -> dict[str, ConditionScores]:
-        return {name: _scores(sums, scenes, column) for column, name in enumerate(names, first) if column in occurred}
-
-    return Breakdown(
-        all=_scores(sums, scenes, 0),
-        manoeuvre=each(MANOEUVRES, _MANOEUVRE),
-        range={
-            band_name(band): _scores(sums, scenes, _BAND + band, *_edges(band))
-            for band in range(BANDS)
-            if _BAND + band in occurred
-        },
-        age=each(AGES, _AGE),
-        jump=each(JUMPS, _JUMP),
-    )
+        return {"": ConditionScores(count=0, given=0, runs=0)}
+    bands = map(band_name, range(BANDS))
+    groups = {"manoeuvre": MANOEUVRES, "range": bands, "age": AGES, "jump": JUMPS}
+    names = ["", *(f"{group}: {name}" for group, names in groups.items() for name in names)]
+    return {name: _scores(sums, scenes, column) for column, name in enumerate(names) if sums.total[0, column]}
 
 
 def band_name(band: int) -> str:
     """ "20 to 50 m"."""
-    low, high = _edges(band)
+    low, high = (0.0, *BAND_EDGES, None)[band : band + 2]
     if high is None:
         return f"above {low:g} m"
     return f"{low:g} to {high:g} m"
 
 
-def _edges(band: int) -> tuple[float | None, float | None]:
-    edges = (0.0, *BAND_EDGES, None)
-    return edges[band], edges[band + 1]
-
-
-def _scores(
-    sums: ClassSums, scenes: bool, column: int, from_m: float | None = None, to_m: float | None = None
-) -> ConditionScores:
+def _scores(sums: ClassSums, scenes: bool, column: int) -> ConditionScores:
     parts = Parts(int(sums.parts[0, column]), scenes)
     values = {
         name if name in DOF else f"{name}_rmse": _value(sums, row, column, name, parts)
@@ -135,15 +116,8 @@ def _scores(
         if name not in ("count", "given")
     }
     count, given = (int(number) for number in sums.total[:2, column])
-    return ConditionScores(
-        count=count,
-        given=given,
-        runs=parts.number,
-        from_m=from_m,
-        to_m=to_m,
-        beyond=_beyond(sums, column, parts),
-        **values,
-    )
+    metrics = values | _beyond(sums, column, parts)
+    return ConditionScores(count=count, given=given, runs=parts.number, metrics=metrics)
 
 
 def _value(sums: ClassSums, row: int, column: int, name: str, parts: Parts) -> MetricValue:
@@ -173,7 +147,7 @@ def _reach(sums: ClassSums, row: int, column: int) -> float:
 
 
 def _beyond(sums: ClassSums, column: int, parts: Parts) -> dict[str, MetricValue]:
-    """By point, the share of the NEES beyond it, where enough are expected.
+    """Return by path the share of the NEES beyond each point, where enough are expected.
 
     The variance of a rare share is known badly, and too small where few happen to be beyond: its design effect is taken
     for at least that at the nearest point. Of errors that are normal it is less, since extremes depend less.
@@ -190,7 +164,7 @@ def _beyond(sums: ClassSums, column: int, parts: Parts) -> dict[str, MetricValue
             effective = min(effective, own)
         if effective * expected < LEAST_BEYOND:
             break
-        shares[point] = MetricValue(value=share, unit="1", ci95=share_interval(share, effective))
+        shares[beyond_path(point)] = MetricValue(value=share, unit="1", ci95=share_interval(share, effective))
     return shares
 
 

@@ -11,6 +11,11 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Mask
 
 
+def beyond_path(point: str) -> str:
+    """Return the path of the share of the NEES beyond a point of ``BEYOND``."""
+    return f"nees_beyond.{point.removesuffix(' %')}"
+
+
 def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:
     """``e^T P^-1 e``, with P the stated covariance of e.
 

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from scipy.special import chdtrc
 
 from trackbench.metrics.conditions import AGES
-from trackbench.metrics.consistency import BEYOND, DIRECTIONS, beyond_points
-from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
+from trackbench.metrics.consistency import BEYOND, DIRECTIONS, beyond_path, beyond_points
+from trackbench.results import ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 
 CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
 #: Of a NEES, which is judged by its tails and under each condition too.
@@ -120,7 +120,8 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
         scores: under one condition, or of all estimates.
         under_condition: whether they are those of one.
     """
-    complete, beyond, parts = _is_complete(scores), scores.beyond or {}, []
+    complete, parts = _is_complete(scores), []
+    beyond = {point: scores.metrics[path] for point in BEYOND if (path := beyond_path(point)) in scores.metrics}
     share_given = scores.given / scores.count if scores.count else 1.0
     for point, share in beyond.items():
         if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None:
@@ -129,7 +130,7 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
             name, expected = _PART.format(point), BEYOND[point]
             parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=word))
     for name, field in DIRECTIONS.items():
-        nees: MetricValue | None = getattr(scores, field)
+        nees = scores.metrics.get(field)
         # What the truth did under a condition is what the velocity of a sound filter lags behind.
         if parts and not (under_condition and "velocity" in name) and nees and nees.value is not None and nees.ci95:
             word = condition_verdict(nees.ci95, 1) if complete else "undecided"
@@ -137,12 +138,17 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
     return parts
 
 
-def condition_verdicts(breakdown: Breakdown) -> list[ConditionVerdict]:
-    """The conditions with enough estimates: each manoeuvre, each range band and the first second; and the two halves of
-    the NEES."""
-    conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
-    conditions.pop(AGES[1], None)
-    return [*_judged(conditions.items(), breakdown.all.count), *_halves(breakdown.all)]
+def condition_verdicts(conditions: Mapping[str, ConditionScores]) -> list[ConditionVerdict]:
+    """Return the verdicts under the conditions with enough estimates: each manoeuvre, each range band and the first
+    second; and on the two halves of the NEES."""
+    judged = _judged(_conditions_by_name(conditions).items(), conditions[""].count)
+    return [*judged, *_halves(conditions[""])]
+
+
+def _conditions_by_name(conditions: Mapping[str, ConditionScores]) -> dict[str, ConditionScores]:
+    """Return the conditions that may be judged: each manoeuvre, each range band and the first second."""
+    named = [(*name.partition(": ")[::2], scores) for name, scores in conditions.items()]
+    return {name: scores for group, name, scores in named if group not in ("", "jump") and name != AGES[1]}
 
 
 def overall_verdict(
@@ -211,7 +217,7 @@ def heavy_beside(
 
 def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
     """The NEES of the position and of the velocity by themselves: one too large may hide the other, too small."""
-    for name, nees in zip(HALVES, (scores.nees_position, scores.nees_velocity), strict=True):
+    for name, nees in zip(HALVES, map(scores.metrics.get, ("nees_position", "nees_velocity")), strict=True):
         if scores.runs >= FEWEST_RUNS and nees and nees.value is not None and nees.ci95 and nees.dof:
             word = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
             # Twice as much, to stand beside the others, of which 4 is right.
@@ -221,7 +227,7 @@ def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
 
 def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> Iterator[ConditionVerdict]:
     for name, scores in conditions:
-        nees = scores.nees
+        nees = scores.metrics.get("nees")
         if nees is None or nees.value is None or nees.dof is None or nees.ci95 is None:
             continue
         if scores.count >= SMALLEST_SHARE * count and scores.runs >= FEWEST_RUNS:
@@ -264,23 +270,19 @@ MEANING = {
 _MORE_LARGE = "; large errors are more frequent than its mean NEES explains"
 
 
-def meaning(nees: MetricValue, breakdown: Breakdown | None) -> str:
+def meaning(nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str:
     """The same, with where alone it holds if the mean is undecided. Of an undecided one with the share of the estimates
     that are given, where more runs would not tell for those that are missing."""
     word = nees.verdict or "undecided"
-    if word == "undecided" and breakdown is not None:
-        conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
-        rows = [("", breakdown.all)]
-        rows += [
-            (f"{item.name} ", conditions[item.name])
-            for item in condition_verdicts(breakdown)
-            if item.name in conditions
-        ]
+    if word == "undecided" and conditions:
+        by_name, every = _conditions_by_name(conditions), conditions[""]
+        verdicts = condition_verdicts(conditions)
+        rows = [("", every)]
+        rows += [(f"{item.name} ", by_name[item.name]) for item in verdicts if item.name in by_name]
         for name, scores in rows:
             if not _is_complete(scores):
                 share = f"{name}{100 * scores.given / scores.count:.3g} % given, {100 * LEAST_COVERAGE:g} % needed"
                 return f"too many estimates are missing to say whether the errors are as large as stated: {share}"
-        every = breakdown.all
         tails, without_missing = (
             {part.verdict for part in judged_parts(scores) if part.name not in DIRECTIONS}
             for scores in (every, every.model_copy(update={"count": every.given}))

@@ -8,19 +8,24 @@ from trackbench.document import Cell, Column, Table
 from trackbench.metrics.verdicts import MEANING, meaning, what_is_off
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, rounded
 from trackbench.report.tables import innovation_columns, metric_of, missing_cell, tone_of, tracker_table
-from trackbench.results import ConditionScores, Result, TrackerResult
+from trackbench.results import Result, TrackerResult
 
-_TITLES = {"manoeuvre": "Position RMSE by manoeuvre, m", "range": "Position RMSE by range, m"}
+_TITLES = {"manoeuvre: ": "Position RMSE by manoeuvre, m", "range: ": "Position RMSE by range, m"}
 
 
 def condition_tables(result: Result) -> Iterator[Table]:
     """Yield the position RMSE of each tracker by manoeuvre and by range band; nothing where no result has it."""
-    trackers = [tracker for tracker in result.scored if tracker.breakdown is not None]
+    trackers = [tracker for tracker in result.scored if tracker.conditions]
     for way, caption in _TITLES.items():
-        by_tracker: list[dict[str, ConditionScores]] = [dict(getattr(tracker.breakdown, way)) for tracker in trackers]
+        by_tracker = [
+            {name.removeprefix(way): own.metrics for name, own in tracker.conditions.items() if name.startswith(way)}
+            for tracker in trackers
+        ]
         longest_first = sorted(by_tracker, key=lambda own: -len(own))
         names = dict.fromkeys(name for own in longest_first for name in own)
-        values = {name: [_position_rmse(own.get(name)) for own in by_tracker] for name in names}
+        values = {
+            name: [own[name]["position_rmse"].value if name in own else None for own in by_tracker] for name in names
+        }
         places = decimals([value for own in values.values() for value in own])
         missing = Cell(NOT_AVAILABLE, reason="no estimate of the tracker falls into it")
         columns = [
@@ -28,11 +33,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
             for name, own in values.items()
         ]
         if columns:
-            yield tracker_table(f"position-rmse-by-{way}", trackers, columns, caption)
-
-
-def _position_rmse(scores: ConditionScores | None) -> float | None:
-    return None if scores is None or scores.position_rmse is None else scores.position_rmse.value
+            yield tracker_table(f"position-rmse-by-{way[:-2]}", trackers, columns, caption)
 
 
 def consistency_table(result: Result) -> Table:
@@ -44,7 +45,7 @@ def consistency_table(result: Result) -> Table:
 
     def off(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")
-        if nees.verdict == "undecided" and (why := meaning(nees, tracker.breakdown)) != MEANING["undecided"]:
+        if nees.verdict == "undecided" and (why := meaning(nees, tracker.conditions)) != MEANING["undecided"]:
             return Cell(why)
         texts = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word]
         return Cell("; ".join(filter(None, texts)))

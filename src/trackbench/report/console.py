@@ -207,7 +207,7 @@ def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
             nees = metric_of(tracker, "nees")
             if nees.verdict == word:
                 alone = nees.model_copy(update={"also": None})
-                by_meaning.setdefault(meaning(alone, tracker.breakdown), []).append(tracker.name)
+                by_meaning.setdefault(meaning(alone, tracker.conditions), []).append(tracker.name)
         lines += [
             f"{word}{f' ({joined_names(names)})' * (len(by_meaning) > 1)}: {text}" for text, names in by_meaning.items()
         ]

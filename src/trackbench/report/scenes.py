@@ -10,7 +10,7 @@ from trackbench.metrics.contrasts import FEW_DECIDE_UNTIL, turning_factor, undra
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, rounded
 from trackbench.report.verdicts import CERTAINTY
-from trackbench.results import Result
+from trackbench.results import Result, by_value
 from trackbench.results.scenario_summary import SceneSummary
 
 ONE_RUN = "No intervals: one run of one scene does not say what is chance"
@@ -112,7 +112,7 @@ def scenes(result: Result) -> Iterator[Block]:
 
 def _first(scene: SceneSummary, names: Sequence[str]) -> str:
     """The best here of some trackers."""
-    return next((name for name in scene.order if name in names), "")
+    return next((name for name in by_value(scene.error) if name in names), "")
 
 
 def _other_ahead(result: Result, scene: SceneSummary, names: Sequence[str]) -> bool:

@@ -53,7 +53,7 @@ def provenance(result: Result) -> list[tuple[str, str]]:
         return []
     reason = f": {made.no_commit}" if made.no_commit else ""
     return [
-        ("made", f"{made.time.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"),
+        ("made", f"{made.made_at.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"),
         ("commit of the scenario", f"{made.commit_in_words}{reason}"),
         *((f"code of {name}", f"sha256 {code[:16]}" if code else "not found") for name, code in made.code.items()),
     ]
@@ -138,7 +138,8 @@ def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
 
 def remarks(result: Result) -> list[str]:
     """Return what must be known of some trackers: what is charged, below a bound, made elsewhere, no competitor."""
-    kinds = {tracker.reference_kind for tracker in result.references}
+    competing = {tracker.name for tracker in result.contenders}
+    kinds = {tracker.reference_kind for tracker in result.scored if tracker.name not in competing}
     return [
         *missing_estimates(result),
         *below_the_bound(result),

@@ -11,20 +11,18 @@ from trackbench.results.folder import (
     save_files,
     write_bytes,
     write_file,
-    write_text,
 )
 from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict, by_value
-from trackbench.results.result import MOST_DRAWN, Difference, Result, difference_table, merged_places, summary_of
+from trackbench.results.result import MOST_DRAWN, Difference, Result, difference_table, merged_places
 from trackbench.results.scenario_summary import TruthAudit, TruthSummary
 from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, Summary
-from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, FiledRows, Health, TrackerResult
+from trackbench.results.tracker_result import ConditionScores, Failure, FiledRows, Health, TrackerResult
 
 __all__ = [
     "EXAMINATION",
     "MOST_DRAWN",
     "SCHEMA_VERSION",
     "SUMMARY",
-    "Breakdown",
     "ConditionScores",
     "ConditionVerdict",
     "Difference",
@@ -48,8 +46,6 @@ __all__ = [
     "require_replaceable",
     "require_writable",
     "save_files",
-    "summary_of",
     "write_bytes",
     "write_file",
-    "write_text",
 ]

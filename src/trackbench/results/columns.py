@@ -1,9 +1,9 @@
-"""A table of a result: its columns, what they are made from, and its rows as NumPy arrays."""
+"""The tables of a result: made of records, and read as NumPy arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,55 +15,26 @@ if TYPE_CHECKING:
 
 #: Columns by name; null floats are NaN.
 Columns = dict[str, npt.NDArray[Any]]
-#: What some rows are made from, by name: arrays and lists ``(rows,)``, or single values for all of them.
+#: Columns of some rows by name: arrays ``(rows,)`` and lists of words, or single values for all of the rows.
 Record = Mapping[str, Any]
 
 
-#: What a column is made from: the entry of a record of this name, or what computes it from a record.
-Source = str | Callable[[Record], Any]
+def table_of(records: Sequence[Record]) -> pa.Table:
+    """Return the rows of all records, with the columns of the first; without columns where there is no record."""
+    import pyarrow as pa
 
-
-class DeclaredTable(NamedTuple):
-    """Columns of a table, those of words first."""
-
-    names: tuple[str, ...]
-    """Columns of words, which tell series apart: the entries of these names."""
-    numbers: dict[str, Source]
-
-    def values(self, name: str, record: Record) -> Any:
-        """``(rows,)`` values of a column of numbers, or a single value for all rows."""
-        source = self.numbers[name]
-        return record[source] if isinstance(source, str) else source(record)
-
-    def written(self, records: Sequence[Record], more: Iterable[str] = ()) -> pa.Table:
-        """The table of these records; without columns where there are none, and without those whose entry is missing.
-
-        Args:
-            records: each of some rows.
-            more: names of entries that are columns of this result alone.
-        """
-        import pyarrow as pa
-
-        if not records:
-            return pa.table({})
-        numbers: dict[str, Source] = {**self.numbers, **{name: name for name in more}}
-        there = {name: source for name, source in numbers.items() if callable(source) or source in records[0]}
-        table = self._replace(names=tuple(name for name in self.names if name in records[0]), numbers=there)
-        parts = [
-            {name: record[name] for name in table.names} | {name: table.values(name, record) for name in there}
-            for record in records
-        ]
-        sizes = [next((len(each) for each in part.values() if not isinstance(each, str | float)), 1) for part in parts]
-        stacked: dict[str, pa.Array] = {}
-        for name in parts[0]:
-            values = [(part[name], size) for part, size in zip(parts, sizes, strict=True)]
-            if name in table.names:
-                texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
-                stacked[name] = pa.array(texts, pa.string()).dictionary_encode()
-            else:
-                arrays = [np.broadcast_to(each, size) for each, size in values]
-                stacked[name] = pa.array(np.concatenate(arrays), from_pandas=True)
-        return pa.table(stacked)
+    sizes = [next((len(each) for each in part.values() if not isinstance(each, str | float)), 1) for part in records]
+    columns: dict[str, pa.Array] = {}
+    for name, first in records[0].items() if records else ():
+        values = [(part[name], size) for part, size in zip(records, sizes, strict=True)]
+        if isinstance(first, str | list):
+            texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
+            columns[name] = pa.array(texts, pa.string()).dictionary_encode()
+        else:
+            # Null where a number is NaN.
+            arrays = [np.broadcast_to(each, size) for each, size in values]
+            columns[name] = pa.array(np.concatenate(arrays), from_pandas=True)
+    return pa.table(columns)
 
 
 def mean(total: Array, count: Array) -> Array:

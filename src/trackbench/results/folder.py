@@ -16,7 +16,6 @@ import pydantic_core
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
 from trackbench.base.files import require_regular
-from trackbench.results.declared import HIDDEN, LABELLED
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -25,8 +24,9 @@ if TYPE_CHECKING:
 FALSE_ALARM, NO_OBJECT = "false alarm", ""
 OBSERVER = "observer"
 
+#: Name of the file of a run.
 SUMMARY = "result.json"
-#: The same of an examination.
+#: Name of the file of an examination.
 EXAMINATION = "examination.json"
 
 log = logging.getLogger(__name__)
@@ -85,19 +85,23 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
     log.info("wrote %s/: %s", folder, ", ".join(written))
 
 
-def require_writable(out: Path) -> None:
-    """Make sure, before any work, that results can be written.
+def require_writable(out: Path, key: str = "--out") -> None:
+    """Make sure, before any work, that files can be written to a folder.
+
+    Args:
+        out: the folder.
+        key: the option that names it.
 
     Raises:
         InputError: they cannot.
     """
     if out.exists() and not out.is_dir():
-        raise InputError(f"cannot write to {out}: it is a file, not a folder", key="--out")
+        raise InputError(f"cannot write to {out}: it is a file, not a folder", key=key)
     try:
         out.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=out).close()
     except OSError as error:
-        raise InputError(f"cannot write to {out}: {error.strerror or error}", key="--out") from error
+        raise InputError(f"cannot write to {out}: {error.strerror or error}", key=key) from error
 
 
 def require_file(path: Path, key: str) -> None:
@@ -112,11 +116,7 @@ def require_file(path: Path, key: str) -> None:
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder; name a file", key=key)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path.parent).close()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}", key=key) from error
+    require_writable(path.parent, key)
 
 
 def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
@@ -133,15 +133,6 @@ def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
     if not free and not (folder / mark).is_file():
         kind = "the folder of a run" if mark == SUMMARY else f"a folder with {mark}"
         raise InputError(f"there already, and not {kind}: not replaced", file=folder)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all, and the folder that it is in.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -194,34 +185,32 @@ def _put(temporary: Path, folder: Path, mark: str) -> None:
 
 
 class Tables(Mapping[str, Any]):
-    """The tables of a result by name, in memory or in its folder.
+    """The tables of a result by name, each read from the folder of the run when it is first asked for.
 
-    A table is an attribute too, such as ``tables.steps``; ``results.declared`` says what each holds.
+    A table is an attribute too, such as ``tables.steps``.
     """
 
-    def __init__(
-        self, loaded: Mapping[str, pa.Table], folder: Path | None = None, digests: Mapping[str, str] | None = None
-    ) -> None:
-        """``loaded``: those in memory. ``folder``: of the others. ``digests``: by name, the sha256 of their files."""
-        self._loaded, self._folder, self._digests = dict(loaded), folder, digests or {}
+    def __init__(self, tables: Mapping[str, pa.Table | str], folder: Path = Path()) -> None:
+        """``tables``: by name each table, or the sha256 of its file in the folder."""
+        self._tables, self._folder = dict(tables), folder
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*self._loaded, *self._digests]))
+        return iter(self._tables)
+
+    def __len__(self) -> int:
+        return len(self._tables)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._tables
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self]
 
     def __getattr__(self, name: str) -> pa.Table:
         """A table as an attribute."""
-        if name not in LABELLED | HIDDEN:
+        if name.startswith("_") or name not in self:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         return self[name]
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *(LABELLED | HIDDEN)]
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-    def __contains__(self, name: object) -> bool:
-        return any(name == there for there in self)
 
     def __getitem__(self, name: str) -> pa.Table:
         """A table by its name.
@@ -229,9 +218,10 @@ class Tables(Mapping[str, Any]):
         Raises:
             InputError: it is not in the folder or cannot be read.
         """
-        if name not in self._loaded:
-            self._loaded[name] = self._read(name)
-        return self._loaded[name]
+        table = self._tables[name]
+        if isinstance(table, str):
+            table = self._tables[name] = _read_table(self._folder / f"{name}.parquet", table)
+        return table
 
     def if_there(self, name: str) -> pa.Table:
         """A table that not every run leaves; without rows where it is not there."""
@@ -239,21 +229,19 @@ class Tables(Mapping[str, Any]):
 
         return self[name] if name in self else pa.table({})
 
-    def _read(self, name: str) -> pa.Table:
-        if self._folder is None or name not in self._digests:
-            raise KeyError(name)
-        import pyarrow.parquet as pq
 
-        file = self._folder / f"{name}.parquet"
-        try:
-            require_regular(file)
-            if sha256(file) != self._digests[name]:
-                raise InputError(f"not the table that this run wrote: {SUMMARY} has another sha256 of it", file=file)
-            return pq.read_table(file)
-        except FileNotFoundError as error:
-            raise InputError(f"no {file.name} in the folder of this run", file=self._folder) from error
-        except OSError as error:
-            raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error
+def _read_table(file: Path, digest: str) -> pa.Table:
+    import pyarrow.parquet as pq
+
+    try:
+        require_regular(file)
+        if sha256(file) != digest:
+            raise InputError(f"not the table that this run wrote: {SUMMARY} has another sha256 of it", file=file)
+        return pq.read_table(file)
+    except FileNotFoundError as error:
+        raise InputError(f"no {file.name} in the folder of this run", file=file.parent) from error
+    except OSError as error:
+        raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error
 
 
 def sha256(file: Path) -> str:

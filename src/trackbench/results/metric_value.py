@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     SerializerFunctionWrapHandler,
@@ -32,15 +33,15 @@ class ResultModel(BaseModel):
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def model_of(kind: type[M], raw: Any, file: Path, what: str, versions: Sequence[int]) -> M:
-    """What the values of a JSON file are.
+def model_of(kind: type[M], raw: Any, file: Path, what: str, version: int) -> M:
+    """Return the model that the values of a JSON file are.
 
     Args:
         kind: the model.
         raw: the values.
         file: for error messages.
-        what: it is, in a word.
-        versions: of its schema that can be read.
+        what: the model in a word.
+        version: of its schema.
 
     Raises:
         InputError: they are none, or of another version.
@@ -48,9 +49,9 @@ def model_of(kind: type[M], raw: Any, file: Path, what: str, versions: Sequence[
     required = {name for name, of in kind.model_fields.items() if of.is_required()}
     if not isinstance(raw, dict) or "schema_version" not in raw or (len(raw) > 1 and required.isdisjoint(raw)):
         raise InputError(f"not a {what}", file=file)
-    if raw["schema_version"] not in versions:
-        numbers = " or ".join(map(str, versions))
-        raise InputError(f"schema_version is not {numbers}: this {what} is of another version", file=file)
+    if raw["schema_version"] != version:
+        other = f"this {what} is of another version, run again what wrote it"
+        raise InputError(f"schema_version is not {version}: {other}", file=file)
     try:
         return kind.model_validate({key: raw[key] for key in raw if key != "passed" or key in kind.model_fields})
     except ValidationError as invalid:
@@ -59,8 +60,8 @@ def model_of(kind: type[M], raw: Any, file: Path, what: str, versions: Sequence[
         raise InputError(f"not a {what}: {where}: {error['msg']}", file=file) from None
 
 
-def read_model(kind: type[M], file: Path, what: str, versions: Sequence[int]) -> M:
-    """What a JSON file holds; see :func:`model_of`.
+def read_model(kind: type[M], file: Path, what: str, version: int) -> M:
+    """Return the model in a JSON file; see :func:`model_of`.
 
     Raises:
         InputError: it cannot be read, or is none.
@@ -71,7 +72,7 @@ def read_model(kind: type[M], file: Path, what: str, versions: Sequence[int]) ->
         raise InputError("there is no such file", file=file) from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"not a readable {what}: {error}", file=file) from error
-    return model_of(kind, raw, file, what, versions)
+    return model_of(kind, raw, file, what, version)
 
 
 def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
@@ -125,8 +126,6 @@ class MetricValue(ResultModel):
     """Why there is no value or no interval."""
     dof: int | None = None
     """Degrees of freedom of a chi-square statistic: what its mean is where the tracker is consistent."""
-    bounds95: tuple[float, float] | None = None
-    """Where 95 % of autocorrelations lie if the innovations are white."""
     steps_inside_bounds: float | None = None
     """Share of the instants at which the mean over runs and objects is inside its own bounds."""
     coverage: float | None = None
@@ -225,25 +224,7 @@ class MetricsByPath(dict[str, MetricValue]):
         raise InputError(f"no metric {path!r} of this tracker; {nearest_choices(str(path), self)}")
 
 
-def flat_metrics(nested: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """The metrics of a nested mapping by their dotted paths: ``{"rmse": {"px": ...}}`` gives ``rmse.px``."""
-    for name, entry in nested.items():
-        if isinstance(entry, Mapping) and not {"value", "mean"} & set(entry):
-            yield from flat_metrics(entry, f"{path}{name}.")
-        else:
-            yield f"{path}{name}", entry
-
-
-def nested_metrics(flat: Mapping[str, Any]) -> Json:
-    """The reverse of :func:`flat_metrics`."""
-    nested: Json = {}
-    for path, entry in flat.items():
-        *groups, name = path.split(".")
-        node = nested
-        for group in groups:
-            node = node.setdefault(group, {})
-        node[name] = entry
-    return nested
+Metrics = Annotated[dict[str, MetricValue], AfterValidator(MetricsByPath)]
 
 
 def by_value(values: Mapping[K, float]) -> list[K]:

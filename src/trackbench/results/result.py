@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
-from trackbench.base.files import read_json
-from trackbench.results.declared import OF_RECORDED_RUN, SHARED
+from trackbench.results.columns import table_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
-from trackbench.results.frame import tidy
-from trackbench.results.metric_value import ResultModel, model_of
+from trackbench.results.metric_value import Json, MetricValue, ResultModel, data_frame, read_model
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 
@@ -57,22 +55,24 @@ class Difference(ResultModel):
 def difference_table(differences: Iterable[Difference]) -> pa.Table:
     """The table ``differences``; without columns where there is none."""
     rows = [{**vars(item), **dict(zip(_ENDS, item.ci95 or (None, None), strict=True))} for item in differences]
-    table = SHARED["differences"]
-    record: dict[str, Any] = {name: [row[name] for row in rows] for name in table.names}
-    record |= {name: np.array([row[name] for row in rows], dtype=float) for name in table.numbers}
-    return table.written([record] if rows else [])
+    words: dict[str, Any] = {name: [row[name] for row in rows] for name in _WORDS}
+    numbers = {name: np.array([row[name] for row in rows], dtype=float) for name in _NUMBERS}
+    return table_of([words | numbers] if rows else [])
 
 
 def differences_from_table(table: pa.Table) -> list[Difference]:
     """The rows of the table as differences."""
-    # Earlier versions wrote an empty name where there is none.
-    rows = [{name: None if value == "" else value for name, value in row.items()} for row in table.to_pylist()]
+    rows = table.to_pylist()
     ends = [tuple(row.pop(name) for name in _ENDS) for row in rows]
     return [Difference(**row, ci95=None if None in ci95 else ci95) for row, ci95 in zip(rows, ends, strict=True)]
 
 
-#: The columns of the ends of an interval.
+#: The columns of the ends of an interval, those of words, and those of numbers.
 _ENDS = ("ci95_low", "ci95_high")
+_WORDS = ("a", "b", "metric", "unit", "better", "verdict")
+_NUMBERS = ("value", *_ENDS, "margin", "p_value", "without_charged")
+#: Tables of the recorded scene alone.
+OF_RECORDED_RUN = ("measurements", "estimates", "recorded_nis", "recorded_modes", "taken", "gates", "objects", "due")
 #: More lines than this in one picture cannot be told apart, and more rows in one page are read by programs alone.
 MOST_DRAWN, MOST_LISTED = 12, 1000
 
@@ -115,8 +115,7 @@ class Result:
     @cached_property
     def places(self) -> dict[str, int]:
         """By tracker, its place in the scenario file, from which it has its colour."""
-        trackers = enumerate(self.summary.trackers)
-        return {tracker.name: i if tracker.place is None else tracker.place for i, tracker in trackers}
+        return {tracker.name: tracker.place for tracker in self.summary.trackers}
 
     @property
     def name(self) -> str:
@@ -138,12 +137,6 @@ class Result:
     def contenders(self) -> list[TrackerResult]:
         """Of the scored trackers those that know no more than a tracker can; all where all do know more."""
         return [tracker for tracker in self.scored if not tracker.is_reference] or self.scored
-
-    @property
-    def references(self) -> list[TrackerResult]:
-        """The other scored trackers."""
-        competing = {tracker.name for tracker in self.contenders}
-        return [tracker for tracker in self.scored if tracker.name not in competing]
 
     @property
     def filtering(self) -> list[TrackerResult]:
@@ -194,19 +187,42 @@ class Result:
         """The summary as JSON values, without the digests of the tables as they were written."""
         return self.summary.model_dump(mode="json", exclude={"tables"})
 
+    @property
+    def rows(self) -> Iterator[Json]:
+        """Each value of each tracker, as a row: of a scene or of all, of a condition or of all estimates.
+
+        ``n`` is the number of runs, of a condition that of errors; ``reason`` says why a value or its interval is not
+        there.
+        """
+        summary = self.summary
+
+        def row(scene: str, tracker: str, metric: str, condition: str, value: MetricValue, n: int) -> Json:
+            keys = {"scenario": self.name, "scene": scene, "tracker": tracker, "metric": metric, "condition": condition}
+            low, high = value.ci95 or (None, None)
+            named = {"value": value.value, "low": low, "high": high, "n": n}
+            return {**keys, **named, "unit": value.unit, "reason": value.reason}
+
+        for tracker in summary.trackers:
+            parts = [("", tracker.metrics, summary.runs)]
+            parts += [(name, own.metrics, own.count) for name, own in tracker.conditions.items() if name]
+            for condition, metrics, n in parts:
+                yield from (row("", tracker.name, path, condition, value, n) for path, value in metrics.items())
+            for scene in (scene for scene in summary.truth.scenes if tracker.name in scene.error):
+                value, n = MetricValue(value=scene.error[tracker.name], unit="m"), len(summary.truth.scenes)
+                yield row(scene.name, tracker.name, summary.headline, "", value, summary.runs // n)
+
     def to_pandas(self, table: str | None = None) -> Any:
         """A table as a pandas data frame.
 
         Args:
-            table: one of ``result.tables``; unless given, all values as one tidy table, a row for each tracker,
-                metric, scene and condition, with the columns of ``results.frame``. Of several scenes ``truth`` and
+            table: one of ``result.tables``; unless given, the rows of :attr:`rows`. Of several scenes ``truth`` and
                 ``tracks`` have all, other tables of the recorded run that one; the column ``scene`` says which.
 
         Raises:
             InputError: there is none of this name.
         """
         if table is None:
-            return tidy(self)
+            return data_frame(self.rows)
         if table not in self.tables:
             raise InputError(f"no table {table!r} in this result; {nearest_choices(table, self.tables)}")
         own, others = self.tables[table], self.tables.if_there(f"other_{table}")
@@ -272,14 +288,10 @@ class Result:
             there = other if path.exists() else f"there is no such folder{similar_path_hint(path)}"
             hint = "; a scenario is run first: `trackbench run`" if path.suffix in (".yaml", ".yml") else ""
             raise InputError(there + hint, file=path)
-        try:
-            raw = read_json(file)
-        except FileNotFoundError as error:
-            raise InputError(f"no {SUMMARY} in this folder: {_instead(file.parent)}", file=path) from error
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"not a readable result: {error}", file=file) from error
-        summary = summary_of(raw, file)
-        return cls(summary, Tables({}, file.parent, summary.tables))
+        if not file.is_file():
+            raise InputError(f"no {SUMMARY} in this folder: {_instead(file.parent)}", file=path)
+        summary = read_model(Summary, file, "result", SCHEMA_VERSION)
+        return cls(summary, Tables(summary.tables, file.parent))
 
 
 def merged_places(results: Iterable[Result]) -> dict[str, int]:
@@ -298,15 +310,3 @@ def _instead(folder: Path) -> str:
     if inside:
         return f"it holds the folders of runs; name one of them: {', '.join(inside)}"
     return "it is not the folder of a run"
-
-
-def summary_of(raw: Any, file: Path) -> Summary:
-    """The summary in JSON values.
-
-    Raises:
-        InputError: they are no summary, or one of another version.
-    """
-    summary = model_of(Summary, raw, file, "result", [SCHEMA_VERSION])
-    if sorted(tracker.name for tracker in summary.trackers) != sorted(summary.ranking):
-        raise InputError("not a result: ranking does not name its trackers", file=file)
-    return summary

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, JsonValue
 
 from trackbench.base.config.key_units import option_in_words
 from trackbench.base.errors import counted
-from trackbench.results.metric_value import ResultModel, by_value
+from trackbench.results.metric_value import ResultModel
 
 
 class VelocityMismatch(ResultModel):
@@ -72,8 +72,6 @@ class TruthAudit(ResultModel):
 
     mode: Literal["repair", "refuse", "by construction"]
     verdict: Literal["consistent", "repaired", "exact"]
-    tolerance_mps: float
-    """Largest velocity mismatch that passes."""
     velocity_error_before: VelocityMismatch
     """Of the velocity of the source."""
     velocity_error_after: VelocityMismatch
@@ -116,11 +114,6 @@ class SceneSummary(ResultModel):
     error: dict[str, float]
     """Of each ranked tracker with an estimate in it: the metric that trackers are ranked by, m."""
 
-    @property
-    def order(self) -> list[str]:
-        """The trackers by their error in this scene, the best first."""
-        return by_value(self.error)
-
 
 class TruthSummary(ResultModel):
     """Where the truth of the recorded run came from and what the audit found; the source's own options stand beside."""
@@ -137,9 +130,9 @@ class TruthSummary(ResultModel):
     audit: Audit
     cached: bool
     scenes: list[SceneSummary] = Field(default_factory=list)
+    """All of them, where there are several."""
     few_scenes_decide: bool = False
     """Whether one scene of a hundred may decide between two trackers: simulated vehicles hide others."""
-    """All of them, where there are several."""
     motion: list[str] = Field(default_factory=list)
     """Fingerprint of what moved in each scene, also of a single one: one that begins another is of the same scene."""
 
@@ -166,34 +159,15 @@ class TruthSummary(ResultModel):
         return counted(len(self.objects), "vehicle") if self.known else "no truth"
 
 
-class ComponentNoise(ResultModel):
-    """Of one component of a measurement."""
-
-    sigma: float
-    unit: str
-    """"m", "deg" or "m/s"."""
-
-
-class MountSummary(ResultModel):
-    """The pose of a sensor on the observer."""
-
-    x_m: float
-    y_m: float
-    yaw_deg: float
-
-
 class SensorSummary(ResultModel):
     """One sensor."""
 
     kind: str
-    dof: int
-    """Components of a measurement."""
-    noise: dict[str, ComponentNoise]
-    """By component, as the sensor states it."""
+    noise: str
+    """Standard deviation of each component as the sensor states it, such as "range 0.3 m, azimuth 0.5 deg"."""
     fov_deg: float
     max_range_m: float | None
     """None without a limit."""
-    mount: MountSummary
     rate_hz: float | None
     """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
     preset: str | None
@@ -203,11 +177,6 @@ class SensorSummary(ResultModel):
     """The least and the most time from a measurement to its arrival."""
     effects: tuple[dict[str, JsonValue], ...] = ()
     """How it differs from an ideal sensor, in the order in which they act: the type and the options of each."""
-
-    @property
-    def noise_in_words(self) -> str:
-        """The standard deviation of each component, such as "range 0.3 m, azimuth 0.5 deg"."""
-        return ", ".join(f"{name.replace('_', ' ')} {of.sigma:.4g} {of.unit}" for name, of in self.noise.items())
 
     @property
     def range_in_words(self) -> str:
@@ -250,20 +219,10 @@ class ReferenceSummary(ResultModel):
     kind: Literal["bound", "reference"]
     """bound: the targets do move so and the noise is as stated, and no tracker can be expected to have smaller errors.
     reference: they move in another way, or a sensor has effects, and a tracker can have smaller errors."""
-    motion: str
     acceleration_sigma_mps2: float
     """Standard deviation per axis."""
     acceleration_from: Literal["scenario", "truth"]
     """scenario: as it states. truth: that by which the targets were driven, or else the RMS of their acceleration."""
-    acceleration_changes: Literal["each truth step", "each measurement"]
-    """When it is drawn anew; measurement: of the sensors that the tracker reads."""
-    velocity_sigma_mps: float
-    """Standard deviation per axis before the first measurement, for trackers that do not start from the truth."""
-
-    @property
-    def motion_is_drawn(self) -> bool:
-        """Whether each run has a motion of its own, of which the bound is."""
-        return self.kind == "bound" and self.acceleration_sigma_mps2 > 0
 
     @property
     def label(self) -> str:
@@ -326,13 +285,8 @@ class ScoreSummary(ResultModel):
     """Which errors count, and what is computed of them beside the built-in metrics."""
 
     settle_s: float
-    each: Literal["instant", "measurement"] = "instant"
-    """Whether the estimate after the last measurement of an instant is scored, or the one after each."""
     point: str = "centre"
     """The point of each body that estimates are compared with."""
-    divergence_m: float
-    lost_after_s: float
-    """An object that has been out of view of every sensor for longer is not scored."""
     min_coverage: float
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     from_s: float
@@ -346,8 +300,6 @@ class ScoreSummary(ResultModel):
     """The best of so many trackers that all others are held against it alone."""
     cutoff_m: float | None = None
     """Where identities are hidden, the distance from which a track is not on an object."""
-    switch_costs_s: float | None = None
-    """Where identities are hidden, how long an object may be missed for the cost of a switch."""
     metrics: list[MetricSummary] = Field(default_factory=list)
 
     @property

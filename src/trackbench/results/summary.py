@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from datetime import datetime
 from typing import Literal
 
-from pydantic import Field, field_validator
+from pydantic import AwareDatetime, Field
 
 from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import ResultModel
@@ -23,8 +22,8 @@ from trackbench.results.tracker_result import TrackerResult
 class Provenance(ResultModel):
     """When the runs began, and what of the user's own code they were made of. No number depends on it."""
 
-    made_at: str
-    """When the runs began: UTC, ISO 8601."""
+    made_at: AwareDatetime
+    """When the runs began."""
     commit: str | None
     """Of the git repository that holds the scenario; None where there is none."""
     changed: bool | None
@@ -34,18 +33,6 @@ class Provenance(ResultModel):
     code: dict[str, str | None] = Field(default_factory=dict)
     """By name of each tracker with code of its own, the sha256 of that code; None where it was not found."""
 
-    @field_validator("made_at")
-    @classmethod
-    def _with_zone(cls, text: str) -> str:
-        if datetime.fromisoformat(text).tzinfo is None:
-            raise ValueError("a time with its zone is needed")
-        return text
-
-    @property
-    def time(self) -> datetime:
-        """When the runs began."""
-        return datetime.fromisoformat(self.made_at)
-
     @property
     def commit_in_words(self) -> str:
         """Its first letters and whether it was changed, or that there is none."""
@@ -54,7 +41,7 @@ class Provenance(ResultModel):
         return self.commit[:10] + (" (changed)" if self.changed else "")
 
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 
 
 class ExpectationResult(ResultModel):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from pydantic import AfterValidator, BeforeValidator, PlainSerializer
+from pydantic import Field
 
 from trackbench.base.errors import nearest_choices
 from trackbench.engine.equations import ComputedBy
-from trackbench.results.metric_value import MetricsByPath, MetricValue, ResultModel, flat_metrics, nested_metrics
+from trackbench.results.metric_value import Metrics, MetricsByPath, MetricValue, ResultModel
 from trackbench.results.scenario_summary import ReferenceSummary
 
 #: Error over the Cramer-Rao bound below which the bound is beaten: a biased estimator may be a little below it.
@@ -17,13 +16,6 @@ LEAST_OVER_BOUND = 0.97
 BEATS_BOUND = "beats the Cramér-Rao bound: it knows more than its measurements say"
 #: How a tracker associates that knows the true origin of each detection.
 ORACLE = "oracle"
-
-Metrics = Annotated[
-    dict[str, MetricValue],
-    AfterValidator(MetricsByPath),
-    BeforeValidator(lambda value: dict(flat_metrics(value)) if isinstance(value, Mapping) else value),
-    PlainSerializer(lambda flat: nested_metrics({path: metric.model_dump() for path, metric in flat.items()})),
-]
 
 
 class Failure(ResultModel):
@@ -66,38 +58,11 @@ class ConditionScores(ResultModel):
     count: int
     """Number of errors."""
     given: int
-    """How many of them are of an estimate that the tracker gave."""
+    """Number of errors of an estimate that the tracker gave."""
     runs: int
-    position_rmse: MetricValue | None = None
-    velocity_rmse: MetricValue | None = None
-    nees: MetricValue | None = None
-    nees_position: MetricValue | None = None
-    nees_velocity: MetricValue | None = None
-    nees_along: MetricValue | None = None
-    """Of the position error along the true velocity."""
-    nees_across: MetricValue | None = None
-    """Of the position error across the true velocity."""
-    nees_velocity_along: MetricValue | None = None
-    """Of the velocity error along the true velocity."""
-    nees_velocity_across: MetricValue | None = None
-    """Of the velocity error across the true velocity."""
-    beyond: dict[str, MetricValue] | None = None
-    """By point of chi-square, such as ``95 %``, the share of the NEES beyond it, where there are enough estimates."""
-    from_m: float | None = None
-    """Of a range band."""
-    to_m: float | None = None
-
-
-class Breakdown(ResultModel):
-    """Scores by condition; what did not occur is left out."""
-
-    all: ConditionScores
-    manoeuvre: dict[str, ConditionScores]
-    range: dict[str, ConditionScores]
-    age: dict[str, ConditionScores]
-    """By time since a sensor could first see the object."""
-    jump: dict[str, ConditionScores]
-    """By whether the velocity of the truth jumped within the second before."""
+    metrics: Metrics = Field(default_factory=MetricsByPath)
+    """By path: errors, the NEES and its parts along and across the motion, and the shares beyond points of chi-square
+    where there are enough estimates."""
 
 
 class FiledRows(ResultModel):
@@ -144,9 +109,8 @@ class TrackerResult(ResultModel):
         matched_share: ClassVar[MetricValue]
 
     name: str
-    place: int | None = None
-    """Its place in the scenario file, from 0, which gives its colour; None in results of earlier versions: its place
-    in the result."""
+    place: int = 0
+    """Number in the scenario file, from 0, which gives the colour."""
     describe: str
     association: str | None = None
     """How a built-in tracker of several objects associates; None of any other."""
@@ -169,10 +133,6 @@ class TrackerResult(ResultModel):
     time_offset: MetricValue | None = None
     """Of tracks made elsewhere, what has to be added to their time stamps for the least error along the path, beside a
     shift along it, s."""
-    along_path_m: float | None = None
-    """The mean error along the path, m."""
-    offset_alone_s: float | None = None
-    """The time offset that would explain it without a shift, s."""
     offset_shown: bool = False
     """Whether the interval of the offset excludes 0, and the offset is a part of the error that matters."""
     filed: FiledRows | None = None
@@ -181,9 +141,9 @@ class TrackerResult(ResultModel):
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
     health: Health
-    breakdown: Breakdown | None = None
-    scene_share: float | None = None
-    """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
+    conditions: dict[str, ConditionScores] = Field(default_factory=dict)
+    """Scores of all estimates, named "", and under each condition that occurred, such as "manoeuvre: braking" or
+    "range: 20 to 50 m". Empty where identities are hidden."""
 
     @property
     def reference_kind(self) -> str:
@@ -205,8 +165,8 @@ class TrackerResult(ResultModel):
 
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
         """Whether it is no smoother, and shown to be below a Cramer-Rao bound of motion that no tracker can expect."""
-        is_bound = reference is not None and reference.motion_is_drawn
-        return is_bound and self.below_reference and not self.is_reference
+        is_drawn = reference is not None and reference.kind == "bound" and reference.acceleration_sigma_mps2 > 0
+        return is_drawn and self.below_reference and not self.is_reference
 
     @property
     def marks(self) -> tuple[str, ...]:
@@ -228,8 +188,3 @@ class TrackerResult(ResultModel):
         own = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
         properties = [name for name, value in vars(type(self)).items() if isinstance(value, property)]
         return [*(path for path in self.metrics if path.isidentifier()), *type(self).model_fields, *own, *properties]
-
-    def of_sensors(self, metric: str) -> dict[str, MetricValue]:
-        """A metric that each sensor has, such as ``nis``, by the sensor's name."""
-        prefix = f"{metric}."
-        return {path.removeprefix(prefix): entry for path, entry in self.metrics.items() if path.startswith(prefix)}

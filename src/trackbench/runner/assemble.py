@@ -21,10 +21,8 @@ from trackbench.metrics.evaluate import log_broken
 from trackbench.models.sensors import Sensor
 from trackbench.results import Result, Summary, Tables, difference_table
 from trackbench.results.scenario_summary import (
-    ComponentNoise,
     MarginSummary,
     MetricSummary,
-    MountSummary,
     ReferenceSummary,
     ScenarioSummary,
     SceneSummary,
@@ -127,13 +125,9 @@ def assemble(
         reference=reference,
         score=ScoreSummary(
             settle_s=work.settle,
-            each=scenario.score.each,
             point=scenario.score.point,
-            divergence_m=work.divergence,
-            lost_after_s=work.lost_after,
             min_coverage=work.min_coverage,
             cutoff_m=work.track_score and work.track_score.cutoff,
-            switch_costs_s=work.track_score and work.track_score.switch_costs,
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
             margin=margin,
@@ -169,11 +163,8 @@ def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummar
     affected = any(sensor.config.effects for sensor in work.scenes[0].sensors) or work.scenes[0].point != "centre"
     return ReferenceSummary(
         kind="bound" if work.reference.as_drawn and not affected else "reference",
-        motion="cv",
         acceleration_sigma_mps2=work.reference.acceleration,
         acceleration_from="truth" if stated_acceleration is None else "scenario",
-        acceleration_changes="each truth step" if work.reference.as_drawn else "each measurement",
-        velocity_sigma_mps=work.reference.velocity_sigma,
     )
 
 
@@ -205,11 +196,9 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
         config = sensor.config
         summaries[sensor.name] = SensorSummary(
             kind=config.type,
-            dof=len(sensor.noise_covariance),
             noise=_noise(config),
             fov_deg=config.fov_deg,
             max_range_m=config.max_range_m,
-            mount=MountSummary.model_validate(config.mount.model_dump()),
             rate_hz=scan_rate(sensor),
             preset=config.preset,
             detection_rate=float(detected / seen) if seen > 0 and sensor.detections is None else None,
@@ -219,13 +208,13 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
     return summaries
 
 
-def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
-    """Of each component, angles in degrees."""
-    noise = {}
+def _noise(sensor: Sensor) -> str:
+    """Return the standard deviation of each component, angles in degrees."""
+    noise = []
     for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
-        angle = unit == "rad"
-        noise[name] = ComponentNoise(sigma=math.degrees(sigma) if angle else sigma, unit="deg" if angle else unit)
-    return noise
+        shown, stated = (math.degrees(sigma), "deg") if unit == "rad" else (sigma, unit)
+        noise.append(f"{name.replace('_', ' ')} {shown:.4g} {stated}")
+    return ", ".join(noise)
 
 
 def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None = None) -> str:

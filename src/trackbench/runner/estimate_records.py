@@ -14,13 +14,13 @@ from trackbench.metrics.sums import ERROR, NIS
 from trackbench.results.columns import Record, mean
 from trackbench.runner.block import Block
 from trackbench.runner.recorded import Outcome, RecordedEstimates
-from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
+from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record, state_columns
 from trackbench.runner.work import Work
 from trackbench.trackers.config import FilterConfig, ImmConfig
 
 
-def records_of_estimates(run: FinishedRun) -> tuple[Records, list[str]]:
-    """Return the records of tables of a run with known identities, and the columns of metrics in the table "runs"."""
+def records_of_estimates(run: FinishedRun) -> Records:
+    """Return the records of tables of a run with known identities."""
     work, blocks, evaluated, scans, recorded = run
     scene = work.scenes[work.recorded_scene]
     # Recorded scenes differ in how many measurements each sensor took.
@@ -50,12 +50,15 @@ def records_of_estimates(run: FinishedRun) -> tuple[Records, list[str]]:
     }
     if work.over_stretches:
         records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]
-    return records, own_columns
+    return records
 
 
 def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Record]:
     """Every measurement of a run with known identities."""
-    return [{**scan_record(scan), "object": list(ids), "valid": scan.valid} for scan in scans]
+    return [
+        {**scan_record(scan), "arrival_time_s": float(scan.arrival_time), "object": list(ids), "valid": scan.valid}
+        for scan in scans
+    ]
 
 
 def estimate_records(
@@ -72,9 +75,9 @@ def estimate_records(
                 "tracker": name,
                 "object": target,
                 "time_s": truth.time[instants],
-                "mean": estimates.mean[:, :, i],
-                "covariance": estimates.covariance[:, :, :, i],
-                "error": error[:, :, i],
+                **state_columns(estimates.mean[:, :, i], estimates.covariance[:, :, :, i]),
+                "position_error_m": np.hypot(error[0, :, i], error[1, :, i]),
+                "velocity_error_mps": np.hypot(error[2, :, i], error[3, :, i]),
                 "nees": nees[:, i],
                 "due": estimates.due[:, i].astype(float),
             }
@@ -85,8 +88,32 @@ def estimate_records(
 
 def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
     """Errors at each instant over runs and objects, with the reference."""
-    sums = dict(zip(ERROR, evaluation.scores.per_step, strict=True))
-    return {"tracker": name, "time_s": time, **sums, **_bounds("nees", 4, sums["given"])}
+    sums = evaluation.scores.per_step
+    return {"tracker": name, "time_s": time, **_error_columns(sums), **_bounds("nees", 4, sums[ERROR["given"]])}
+
+
+def _error_columns(sums: Array) -> Record:
+    """Return the errors, mean NEES and references ``(rows,)`` from their sums ``(fields, rows)``."""
+    of = dict(zip(ERROR, sums, strict=True))
+    count = of["count"]
+
+    def root(total: Array) -> Array:
+        return np.sqrt(mean(total, count))
+
+    def reference(name: str) -> Array:
+        return root(np.where(of[name] > 0, of[name], np.nan))
+
+    return {
+        "count": count,
+        "given": of["given"],
+        "position_rmse_m": root(of["px"] + of["py"]),
+        "velocity_rmse_mps": root(of["vx"] + of["vy"]),
+        **{f"{name}_rmse_m": root(of[name]) for name in ("px", "py")},
+        **{f"{name}_rmse_mps": root(of[name]) for name in ("vx", "vy")},
+        "nees_mean": mean(of["nees"], of["given"]),
+        "position_reference_m": reference("position_reference"),
+        "velocity_reference_mps": reference("velocity_reference"),
+    }
 
 
 def _bounds(name: str, dof: int, count: Array) -> Record:
@@ -96,16 +123,15 @@ def _bounds(name: str, dof: int, count: Array) -> Record:
 
 
 def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Sequence[str]) -> Record:
-    """Errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
+    """Return the errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
     missing = np.full(len(scores.due), np.nan)
     nis, nis_count = (
         sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))
         for row in ("nis", "count")
     )
     return {
-        **dict(zip(ERROR, scores.per_run, strict=True)),
-        "nis": nis,
-        "nis_count": nis_count,
+        **_error_columns(scores.per_run),
+        "nis_mean": mean(nis, nis_count),
         "due": scores.due,
         "diverged": scores.diverged,
         "repaired": scores.repaired,
@@ -115,10 +141,9 @@ def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Se
 
 def _stretch_record(name: str, evaluation: Evaluation, scores: BlockScores) -> Record:
     """Errors in each stretch of time of a single run, or of few logs."""
-    sums = evaluation.scores.per_part
     run = np.concatenate([[number] * count for number, count in enumerate(scores.stretches or ())])
     keys = {"tracker": name, "run": run.astype(float), "stretch": np.arange(len(run), dtype=float)}
-    return {**keys, **dict(zip(ERROR, sums, strict=True))}
+    return {**keys, **_error_columns(evaluation.scores.per_part)}
 
 
 def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) -> list[Record]:
@@ -127,8 +152,10 @@ def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) 
         for sensor, nis in item.nis.items():
             if nis.dof > 0:
                 sums = dict(zip(NIS, nis.per_step, strict=True))
+                count = sums["count"]
                 keys = {"tracker": name, "sensor": sensor, "time_s": times[sensor], "dof": float(nis.dof)}
-                records.append({**keys, **sums, **_bounds("nis", nis.dof, sums["count"])})
+                means = {"nis_mean": mean(sums["nis"], count), "inside95": mean(sums["inside"], count)}
+                records.append({**keys, "count": count, **means, **_bounds("nis", nis.dof, count)})
     return records
 
 

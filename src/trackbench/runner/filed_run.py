@@ -42,10 +42,6 @@ class TrackOffset(NamedTuple):
 
     time: MetricValue
     """To be added to the time stamps, s, beside the shift."""
-    shift_m: float | None
-    """The mean error along the path, m."""
-    alone_s: float | None
-    """The offset that would explain it alone."""
     shown: bool
     """Whether the offset is worth a word."""
 
@@ -146,8 +142,7 @@ def offset_of(pairs: Array) -> TrackOffset:
     """
     run, time, number, y, speed = pairs
     if not len(y):
-        return TrackOffset(MetricValue(unit="s", reason=NOTHING_MOVES), None, None, shown=False)
-    shift, alone = float(y.mean()), float((y @ speed) / (speed @ speed))
+        return TrackOffset(MetricValue(unit="s", reason=NOTHING_MOVES), shown=False)
     owner = np.unique(number, return_inverse=True)[1]
     runs = np.unique(run, return_inverse=True)[1]
     of_all = owner.max() + 1 >= OBJECTS or runs.max() + 1 >= FEWEST
@@ -155,7 +150,7 @@ def offset_of(pairs: Array) -> TrackOffset:
     centred = [each - (np.bincount(group, each) / np.bincount(group))[group] for each in (speed, y)]
 
     def unknown(reason: str) -> TrackOffset:
-        return TrackOffset(MetricValue(unit="s", reason=reason), shift, alone, shown=False)
+        return TrackOffset(MetricValue(unit="s", reason=reason), shown=False)
 
     if centred[0] @ centred[0] <= 1e-6 * len(y):
         return unknown("speeds are too alike to tell it from a shift along the path")
@@ -179,10 +174,10 @@ def offset_of(pairs: Array) -> TrackOffset:
     low, high = interval.bounds()
     if not high - low < USELESS_S:
         return unknown("speeds are too alike to tell it from a shift along the path")
-    error = float(np.sqrt(np.mean((y - shift) ** 2)))
+    error = float(np.sqrt(np.mean((y - y.mean()) ** 2)))
     moves = abs(value) * float(np.sqrt(np.mean(speed**2)))
     shown = low * high > 0 and abs(value) >= LEAST_S and moves >= LEAST_SHARE * error
-    return TrackOffset(MetricValue(value=value, unit="s", ci95=(low, high)), shift, alone, shown=shown)
+    return TrackOffset(MetricValue(value=value, unit="s", ci95=(low, high)), shown=shown)
 
 
 def _slope(sums: Array) -> Array:

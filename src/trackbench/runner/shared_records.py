@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Scan, Truth, of_runs
+from trackbench.base.types import Array, Scan, Truth, of_runs
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
 from trackbench.results.folder import OBSERVER
@@ -32,22 +32,35 @@ class FinishedRun(NamedTuple):
     """Estimates or tracks of the recorded run, by tracker that has not failed."""
 
 
+#: Columns of the motion by the name of its field.
+_MOTION = {
+    "px": "px_m",
+    "py": "py_m",
+    "heading": "heading_rad",
+    "course": "course_rad",
+    "speed": "speed_mps",
+    "vx": "vx_mps",
+    "vy": "vy_mps",
+    "acceleration": "acceleration_mps2",
+    "yaw_rate": "yaw_rate_radps",
+}
+
+
 def truth_records(truth: Truth, run: int) -> list[Record]:
     """The motion of every target and of the observer in one run."""
-    names = ("px", "py", "heading", "course", "speed", "vx", "vy", "acceleration", "yaw_rate")
     # Some are computed, of all objects at once.
-    fields = {name: of_runs(getattr(truth, name), range(run, run + 1))[..., 0] for name in names}
+    fields = {name: of_runs(getattr(truth, field), range(run, run + 1))[..., 0] for field, name in _MOTION.items()}
     records: list[Record] = [
         {
-            "object": name,
+            "object": target,
             "role": "target",
             "time_s": truth.time,
             "alive": truth.alive[:, i],
-            **{field: values[:, i] for field, values in fields.items()},
-            "length": float(truth.length[i]),
-            "width": float(truth.width[i]),
+            **{name: values[:, i] for name, values in fields.items()},
+            "length_m": float(truth.length[i]),
+            "width_m": float(truth.width[i]),
         }
-        for i, name in enumerate(truth.ids)
+        for i, target in enumerate(truth.ids)
     ]
     observer, steps = truth.observer, len(truth.time)
     speed = np.hypot(observer.vx, observer.vy)
@@ -57,13 +70,13 @@ def truth_records(truth: Truth, run: int) -> list[Record]:
             "role": OBSERVER,
             "time_s": truth.time,
             "alive": np.ones(steps, dtype=bool),
-            **{field: getattr(observer, field) for field in ("px", "py", "vx", "vy", "yaw_rate")},
-            "heading": observer.yaw,
-            "course": np.where(speed > 0, np.arctan2(observer.vy, observer.vx), observer.yaw),
-            "speed": speed,
-            "acceleration": np.gradient(speed, truth.time) if steps > 1 else np.zeros(steps),
-            "length": float(observer.length),
-            "width": float(observer.width),
+            **{_MOTION[field]: getattr(observer, field) for field in ("px", "py", "vx", "vy", "yaw_rate")},
+            "heading_rad": observer.yaw,
+            "course_rad": np.where(speed > 0, np.arctan2(observer.vy, observer.vx), observer.yaw),
+            "speed_mps": speed,
+            "acceleration_mps2": np.gradient(speed, truth.time) if steps > 1 else np.zeros(steps),
+            "length_m": float(observer.length),
+            "width_m": float(observer.width),
         }
     )
     return records
@@ -93,13 +106,17 @@ def run_keys(name: str, work: Work) -> Record:
 
 def scan_record(scan: Scan) -> dict[str, Any]:
     """A scan with the position in the fixed frame that each of its measurements ``(m, rows)`` states."""
-    components, rows = scan.measurement.shape
     return {
         "sensor": scan.sensor,
         "kind": scan.kind,
         "time_s": float(scan.time),
-        "arrival_time_s": float(scan.arrival_time),
-        "measurement": np.concatenate([scan.measurement, np.full((max(0, 3 - components), rows), np.nan)]),
-        "position": SENSOR_MODELS[scan.kind].position(scan).mean,
-        "sensor_pose": scan.sensor_pose,
+        **{f"z{row}": scan.measurement[row] if row < len(scan.measurement) else np.nan for row in range(3)},
+        **dict(zip(("x_m", "y_m"), SENSOR_MODELS[scan.kind].position(scan).mean, strict=False)),
+        **dict(zip(("sensor_x_m", "sensor_y_m", "sensor_yaw_rad"), scan.sensor_pose, strict=True)),
     }
+
+
+def state_columns(mean: Array, covariance: Array) -> Record:
+    """The columns of states ``(4, rows)`` and of the upper half of their covariances."""
+    states = dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True))
+    return states | {f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)}

@@ -1,4 +1,4 @@
-"""The tables of a result; ``results.declared`` has the columns of each."""
+"""The tables of a result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trackbench.metrics import Metric, evaluate
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.traffic import TRACKS, run_sums
-from trackbench.results.declared import HIDDEN, LABELLED
+from trackbench.results.columns import table_of
 from trackbench.runner.block import Block
 from trackbench.runner.estimate_records import records_of_estimates, run_sums_record
 from trackbench.runner.evaluated import Evaluated
@@ -30,18 +30,14 @@ def result_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
     assert block.recorded_scans is not None
     recorded: dict[str, Any] = {name: item for name, item in block.recorded.items() if name in evaluated.evaluations}
     run = FinishedRun(work, blocks, evaluated, block.recorded_scans, recorded)
-    records, columns_of_runs = (records_of_tracks if work.hidden else records_of_estimates)(run)
+    records = (records_of_tracks if work.hidden else records_of_estimates)(run)
     records |= {
         "truth": truth_records(truth, work.recorded_run),
         **other_truth(work),
         "roads": road_records(truth),
         **dict(collected("records", work, evaluated, recorded)),
     }
-    declared = HIDDEN if work.hidden else LABELLED
-    return {
-        name: declared[name].written(list(filter(None, parts)), columns_of_runs if name == "runs" else ())
-        for name, parts in records.items()
-    }
+    return {name: table_of(parts) for name, parts in records.items()}
 
 
 def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
@@ -61,6 +57,6 @@ def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
         columns = [*run_sums(evaluation.sums[TRACKS.name], metric.name)]
     else:
         record = run_sums_record(evaluation, sums[ESTIMATES.name], ())
-        columns = [np.asarray(LABELLED["runs"].values(name, record)) for name in metric.columns]
+        columns = [np.asarray(record[name]) for name in metric.columns]
     intervals = [metric.of_runs(*(column[run : run + 1] for column in columns)) for run in range(runs)]
     return np.array([np.nan if interval is None else interval.value for interval in intervals])

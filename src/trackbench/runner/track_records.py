@@ -13,11 +13,10 @@ from trackbench.metrics.traffic.events import STATES
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.metrics.traffic.timeline import Timeline, dearest
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.results.columns import Record
-from trackbench.results.declared import GOSPA_PARTS
+from trackbench.results.columns import Record, mean
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
-from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
+from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record, state_columns
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
@@ -25,19 +24,19 @@ from trackbench.trackers.multi.association import gate_threshold
 
 #: Points of the outline of a gate, of which the last is the first.
 CORNERS = 17
+_GOSPA_COLUMNS = ("gospa_m", "gospa_localisation_m", "gospa_missed_m", "gospa_false_m")
 
 
-def records_of_tracks(run: FinishedRun) -> tuple[Records, list[str]]:
-    """Return the records of tables of a run with hidden identities, and the columns of metrics in the table "runs"."""
+def records_of_tracks(run: FinishedRun) -> Records:
+    """Return the records of tables of a run with hidden identities."""
     work, blocks, evaluated, scans, recorded = run
     scene = work.scenes[work.recorded_scene]
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.outcomes.items()}
-    runs = _run_records(evaluated.evaluations, work)
     assert scans.status is not None
-    records: Records = {
+    return {
         "steps": [_gospa_record(name, blocks, work.longest_time) for name, blocks in sums.items()],
-        "runs": runs,
+        "runs": _run_records(evaluated.evaluations, work),
         "measurements": _detection_records(scene.truth, scans.scans, scans.origins),
         "tracks": [_tracks_record(name, item, time) for name, item in recorded.items()],
         **({"other_tracks": _other_tracks(work, blocks, recorded)} if len(work.scenes) > 1 else {}),
@@ -50,8 +49,6 @@ def records_of_tracks(run: FinishedRun) -> tuple[Records, list[str]]:
             for number, name in enumerate(ids)
         ],
     }
-    # A run is known by its tracker, number, scene and count.
-    return records, list(runs[0])[4:] if runs else []
 
 
 def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Array:
@@ -105,13 +102,13 @@ def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[In
 
 
 def _gospa_record(name: str, blocks: Sequence[Timeline], time: Array) -> Record:
-    """Sums over runs of squared GOSPA and its parts at each instant."""
+    """Return GOSPA and its parts at each instant, root mean squares over the runs."""
     sums, count = np.zeros((4, len(time))), np.zeros(len(time))
     for block in blocks:
         parts = np.stack([block.gospa.sum(axis=0), *block.gospa])
         sums[:, : parts.shape[1]] += parts
         count[: parts.shape[1]] += block.runs
-    return {"tracker": name, "time_s": time, **dict(zip(GOSPA_PARTS, sums, strict=True)), "count": count}
+    return {"tracker": name, "time_s": time, **dict(zip(_GOSPA_COLUMNS, np.sqrt(mean(sums, count)), strict=True))}
 
 
 def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Record]:
@@ -150,8 +147,7 @@ def _tracks_record(name: str, recorded: RecordedTracks, time: Array) -> Record:
         "tracker": name,
         "time_s": time[instant],
         "track": history.ids[instant, column].astype(float),
-        "mean": history.mean[:, instant, column],
-        "covariance": history.covariance[:, :, instant, column],
+        **state_columns(history.mean[:, instant, column], history.covariance[:, :, instant, column]),
         "existence": np.nan if history.existence is None else history.existence[instant, column],
     }
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from trackbench.base.config.key_units import option_in_words
 from trackbench.base.errors import counted
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array
 from trackbench.engine.equations import EngineUsed
-from trackbench.metrics import Evaluation, Interval, health, no_metrics, ratio
+from trackbench.metrics import Evaluation, health, no_metrics
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
@@ -55,17 +55,13 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
             **entry, metrics=values, health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE))
         )
     evaluation = scores.evaluations[name]
-    share = None
-    if work.headline in evaluation.intervals:
-        share = scene_share(ratio(*headline_sums(work, evaluation)), work.scene_of_run)
-    entry |= {"metrics": evaluation.values, "scene_share": share}
+    entry["metrics"] = evaluation.values
     if name in scores.scores:
-        return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores))
+        return TrackerResult(**entry, health=health(scores.scores[name]), conditions=breakdown(evaluation.scores))
     if name in work.filed:
         pairs = [block.offset for block in scores.outcomes[name] if block.offset is not None]
         offset = offset_of(np.concatenate(pairs, axis=1))
-        entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
-        entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
+        entry |= {"time_offset": offset.time, "offset_shown": offset.shown}
         remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
         entry["filed"] = _rows_taken(work.filed[name], scores.outcomes[name], remarks)
     reused = sum(block.timeline.reused_ids for block in scores.outcomes[name])
@@ -87,23 +83,6 @@ def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
         return total, count
     sums = evaluation.scores.per_run
     return sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]]
-
-
-def scene_share(value: Interval, scene: Indices) -> float | None:
-    """Share of the variance of one run's value, not clustered, that is between scenes and not noise within them.
-
-    Source: Searle, Casella and McCulloch (1992), "Variance components", section 3.6: the ANOVA estimator for unequal
-    numbers of runs, negative components set to zero. None where the two cannot be told apart.
-    """
-    scenes, index, counts = np.unique(scene, return_inverse=True, return_counts=True)
-    runs = len(index)
-    if not 1 < len(scenes) < runs:
-        return None
-    means = np.bincount(index, value.influence) / counts
-    within = float(((value.influence - means[index]) ** 2).sum() / (runs - len(scenes)))
-    between = float((counts * (means - value.influence.mean()) ** 2).sum() / (len(scenes) - 1))
-    of_scene = max(0.0, (between - within) / ((runs - (counts**2).sum() / runs) / (len(scenes) - 1)))
-    return of_scene / (of_scene + within) if of_scene + within > 0 else None
 
 
 def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:

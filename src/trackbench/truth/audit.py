@@ -75,7 +75,6 @@ def audited_truth(
     result = TruthAudit(
         mode=mode,
         verdict="repaired" if repairs.any else "consistent",
-        tolerance_mps=TOLERANCE_MPS,
         velocity_error_before=_summary(before, truth),
         velocity_error_after=_summary(after, truth),
         jumps=[*cut, *ends],
@@ -96,7 +95,6 @@ def exact(truth: Truth) -> Truth:
     result = TruthAudit(
         mode="by construction",
         verdict="exact",
-        tolerance_mps=TOLERANCE_MPS,
         velocity_error_before=none,
         velocity_error_after=none,
         jumps=[],

@@ -138,7 +138,7 @@ class Nees(EstimateMetric):
         inside = _inside(per_step[ERROR["given"]], per_step[ERROR["nees"]], 4)
         value = _chi_square(total, count, 4, inside, sums.scenes, len(sums.due))
         scores = breakdown(sums)
-        conditions, parts = condition_verdicts(scores), judged_parts(scores.all)
+        conditions, parts = condition_verdicts(scores), judged_parts(scores[""])
         whole = value.verdict if sums.coverage >= LEAST_COVERAGE else "undecided"
         if whole is None or (whole == "consistent" and not parts):
             # Too few to tell anything of the tails.
@@ -193,16 +193,13 @@ class Whiteness(EstimateMetric):
 
     def _of(self, nis: NisScores, scenes: bool) -> MetricValue:
         product, square = nis.per_part[NIS["product"]], nis.per_part[NIS["square"]]
-        pairs = nis.per_part[NIS["pairs"]].sum()
-        if pairs == 0:
+        if nis.per_part[NIS["pairs"]].sum() == 0:
             return self.no_value("there are no two innovations in a row")
         if square.sum() == 0:
             return self.no_value("every innovation is zero")
         correlation = ratio(product, square, scenes=scenes)
-        bound = float(1.96 / np.sqrt(pairs * nis.dof))
-        return correlation.as_value(self.unit).model_copy(
-            update={"bounds95": (-bound, bound), "verdict": whiteness_verdict(correlation.ci95)}
-        )
+        verdict = whiteness_verdict(correlation.ci95)
+        return correlation.as_value(self.unit).model_copy(update={"verdict": verdict})
 
 
 class OverReference(EstimateMetric):

@@ -17,10 +17,10 @@ from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title, sh
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
-from trackbench.report.figures.over_time import column, names_in_column, rows_where
 from trackbench.report.moments import moment_text
 from trackbench.report.numbers import joined_names
 from trackbench.results import Result
+from trackbench.results.columns import Columns, split, table_columns
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 ELONGATED = 4.0
@@ -54,17 +54,10 @@ _LEGEND = {
 Path = tuple[Array, Array]
 
 
-def alive_paths(truth: pa.Table, role: str) -> dict[str, Path]:
-    """Return the path of each object while it is in the scene, by its name."""
-    rows = rows_where(truth, role=role)
-    return paths_by(rows.filter(column(rows, "alive") > 0), "object")
-
-
-def paths_by(rows: pa.Table, key: str) -> dict[str, Path]:
-    """The path of each object or track."""
-    x, y = column(rows, "px_m"), column(rows, "py_m")
-    each = rows[key].to_numpy() if key in rows.column_names else np.empty(0)
-    return {str(name): (x[each == name], y[each == name]) for name in names_in_column(rows, key)}
+def path_of(rows: Columns) -> Path:
+    """Return the path of an object or track, of an object while it is in the scene."""
+    there = np.asarray(rows.get("alive", np.ones(len(rows["px_m"]))), dtype=bool)
+    return rows["px_m"][there], rows["py_m"][there]
 
 
 def styles_with_map(styles: Sequence[TrackerStyle]) -> list[TrackerStyle]:
@@ -87,14 +80,17 @@ def map_of_run(result: Result, styles: Sequence[TrackerStyle], moments: Mapping[
         InputError: the tables are not those of one run.
     """
     tables, summary, drawn = result.tables, result.summary, styles_with_map(styles)
-    targets, observer = alive_paths(tables.truth, "target"), alive_paths(tables.truth, "observer")
-    every_path = [*targets.values(), *observer.values()]
+    motions = split(tables.truth, "object", "role")
+    targets = {name: path_of(rows) for (name, role), rows in motions.items() if role == "target"}
+    observer = [path_of(rows) for (_, role), rows in motions.items() if role == "observer"]
+    every_path = [*targets.values(), *observer]
     x, y = (np.concatenate([np.empty(0), *(path[axis] for path in every_path)]) for axis in (0, 1))
     hidden = summary.identities == "hidden"
     if not x.size or (hidden and not drawn):
         return None
     stated, key = (tables.tracks, "track") if hidden else (tables.estimates, "object")
-    estimates = [paths_by(rows_where(stated, tracker=style.name), key) for style in drawn]
+    stated_paths = split(stated, "tracker", key) if drawn else {}
+    estimates = [[path_of(rows) for (name, _), rows in stated_paths.items() if name == style.name] for style in drawn]
     marks = [_marks(result, style.name, moments.get(style.name)) for style in drawn]
     left, right, bottom, top = x.min() - MARGIN_M, x.max() + MARGIN_M, y.min() - MARGIN_M, y.max() + MARGIN_M
     is_tall, is_stretched = bool(top - bottom > right - left), bool(right - left > ELONGATED * (top - bottom))
@@ -106,13 +102,13 @@ def map_of_run(result: Result, styles: Sequence[TrackerStyle], moments: Mapping[
     def paint(canvas: Canvas) -> None:
         every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
         for axes, title in zip(every, titles, strict=True):
-            _draw_truth(axes, tables.roads, [*observer.values()], targets)
+            _draw_truth(axes, tables.roads, observer, targets)
             panel_title(axes, title, across)
             axes.set(xlim=(left, right), ylim=(bottom, top), ylabel="y, m")
             if not is_stretched:
                 axes.set_aspect("equal")
         for axes, style, paths, own in zip(every, drawn, estimates, marks, strict=False):
-            for path in paths.values():
+            for path in paths:
                 axes.plot(*path, color=style.colour, linewidth=1.2)
             for kind, places in own.items():
                 axes.plot(*places, linestyle="none", zorder=5, gid=f"{kind}-{style.key}", **MARKS[kind])
@@ -141,7 +137,7 @@ def map_of_run(result: Result, styles: Sequence[TrackerStyle], moments: Mapping[
 def _draw_truth(axes: Axes, roads: pa.Table, observer: Sequence[Path], targets: Mapping[str, Path]) -> None:
     """Roads, the observer's path and those of the objects, with their names."""
     axes.grid(visible=False)
-    lines, x, y = (column(roads, name) for name in ("line", "x_m", "y_m"))
+    lines, x, y = table_columns(roads).values()
     for line in np.unique(lines):
         axes.plot(x[lines == line], y[lines == line], color=GRID, linewidth=1.5)
     for x, y in observer:
@@ -162,8 +158,8 @@ def _marks(result: Result, tracker: str, moment: EstimateMoment | None) -> dict[
         return {kind: tuple(np.array([[e.x_m, e.y_m] for e in of]).T) for kind, of in own.items() if of}
     if moment is None:
         return {}
-    path = rows_where(result.tables.truth, object=moment.object)
-    step = int(np.searchsorted(column(path, "time_s"), moment.time_s - 1e-9))
-    if step == len(path):
+    rows = split(result.tables.truth, "object").get((moment.object,), {"time_s": np.empty(0)})
+    step = int(np.searchsorted(rows["time_s"], moment.time_s - 1e-9))
+    if step == len(rows["time_s"]):
         raise InputError(f"the estimates of {moment.object} go on after its truth: not the tables of one run")
-    return {"worst": (column(path, "px_m")[[step]], column(path, "py_m")[[step]])}
+    return {"worst": (rows["px_m"][[step]], rows["py_m"][[step]])}

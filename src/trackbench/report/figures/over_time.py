@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
@@ -16,28 +14,7 @@ from trackbench.document import Figure, LegendEntry, TrackerStyle, end_of_axis
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, fit_value_axis, panel_title, time_axis
 from trackbench.document.palette import tracker_figure
 from trackbench.results import Result
-
-
-def rows_where(table: pa.Table, **keys: str) -> pa.Table:
-    """The rows of ``table`` whose columns equal ``keys``."""
-    for name, value in keys.items():
-        if name in table.column_names:
-            table = table.filter(pc.equal(table[name], value))
-    return table
-
-
-def column(table: pa.Table, name: str) -> Array:
-    """A column as floats, NaN where it is null; nothing where the table lacks it."""
-    if name not in table.column_names:
-        return np.empty(0)
-    values: Array = table[name].to_numpy().astype(np.float64)
-    return values
-
-
-def names_in_column(table: pa.Table, name: str) -> list[str]:
-    """The different values of a column of text, in the order in which they come."""
-    return [] if name not in table.column_names else table[name].unique().to_pylist()
-
+from trackbench.results.columns import Columns, split
 
 #: Errors are averaged over time to about so many points, or a sensor that alternates with another fills the figure.
 _POINTS = 100
@@ -52,20 +29,19 @@ class Line(NamedTuple):
     value: Array
 
 
-def lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
-    """The column ``name`` of each tracker that has values in it."""
-    drawn = []
-    for style in styles:
-        rows = rows_where(table, tracker=style.name)
-        value = column(rows, name)
-        if np.isfinite(value).any():
-            drawn.append(Line(style, column(rows, "time_s"), value))
-    return drawn
+#: By tracker, its columns of the table "steps".
+Steps = Mapping[tuple[str, ...], Columns]
 
 
-def smooth_lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
+def lines(steps: Steps, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
+    """Return the column ``name`` of each tracker that has values in it."""
+    own = ((style, steps.get((style.name,), {})) for style in styles)
+    return [Line(style, rows["time_s"], rows[name]) for style, rows in own if np.isfinite(rows.get(name, np.nan)).any()]
+
+
+def smooth_lines(steps: Steps, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
     """The same as root mean squares over equal stretches of time."""
-    return [Line(line.style, *_stretches(line.time, line.value)) for line in lines(table, styles, name)]
+    return [Line(line.style, *_stretches(line.time, line.value)) for line in lines(steps, styles, name)]
 
 
 def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
@@ -141,7 +117,7 @@ def _panels(
     label: str = "",
 ) -> Figure | None:
     """A panel for each quantity, one below the other; a tracker that is far out does not set an axis."""
-    steps = result.tables.steps
+    steps = split(result.tables.steps, "tracker")
     drawn = {
         panel: own for panel in panels if (own := (lines if panel.band else smooth_lines)(steps, styles, panel.column))
     }
@@ -171,7 +147,7 @@ def _panels(
             beyond = [f"{name} beyond the axis: up to {peak:.3g} {panel.unit}".rstrip() for name, peak in far.items()]
             panel_title(axes, "; ".join(beyond), WIDTH)
             axes.set_ylabel(f"{panel.axis_label}{' (log)' * is_logarithmic}")
-            time_axis(axes, float(column(steps, "time_s").max()))
+            time_axis(axes, max(float(rows["time_s"].max()) for rows in steps.values()))
         every[-1].set_xlabel(TIME_LABEL)
 
     shown = [line.style for line in drawn[first]]

@@ -246,7 +246,7 @@ def read_claim(place: Path) -> Claim:
     if file.suffix in (".yaml", ".yml"):
         raise InputError("this is a scenario; `trackbench envelope` writes the folder of its claim", file=file)
     try:
-        return read_model(Claim, file, "claim of an envelope", [SCHEMA_VERSION])
+        return read_model(Claim, file, "claim of an envelope", SCHEMA_VERSION)
     except FileNotFoundError:
         raise InputError(f"there is no {CLAIM} of an envelope", file=place) from None
 

@@ -13,7 +13,6 @@ from trackbench.base.types import Array
 from trackbench.document import Cell, Column, Figure, LegendEntry, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.drawing import DASHED, GRID, INK, MUTED, TIME_LABEL, shortened_to_width, time_axis
 from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
-from trackbench.report.figures.over_time import column, rows_where
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
 from trackbench.report.pairs import Pairs
 from trackbench.report.sentences import some_names
@@ -28,6 +27,7 @@ from trackbench.report.tables import (
     unit_after_heading,
 )
 from trackbench.results import MetricValue, Result, TrackerResult
+from trackbench.results.columns import split
 
 #: The worst events of each function that are listed.
 LISTED = 5
@@ -199,13 +199,15 @@ def strip_of_decisions(
         styles: of the trackers, best first.
         run: number of the recorded run.
     """
-    rows = {style.name: rows_where(decisions, tracker=style.name, function=function) for style in styles}
-    shown = [style for style in styles if rows[style.name].num_rows]
-    if not any(column(rows[style.name], name).any() for style in shown for name in ("active", "true_active")):
+    rows = {
+        tracker: own for (tracker, name), own in split(decisions, "tracker", "function").items() if name == function
+    }
+    shown = [style for style in styles if style.name in rows]
+    if not any(rows[style.name][name].any() for style in shown for name in ("active", "true_active")):
         return None
     first = rows[shown[0].name]
-    time, hit = column(first, "time_s"), np.flatnonzero(column(first, "impact"))
-    truth = active_spans(time, column(first, "true_active"))
+    time, hit = first["time_s"], np.flatnonzero(first["impact"])
+    truth = active_spans(time, first["true_active"])
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=TIME_LABEL)
@@ -214,7 +216,7 @@ def strip_of_decisions(
         axes.vlines([a for a, _ in truth], -_BAR, len(shown) + 0.5, color=MUTED, linestyle=DASHED, linewidth=0.8)
         for number, style in enumerate(shown, start=1):
             axes.axhline(number, color=GRID, linewidth=0.6, zorder=0.5)
-            bars = active_spans(time, column(rows[style.name], "active"))
+            bars = active_spans(time, rows[style.name]["active"])
             axes.broken_barh([(a, b - a) for a, b in bars], (number - _BAR, 2 * _BAR), facecolors=style.colour)
             _draw_events(axes, number, [event for event in events if event.tracker == style.name])
         axes.vlines(time[hit[:1]], -0.5, len(shown) + 0.5, color=INK, linewidth=2)

@@ -22,8 +22,8 @@ import pyarrow.parquet as pq
 
 from trackbench.base.errors import InputError, similar_path_hint
 from trackbench.base.files import require_regular
-from trackbench.results import Result, Tables, summary_of
-from trackbench.results.declared import FUNCTION_TABLES
+from trackbench.results import SCHEMA_VERSION, Result, Summary, Tables
+from trackbench.results.metric_value import model_of
 
 if TYPE_CHECKING:
     from trackbench.subjects.recording.stream import Stream
@@ -47,7 +47,7 @@ def send_data(stream: Stream, result: Result) -> None:
     import rerun as rr
 
     components: dict[str, Any] = {}
-    own = [name for name in FUNCTION_TABLES if name in result.tables]
+    own = [name for name in ("decisions", "function_events") if name in result.tables]
     for name in (*TABLES[result.summary.identities], *own):
         table = result.tables.if_there(name)
         if name == "events" and table.num_rows:
@@ -93,7 +93,7 @@ def read(path: Path) -> Recorded:
         raise InputError(message, file=path) from error
     if summary is None:
         raise InputError("this recording holds no run of trackbench", file=path)
-    return Recorded(Result(summary_of(summary, path), Tables(tables)), path, path)
+    return Recorded(Result(model_of(Summary, summary, path, "result", SCHEMA_VERSION), Tables(tables)), path, path)
 
 
 def read_data(path: Path) -> dict[str, bytes]:

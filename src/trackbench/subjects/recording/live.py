@@ -26,8 +26,7 @@ from trackbench.api.plan import Listener, Prepared
 from trackbench.base.types import Scan, Truth
 from trackbench.document.palette import sensor_colours, tracker_colours
 from trackbench.results import Result
-from trackbench.results.columns import split
-from trackbench.results.declared import LABELLED
+from trackbench.results.columns import split, table_of
 from trackbench.runner.estimate_records import estimate_records, measurement_records
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.shared_records import road_records, truth_records
@@ -123,7 +122,7 @@ class LiveScene:
 
     def __init__(self, url: str, live: LiveRun) -> None:
         self._live = live
-        self._motion = LABELLED["truth"].written(truth_records(live.truth, 0))
+        self._motion = table_of(truth_records(live.truth, 0))
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
         self._drawn = -np.inf
@@ -133,7 +132,7 @@ class LiveScene:
         self._recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, live.sensors, dict(live.colours)))
         self._recording.send_recording_name(live.name)
         self._stream = Stream(self._recording)
-        scene.send_roads(self._stream, LABELLED["roads"].written(road_records(live.truth)))
+        scene.send_roads(self._stream, table_of(road_records(live.truth)))
         views.send_scales(self._stream, self._wide, vehicles)
         layout.send_legend(self._stream, layout.entries(live.colours, live.sensors))
 
@@ -148,7 +147,7 @@ class LiveScene:
     def take_measurements(self, scans: list[Scan]) -> None:
         """Keep the measurements, which are drawn as far as the trackers have come."""
         truth = self._live.truth
-        self._measurements = LABELLED["measurements"].written(measurement_records(scans, truth.ids))
+        self._measurements = table_of(measurement_records(scans, truth.ids))
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
     def draw_estimates(self, instants: list[RecordedInstant]) -> None:
@@ -165,7 +164,7 @@ class LiveScene:
                 covariance = np.stack([belief.covariance for belief in own], axis=2)
                 recorded = {tracker: RecordedEstimates(mean, covariance, np.isfinite(mean[0]))}
                 records += estimate_records(recorded, truth, self._steps[numbers], 0)
-        estimates = LABELLED["estimates"].written(records)
+        estimates = table_of(records)
         for (tracker,), rows in split(estimates, "tracker").items():
             send_tracks(self._stream, tracker, rows, np.unique(rows["time_s"]), self._live.colours[tracker])
         for chart in series.recorded_run(estimates, nothing, nothing, nothing, self._live.colours).all:
