@@ -113,7 +113,7 @@ def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
             ["base/tiny", "--out", "x.docx"],
             "--out: x.docx ends in none of .md, .html, .txt, .tex",
         ),
-        (["base/tiny", "--out", "tiny.yaml/x.md"], "--out: cannot write tiny.yaml/x.md: "),
+        (["base/tiny", "--out", "tiny.yaml/x.md"], "--out: cannot write to tiny.yaml: it is a file, not a folder"),
     ],
 )
 def test_bad_input_is_one_line(cli: Cli, two: Path, arguments: list[str], message: str) -> None:
@@ -163,7 +163,7 @@ def test_a_junit_file_that_cannot_be_written_stops_before_anything_runs(cli: Cli
     (tiny.parent / "taken").mkdir()
     for path, message in (
         ("taken", "--junit: taken is a folder"),
-        ("tiny.yaml/x", "--junit: cannot write tiny.yaml/x"),
+        ("tiny.yaml/x", "--junit: cannot write to tiny.yaml: it is a file, not a folder"),
     ):
         done = cli("run", tiny, "--no-recording", "--junit", path)
         assert (done.status, done.out) == (2, "")

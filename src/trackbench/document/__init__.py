@@ -154,6 +154,8 @@ class Figure:
     """Draws it on an empty matplotlib figure."""
     height: float
     """Pixels."""
+    width: float | None = None
+    """Pixels; the width of a column of text unless given."""
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
     """By the gid of an artist."""

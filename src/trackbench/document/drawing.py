@@ -127,21 +127,25 @@ def _saved(canvas: Canvas, kind: str) -> bytes:
 @contextmanager
 def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
     """The painted figure, while its colours and the settings of matplotlib hold."""
-    columns = _legend_columns(figure.legend) if legend and figure.legend else 0
+    width = figure.width or WIDTH
+    columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
     with _colours(colours), matplotlib.style.context(_STYLE, after_reset=True):
         canvas = Canvas(
-            figsize=(WIDTH / 72, height / 72), dpi=72, layout=ConstrainedLayoutEngine(h_pad=_PAD, w_pad=_PAD)
+            figsize=(width / 72, height / 72), dpi=72, layout=ConstrainedLayoutEngine(h_pad=_PAD, w_pad=_PAD)
         )
         figure.paint(canvas)
         # Lines and texts inside a panel need no margin; names beside a point, which are annotations, do.
         for artist in (artist for axes in canvas.axes for artist in (*axes.lines, *axes.texts)):
             artist.set_in_layout(isinstance(artist, Annotation))
+        is_placed_by_hand = not any(axes.get_subplotspec() for axes in canvas.axes)
+        if is_placed_by_hand:
+            canvas.set_layout_engine("none")
         if columns:
-            handles = [_handle(entry) for entry in figure.legend]
+            handles = [_handle(entry, width) for entry in figure.legend]
             canvas.legend(
                 handles=handles,
-                loc="outside lower left",
+                loc="lower left" if is_placed_by_hand else "outside lower left",
                 borderaxespad=0.3,
                 ncols=columns,
                 handlelength=1.6,
@@ -166,13 +170,13 @@ def _name_colours(colours: Mapping[str, str]) -> None:
         known[name] = colour
 
 
-def _legend_columns(entries: tuple[LegendEntry, ...]) -> int:
+def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:
     longest = max(len(entry.label) for entry in entries)
-    return max(1, min(len(entries), int(WIDTH / (_LEGEND_LETTER * longest + 40))))
+    return max(1, min(len(entries), int(width / (_LEGEND_LETTER * longest + 40))))
 
 
-def _handle(entry: LegendEntry) -> Artist:
-    label = shortened_to_width(entry.label, WIDTH - 40, 10)
+def _handle(entry: LegendEntry, width: float) -> Artist:
+    label = shortened_to_width(entry.label, width - 40, 10)
     if entry.mark == "band":
         return Patch(color=entry.colour, alpha=0.35, label=label)
     if entry.mark == "box":
@@ -276,12 +280,12 @@ def shortened_to_width(text: str, width: float, size: float = 11.0) -> str:
     """Return the text, without its middle if it is wider than ``width`` points: names of a sweep differ at the end."""
     short = text
     for kept in range(len(text) - 1, 1, -1):
-        if _text_width(short, size) <= width:
+        if _line_width(short, size) <= width:
             break
         short = f"{text[: kept // 2]}…{text[-(kept - kept // 2) :]}"
     return short
 
 
 @lru_cache(maxsize=4096)
-def _text_width(text: str, size: float) -> float:
-    return float(text_to_path.get_text_width_height_descent(text, FontProperties(size=size), ismath=False)[0])
+def _line_width(line: str, size: float) -> float:
+    return float(text_to_path.get_text_width_height_descent(line, FontProperties(size=size), ismath=False)[0])

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from trackbench.api import run as api_run
-
 
 @pytest.fixture
 def pages() -> None:
@@ -15,4 +13,6 @@ def pages() -> None:
 @pytest.fixture(autouse=True)
 def _without_pages(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if "pages" not in request.fixturenames:
-        monkeypatch.setattr(api_run, "pages", lambda result: {})
+        monkeypatch.setattr("trackbench.report.result.result_document", lambda result: None)
+        for kind in ("html", "markdown"):
+            monkeypatch.setattr(f"trackbench.document.{kind}.to_{kind}", lambda document: "")
