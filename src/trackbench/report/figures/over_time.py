@@ -132,7 +132,8 @@ def _panels(
         for axes, (panel, own) in zip(every, drawn.items(), strict=True):
             if bands[panel]:
                 low, high = bands[panel]
-                axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35)
+                # In front of a line that goes up and down through it.
+                axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35, linewidth=0, zorder=3)
             # The best tracker on top.
             for style, time, value in reversed(own):
                 axes.plot(time, value, **style.look)
