@@ -47,7 +47,7 @@ RENAMED: dict[str, str] = {}
 RENAMED_VALUES: dict[str, dict[str, str]] = {}
 #: New path that the old commit does not have: why.
 ADDED: dict[str, str] = {
-    "*truth.motion*": "of recorded traffic: what as_recorded and as_used had",
+    "*truth.recorded_motion*": "of recorded traffic: what as_recorded and as_used had",
     "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
@@ -59,7 +59,7 @@ REMOVED: dict[str, str] = {
     "*audit.clock_drift_s": "time is counted in the simulator's steps whatever its clock",
     "*audit.repaired.own_clock": "the same",
     "*audit.repaired.velocity_from_course_and_slip": "what the simulator states and no truth uses is not judged",
-    "*truth.as_recorded*": "of recorded traffic: motion has it",
+    "*truth.as_recorded*": "of recorded traffic: recorded_motion has it",
     "*truth.as_used*": "the same",
     "*components.*.mean*": "the errors that an audit of a log estimates together tell it",
     "*components.*.exponent*": "the noise by range is in its bands",

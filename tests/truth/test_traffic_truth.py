@@ -210,9 +210,9 @@ def test_i80_comes_with_the_package() -> None:
     names = [name for truth in scenes for name in truth.ids]
     assert len(names) == len(set(names)) > 5
     figures = scenes[0].source
-    assert figures["motion"]["recorded_acceleration_mps2"] == pytest.approx(20.2, abs=0.1)
-    assert figures["motion"]["recorded_speed_error_mps"] == pytest.approx(0.052, abs=0.002)
-    assert figures["motion"]["acceleration_mps2"] < 4
+    assert figures["recorded_motion"]["recorded_acceleration_mps2"] == pytest.approx(20.2, abs=0.1)
+    assert figures["recorded_motion"]["recorded_speed_error_mps"] == pytest.approx(0.052, abs=0.002)
+    assert figures["recorded_motion"]["acceleration_mps2"] < 4
 
 
 def test_i80_as_recorded_is_refused() -> None:
@@ -226,7 +226,7 @@ def test_us101_is_smoothed_and_refused_without(recorded_traffic: Path) -> None:
     assert "m/s^2" in refusal(**options)
     (truth,) = truths(smoothing=SMOOTHING, **options)
     assert truth.recorded_noise.position_m == pytest.approx(0.099, abs=0.005)
-    assert truth.source["motion"]["acceleration_mps2"] < 3
+    assert truth.source["recorded_motion"]["acceleration_mps2"] < 3
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def _recording(truth: TruthSummary) -> Iterator[_Finding]:
     options = truth.model_extra or {}
     if truth.source != "recorded-traffic":
         return
-    motion, noise = options["motion"], options["recorded_noise"]
+    motion, noise = options["recorded_motion"], options["recorded_noise"]
     smoothed = f"smoothed over {options['smoothing']['window_s']:g} s" if options["smoothing"] else ""
     after = f"{smoothed}: {_two_digits(motion['acceleration_mps2'])} m/s²" if smoothed else ""
     at_most = f"{_two_digits(motion['recorded_acceleration_mps2'])} m/s²"

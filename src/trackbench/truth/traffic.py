@@ -241,7 +241,7 @@ def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]
         "smoothing": config.smoothing and config.smoothing.model_dump(mode="json"),
         "vehicles": traffic.vehicles,
         "rate_hz": round(1 / traffic.frames.dt, 6),
-        "motion": traffic.figures._asdict(),
+        "recorded_motion": traffic.figures._asdict(),
         "recorded_noise": traffic.error._asdict(),
     }
 
