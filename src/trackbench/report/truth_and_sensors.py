@@ -75,14 +75,15 @@ def _velocity(audits: Audits) -> Iterator[_Finding]:
     before, repaired = audit.velocity_error_before, audit.repaired
     left = [item.velocity_error_after.max_mps for item in audits.values()]
     most = max((error for error in left if error is not None), default=None)
-    if not before.max_mps or audit.velocity_error_after.max_mps is None or most is None:
+    off = before.max_mps or 0.0
+    if off < _NEGLIGIBLE or audit.velocity_error_after.max_mps is None or most is None:
         return
     names = repaired.velocity_from_displacement
     how = f"from displacement for {joined_names(names)}" if names else ""
     remaining = f"less than {_NEGLIGIBLE:g}" if most < _NEGLIGIBLE else f"at most {_two_digits(most)}"
     done = f"computed {how}: {remaining} m/s left" if how else ""
     place = _place(before.object, before.time_s, scene)
-    yield "stated velocity", f"off by {_two_digits(before.max_mps)} m/s", place, done
+    yield "stated velocity", f"off by {_two_digits(off)} m/s", place, done
 
 
 def _jumps(audits: Audits) -> Iterator[_Finding]:

@@ -123,7 +123,9 @@ def equations(tracker: TrackerUnderTest) -> PartResult:
     if findings and all(finding.fault in HARMLESS and finding.confidence < PROVEN for finding in findings):
         harm = tracker.once(harmless)
         if harm is not None:
-            return PartResult().add("equations", True, f"no harm: {harm}; {findings[0].evidence}")
+            return PartResult().add(
+                "equations", True, f"not by what is stated, and no harm: {harm}; {findings[0].evidence}"
+            )
     text = findings[0].evidence if findings else f"they hold at {answers.targets} targets"
     return PartResult().add("equations", not findings, text, *findings)
 
