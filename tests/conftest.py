@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 import os
 import re
 import signal
@@ -27,6 +28,7 @@ from tests.support.udacity import data_folder
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
+from trackbench.cli import terminal
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.results import Result
 from trackbench.runner.run import run_scenario
@@ -320,6 +322,8 @@ class Outcome:
 def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
     """Runs ``trackbench`` with arguments in the test's folder, in this process."""
     monkeypatch.chdir(tmp_path)
+    # On a slow machine, too, what is printed says nothing of progress.
+    monkeypatch.setattr(terminal, "LINES_EVERY_S", math.inf)
 
     def call(*arguments: str | Path) -> Outcome:
         capfd.readouterr()
