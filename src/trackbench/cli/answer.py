@@ -18,7 +18,8 @@ def redirect_prints() -> None:
     global _kept
     if sys.stdout is not None:
         # A character that the encoding lacks is a question mark, and no reason to lose the rest.
-        _kept = open(os.dup(1), "w", encoding=sys.stdout.encoding, errors="replace")  # noqa: SIM115 (as the process)
+        encoding = sys.stdout.encoding
+        _kept = open(os.dup(1), "w", encoding=encoding, errors="replace")  # noqa: SIM115 (as long as the process)
         os.dup2(2, 1)
 
 

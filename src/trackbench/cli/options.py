@@ -175,7 +175,7 @@ class RunOptions(NamedTuple):
     add: Callable[[Callable[..., Any]], Callable[..., Any]]
     """Decorates the command with Click options."""
     follow: Callable[[Sequence[Scenario], OptionValues], AbstractContextManager[Listener | None]]
-    """What follows the run, None without such an option; an InputError where the options do not fit the scenarios."""
+    """Gives a listener to the run, or None without such an option; refuses options that do not fit the scenarios."""
 
 
 def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:

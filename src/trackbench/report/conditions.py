@@ -10,15 +10,16 @@ from trackbench.report.numbers import NOT_AVAILABLE, decimals, rounded
 from trackbench.report.tables import innovation_columns, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.results import Result, TrackerResult
 
-_TITLES = {"manoeuvre: ": "Position RMSE by manoeuvre, m", "range: ": "Position RMSE by range, m"}
+_TITLES = {"manoeuvre": "Position RMSE by manoeuvre, m", "range": "Position RMSE by range, m"}
 
 
 def condition_tables(result: Result) -> Iterator[Table]:
     """Yield the position RMSE of each tracker by manoeuvre and by range band; nothing where no result has it."""
     trackers = [tracker for tracker in result.scored if tracker.conditions]
     for way, caption in _TITLES.items():
+        start = f"{way}: "
         by_tracker = [
-            {name.removeprefix(way): own.metrics for name, own in tracker.conditions.items() if name.startswith(way)}
+            {name[len(start) :]: own.metrics for name, own in tracker.conditions.items() if name.startswith(start)}
             for tracker in trackers
         ]
         longest_first = sorted(by_tracker, key=lambda own: -len(own))
@@ -33,7 +34,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
             for name, own in values.items()
         ]
         if columns:
-            yield tracker_table(f"position-rmse-by-{way[:-2]}", trackers, columns, caption)
+            yield tracker_table(f"position-rmse-by-{way}", trackers, columns, caption)
 
 
 def consistency_table(result: Result) -> Table:

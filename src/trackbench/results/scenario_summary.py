@@ -73,7 +73,7 @@ class TruthAudit(ResultModel):
     mode: Literal["repair", "refuse", "by construction"]
     verdict: Literal["consistent", "repaired", "exact"]
     velocity_error_before: VelocityMismatch
-    """Of the velocity of the source."""
+    """Mismatch of the velocity that the source states with the displacement."""
     velocity_error_after: VelocityMismatch
     jumps: list[PositionJump]
     velocity_jumps: VelocityJumps

@@ -61,8 +61,8 @@ class ConditionScores(ResultModel):
     """Number of errors of an estimate that the tracker gave."""
     runs: int
     metrics: Metrics = Field(default_factory=MetricsByPath)
-    """By path: errors, the NEES and its parts along and across the motion, and the shares beyond points of chi-square
-    where there are enough estimates."""
+    """Errors, the NEES and its parts along and across the motion, and shares of the NEES beyond points of chi-square
+    where there are enough estimates; by path."""
 
 
 class FiledRows(ResultModel):

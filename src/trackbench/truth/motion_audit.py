@@ -29,7 +29,7 @@ SMOOTHER = "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
 
 
 class MotionFigures(NamedTuple):
-    """What a recording implies of its vehicles' motion."""
+    """Accelerations, speed errors and jumps that the positions and speeds of a recording imply."""
 
     recorded_acceleration_mps2: float
     """Largest change of the speed that the file states, over a step."""

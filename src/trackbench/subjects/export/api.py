@@ -11,7 +11,7 @@ import pyarrow as pa
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Progress, no_progress
-from trackbench.results import json_text, require_replaceable, require_writable, write_bytes
+from trackbench.results import json_text, require_replaceable, require_writable, write_file
 from trackbench.results.folder import save_files
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
@@ -115,7 +115,7 @@ def export(
 
 def _writer(manifest: Callable[[ScanSource], dict[str, Any]], source: ScanSource) -> Callable[[Path], object]:
     """Return what writes a manifest, which has the fingerprints of the runs that were written before."""
-    return lambda path: write_bytes(path, json_text(manifest(source)).encode())
+    return lambda path: write_file(json_text(manifest(source)), path)
 
 
 def _require_apart(folders: list[Path]) -> None:

@@ -43,7 +43,7 @@ class HeldAfter(NamedTuple):
     estimate: Estimate | None
     """Estimate at the last scan."""
     assigned: Sequence[Assigned]
-    """What the lines of the first step assign, where they are traced."""
+    """Assignments by the lines of the first step, where it is traced."""
 
 
 @dataclass(frozen=True, eq=False)
