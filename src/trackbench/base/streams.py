@@ -12,9 +12,12 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numpy.random.bit_generator import ISeedSequence
 
 from trackbench.base.types import Array
+
+_Words = npt.NDArray[np.uint32]
 
 
 def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Generator:
@@ -25,19 +28,54 @@ def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Genera
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 
-class _Digest(ISeedSequence):
-    """State of a generator from a digest, whose bits need no more mixing."""
+def streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
+    """The generators that ``stream`` makes for some runs, in a fifth of the time; their numbers are of equal length."""
+    numbers = np.array([*map(_words, runs)]).T
+    entropy = np.broadcast_arrays(*_words(seed), *_key(scenario), *numbers, *_key(purpose))
+    states = _mixed(np.array(entropy, dtype=np.uint32))
+    return [np.random.Generator(np.random.PCG64(_State(state.tobytes()))) for state in states]  # type: ignore[arg-type]
 
-    def __init__(self, *purpose: int | str) -> None:
-        self._bytes = hashlib.sha256(repr(purpose).encode()).digest()
+
+def fast_streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
+    """The generators of some runs for one purpose, which draw faster than those of ``streams``."""
+    keys = (hashlib.sha256(repr((seed, scenario, run, purpose)).encode()) for run in runs)
+    return [np.random.Generator(np.random.SFC64(_State(key.digest()))) for key in keys]  # type: ignore[arg-type]
+
+
+class _State(ISeedSequence):
+    """State of a generator whose bits need no more mixing."""
+
+    def __init__(self, state: bytes) -> None:
+        self._state = state
 
     def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Any:
-        return np.frombuffer(self._bytes, dtype, n_words)
+        return np.frombuffer(self._state, dtype, n_words)
 
 
-def fast_stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Generator:
-    """The generator of one run for one purpose, made in a quarter of the time of ``stream``; it draws faster, too."""
-    return np.random.Generator(np.random.SFC64(_Digest(seed, scenario, run, purpose)))  # type: ignore[arg-type]
+def _mixed(entropy: _Words) -> _Words:
+    """``(runs, 8)`` what ``np.random.SeedSequence`` makes of ``(words, runs)``, at least four words of each run.
+
+    Source: O'Neill (2015), "Developing a seed_seq alternative", seed_seq_fe with a pool of four words.
+    """
+    constants = _powers(0x43B0D7E5, 0x931E8875, 4 * len(entropy))
+    pool, first = _hashed(entropy[:4], constants[:5]), 4
+    for number, word in enumerate(entropy):
+        others = np.delete(np.arange(4), number if number < 4 else [])
+        hashed = _hashed(pool[number] if number < 4 else word, constants[first : first + len(others) + 1])
+        mixed = 0xCA01F9DD * pool[others] - 0x4973F715 * hashed
+        pool[others] = mixed ^ mixed >> 16
+        first += len(others)
+    return np.ascontiguousarray(_hashed(np.tile(pool, (2, 1)), _powers(0x8B51F9DD, 0x58F38DED, 8)).T)
+
+
+def _hashed(words: _Words, constants: _Words) -> _Words:
+    words = (words ^ constants[:-1, None]) * constants[1:, None]
+    return words ^ (words >> np.uint32(16))
+
+
+def _powers(first: int, factor: int, count: int) -> _Words:
+    """``(count + 1,)`` a number times the powers of another from the zeroth on, modulo 2^32."""
+    return np.array([first * pow(factor, power, 2**32) % 2**32 for power in range(count + 1)], dtype=np.uint32)
 
 
 @lru_cache(maxsize=1024)
@@ -54,13 +92,17 @@ def _words(number: int) -> tuple[int, ...]:
 class RunStreams:
     """The generators of some runs for one purpose; what is drawn has a last axis of runs, which lie one by one."""
 
-    def __init__(self, make: Callable[[int], np.random.Generator], runs: range) -> None:
-        self._make, self._runs = make, runs
+    def __init__(self, make: Callable[[], list[np.random.Generator]]) -> None:
+        self._make = make
 
     @cached_property
     def each(self) -> list[np.random.Generator]:
         """One generator for each run, made when something is drawn."""
-        return [*map(self._make, self._runs)]
+        return self._make()
+
+    def part(self, some: slice) -> RunStreams:
+        """Those of some of the runs."""
+        return RunStreams(lambda: self.each[some])
 
     def standard_normal(self, shape: int | tuple[int, ...] = ()) -> Array:
         """``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.streams import RunStreams, fast_stream, stream
+from trackbench.base.streams import RunStreams, fast_streams, stream, streams
 from trackbench.base.types import (
     Array,
     Indices,
@@ -245,14 +245,14 @@ def sensor_measurements(
     """The measurements of some runs, a few runs at a time."""
     most = AT_A_TIME if sensor.bodies is None else AT_A_TIME_WITH_EFFECTS
     size = max(1, most // max(1, sensor.measurement[0, :, :, 0].size))
-    for first in range(runs.start, runs.stop, size):
-        part = range(first, min(first + size, runs.stop))
-        yield part, _measured(sensor, seed, scenario, part)
+    random = RunStreams(partial(streams, seed, scenario, runs, sensor.name))
+    for first in range(0, len(runs), size):
+        part = slice(first, first + size)
+        yield runs[part], _measured(sensor, seed, scenario, runs[part], random.part(part))
 
 
-def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> ObjectMeasurements:
+def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range, random: RunStreams) -> ObjectMeasurements:
     ideal, visible = of_runs(sensor.measurement, runs), of_runs(sensor.visible, runs)
-    random = RunStreams(partial(stream, seed, scenario, purpose=sensor.name), runs)
     draws, chance = random.standard_normal(ideal.shape[:-1]), random.random(visible.shape[:-1])
     sensed = None
     if sensor.bodies is None:
@@ -298,7 +298,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
 
 def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, runs: range) -> RunStreams:
     """What an effect, the ``place``-th of the sensor, draws from: for each of its methods from the start."""
-    return RunStreams(partial(fast_stream, seed, scenario, purpose=f"effect {place} of {sensor.name}"), runs)
+    return RunStreams(partial(fast_streams, seed, scenario, runs, f"effect {place} of {sensor.name}"))
 
 
 def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:
