@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from numpy.random.bit_generator import ISeedSequence
 from trackbench.base.types import Array
 
 _Words = npt.NDArray[np.uint32]
+#: So many generators are made one by one in less time than together.
+FEW = 12
 
 
 def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Generator:
@@ -30,52 +32,51 @@ def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Genera
 
 def streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
     """The generators that ``stream`` makes for some runs, in a fifth of the time; their numbers are of equal length."""
+    if len(runs) <= FEW:
+        return [stream(seed, scenario, run, purpose) for run in runs]
     numbers = np.array([*map(_words, runs)]).T
     entropy = np.broadcast_arrays(*_words(seed), *_key(scenario), *numbers, *_key(purpose))
     states = _mixed(np.array(entropy, dtype=np.uint32))
-    return [np.random.Generator(np.random.PCG64(_State(state.tobytes()))) for state in states]  # type: ignore[arg-type]
+    return [np.random.Generator(np.random.PCG64(_State(state))) for state in states]  # type: ignore[arg-type]
 
 
 def fast_streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
     """The generators of some runs for one purpose, which draw faster than those of ``streams``."""
-    keys = (hashlib.sha256(repr((seed, scenario, run, purpose)).encode()) for run in runs)
-    return [np.random.Generator(np.random.SFC64(_State(key.digest()))) for key in keys]  # type: ignore[arg-type]
+    digests = (hashlib.sha256(repr((seed, scenario, run, purpose)).encode()).digest() for run in runs)
+    states = (np.frombuffer(digest, np.uint64) for digest in digests)
+    return [np.random.Generator(np.random.SFC64(_State(state))) for state in states]  # type: ignore[arg-type]
 
 
 class _State(ISeedSequence):
-    """State of a generator whose bits need no more mixing."""
+    """State of a generator, in words of 64 bits that need no more mixing."""
 
-    def __init__(self, state: bytes) -> None:
-        self._state = state
+    def __init__(self, words: npt.NDArray[np.uint64]) -> None:
+        self._words = words
 
-    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Any:
-        return np.frombuffer(self._state, dtype, n_words)
+    def generate_state(self, n_words: int, dtype: Any = np.uint64) -> Any:
+        return self._words[:n_words]
 
 
-def _mixed(entropy: _Words) -> _Words:
-    """``(runs, 8)`` what ``np.random.SeedSequence`` makes of ``(words, runs)``, at least four words of each run.
+def _mixed(entropy: _Words) -> npt.NDArray[np.uint64]:
+    """``(runs, 4)`` what ``np.random.SeedSequence`` makes of ``(words, runs)``, at least four words of each run.
 
     Source: O'Neill (2015), "Developing a seed_seq alternative", seed_seq_fe with a pool of four words.
     """
-    constants = _powers(0x43B0D7E5, 0x931E8875, 4 * len(entropy))
-    pool, first = _hashed(entropy[:4], constants[:5]), 4
+    powers = np.arange(4 * len(entropy) + 1, dtype=np.uint32)
+    constants = 0x43B0D7E5 * 0x931E8875**powers
+    pool, used = _hashed(entropy[:4], constants[:5]), 4
     for number, word in enumerate(entropy):
-        others = np.delete(np.arange(4), number if number < 4 else [])
-        hashed = _hashed(pool[number] if number < 4 else word, constants[first : first + len(others) + 1])
+        others = [place for place in range(4) if place != number]
+        hashed = _hashed(pool[number] if number < 4 else word, constants[used : used + len(others) + 1])
         mixed = 0xCA01F9DD * pool[others] - 0x4973F715 * hashed
-        pool[others] = mixed ^ mixed >> 16
-        first += len(others)
-    return np.ascontiguousarray(_hashed(np.tile(pool, (2, 1)), _powers(0x8B51F9DD, 0x58F38DED, 8)).T)
+        pool[others] = mixed ^ (mixed >> 16)
+        used += len(others)
+    return _hashed(np.tile(pool, (2, 1)), 0x8B51F9DD * 0x58F38DED ** powers[:9]).T.copy().view(np.uint64)
 
 
 def _hashed(words: _Words, constants: _Words) -> _Words:
     words = (words ^ constants[:-1, None]) * constants[1:, None]
     return words ^ (words >> np.uint32(16))
-
-
-def _powers(first: int, factor: int, count: int) -> _Words:
-    """``(count + 1,)`` a number times the powers of another from the zeroth on, modulo 2^32."""
-    return np.array([first * pow(factor, power, 2**32) % 2**32 for power in range(count + 1)], dtype=np.uint32)
 
 
 @lru_cache(maxsize=1024)
@@ -92,25 +93,13 @@ def _words(number: int) -> tuple[int, ...]:
 class RunStreams:
     """The generators of some runs for one purpose; what is drawn has a last axis of runs, which lie one by one."""
 
-    def __init__(self, make: Callable[[], list[np.random.Generator]]) -> None:
-        self._make = make
-
-    @cached_property
-    def each(self) -> list[np.random.Generator]:
-        """One generator for each run, made when something is drawn."""
-        return self._make()
-
-    def part(self, some: slice) -> RunStreams:
-        """Those of some of the runs."""
-        return RunStreams(lambda: self.each[some])
+    def __init__(self, each: Sequence[np.random.Generator]) -> None:
+        self.each = each
+        """One generator for each run."""
 
     def standard_normal(self, shape: int | tuple[int, ...] = ()) -> Array:
         """``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""
         return self._drawn(np.random.Generator.standard_normal, shape)
-
-    def standard_exponential(self, shape: int | tuple[int, ...] = ()) -> Array:
-        """``(*shape, runs)`` from an exponential distribution of mean 1."""
-        return self._drawn(np.random.Generator.standard_exponential, shape)
 
     def random(self, shape: int | tuple[int, ...] = ()) -> Array:
         """``(*shape, runs)`` uniform from 0 to 1."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -121,11 +120,18 @@ def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: 
     scans: list[Scan] = []
     hashes = [hashlib.sha256() for _ in runs]
     for place, sensor in enumerate(sensors):
-        measurement, valid = _stacked(sensor, seed, scenario, runs, hashes)
-        size, batch = len(sensor.noise_covariance), valid.shape[1] * valid.shape[2]
+        size, instants, objects = sensor.measurement.shape[:3]
+        measurement = np.empty((instants, size, objects, len(runs)))
+        valid = np.empty((instants, objects, len(runs)), dtype=bool)
+        keys = stream(0, "", 0, "fingerprints").integers(2**64, size=2 * size * instants * objects, dtype=np.uint64)
+        for part, (noisy, detected, _) in sensor_measurements(sensor, seed, scenario, runs):
+            some = slice(part.start - runs.start, part.stop - runs.start)
+            measurement[..., some], valid[..., some] = np.swapaxes(noisy, 0, 1), detected
+            for run, total in zip(hashes[some], hashed(np.moveaxis(noisy, -1, 0), keys), strict=True):
+                run.update(total)
         make_read_only(measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity)
         scans += [
-            scan_at(sensor, k, place, arrival, measurement[k].reshape(size, batch), valid[k].reshape(batch))
+            scan_at(sensor, k, place, arrival, measurement[k].reshape(size, -1), valid[k].reshape(-1))
             for k, arrival in enumerate(arrivals(sensor, seed, scenario))
         ]
     # Stable: sensors that fire together stay in the scenario's order.
@@ -234,25 +240,22 @@ class ObjectMeasurements(NamedTuple):
 
 
 #: Measurements of a component that are made at a time: as many as the cache of a processor holds.
-AT_A_TIME = 2**16
-#: The same with effects, whose processes go from instant to instant for all of them at once.
-AT_A_TIME_WITH_EFFECTS = 2**18
+AT_A_TIME = 2**18
 
 
 def sensor_measurements(
     sensor: IdealSensor, seed: int, scenario: str, runs: range
 ) -> Iterator[tuple[range, ObjectMeasurements]]:
     """The measurements of some runs, a few runs at a time."""
-    most = AT_A_TIME if sensor.bodies is None else AT_A_TIME_WITH_EFFECTS
-    size = max(1, most // max(1, sensor.measurement[0, :, :, 0].size))
-    random = RunStreams(partial(streams, seed, scenario, runs, sensor.name))
+    size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(0, len(runs), size):
-        part = slice(first, first + size)
-        yield runs[part], _measured(sensor, seed, scenario, runs[part], random.part(part))
+        part = runs[first : first + size]
+        yield part, _measured(sensor, seed, scenario, part)
 
 
-def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range, random: RunStreams) -> ObjectMeasurements:
+def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> ObjectMeasurements:
     ideal, visible = of_runs(sensor.measurement, runs), of_runs(sensor.visible, runs)
+    random = RunStreams(streams(seed, scenario, runs, sensor.name))
     draws, chance = random.standard_normal(ideal.shape[:-1]), random.random(visible.shape[:-1])
     sensed = None
     if sensor.bodies is None:
@@ -298,7 +301,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
 
 def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, runs: range) -> RunStreams:
     """What an effect, the ``place``-th of the sensor, draws from: for each of its methods from the start."""
-    return RunStreams(partial(fast_streams, seed, scenario, runs, f"effect {place} of {sensor.name}"))
+    return RunStreams(fast_streams(seed, scenario, runs, f"effect {place} of {sensor.name}"))
 
 
 def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:
@@ -322,23 +325,6 @@ def as_given(config: Sensor, measurement: Array) -> Array:
     for effect in config.effects:
         measurement = answers.after(effect, measurement, config)
     return measurement
-
-
-def _stacked(
-    sensor: IdealSensor, seed: int, scenario: str, runs: range, hashes: Sequence[hashlib._Hash]
-) -> tuple[Array, Mask]:
-    """Measurements ``(instants, m, objects, runs)``, NaN where not detected, and where they are."""
-    size, instants, objects = sensor.measurement.shape[:3]
-    measurements = np.empty((instants, size, objects, len(runs)))
-    valid = np.empty((instants, objects, len(runs)), dtype=bool)
-    keys = stream(0, "", 0, "fingerprints").integers(2**64, size=2 * size * instants * objects, dtype=np.uint64)
-    for part, (noisy, detected, _) in sensor_measurements(sensor, seed, scenario, runs):
-        place = slice(part.start - runs.start, part.stop - runs.start)
-        measurements[..., place] = np.swapaxes(noisy, 0, 1)
-        valid[..., place] = detected
-        for hash, total in zip(hashes[place], hashed(np.moveaxis(noisy, -1, 0), keys), strict=True):
-            hash.update(total)
-    return measurements, valid
 
 
 def hashed(values: Array, keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
