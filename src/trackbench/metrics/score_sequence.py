@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.engine.kernels import Kernels
-from trackbench.engine.layout import Input
 from trackbench.engine.sequences import ArrayPlace, CallSequence, place, total_of_vectors
 from trackbench.engine.vector_code import WIDTH
 from trackbench.metrics.consistency import BEYOND
@@ -19,15 +17,14 @@ class ScoreSequence:
     """Scores at successive instants.
 
     Args:
-        kernels: of this process.
         target: what the estimates are held against.
         classes: ``(instants, objects)`` number of the class of each object.
         count: how many classes there are.
         here: which instants.
     """
 
-    def __init__(self, kernels: Kernels, target: Target, classes: Indices, count: int, here: slice) -> None:
-        self._kernels, self._target, self.here = kernels, target, here
+    def __init__(self, target: Target, classes: Indices, count: int, here: slice) -> None:
+        self._target, self.here = target, here
         instants, objects, runs = here.stop - here.start, *target.due.shape[1:]
         self._shape = instants, objects, runs
         self._classes = classes[here]
@@ -39,35 +36,23 @@ class ScoreSequence:
 
     def add(self, sequence: CallSequence, at: Indices, mean: ArrayPlace, covariance: ArrayPlace) -> bool:
         """Add the calls ``(instants,)`` that score estimates to a sequence; whether there is a kernel for them."""
-        state, reference = self._target.state, self._target.reference
-        inputs = (
-            Input("mean", (4,), 1, "d"),
-            Input("covariance", (4, 4), 1, "d"),
-            Input("truth", (4,), 1, "d", shared=state.shape[-1] == 1),
-            Input("reference", (2,), 1, "d", shared=reference.shape[-1] == 1),
-            Input("due", (), 1, "?"),
-        )
-        kernel = self._kernels.kernel(SCORES, inputs)
-        if kernel is None:
-            return False
         instants, runs = np.arange(self.here.start, self.here.stop), self._shape[2]
         own, rows = np.arange(len(instants)), self.by_class
-        inputs_at = {
+        inputs = {
             "mean": mean,
             "covariance": covariance,
-            "truth": place(state, 1, instants),
-            "reference": place(reference, 1, instants),
+            "truth": place(self._target.state, 1, instants),
+            "reference": place(self._target.reference, 1, instants),
             "due": place(self._target.due, 0, instants),
         }
-        outputs_at = {
+        outputs = {
             "per_step": place(self._per_step[..., None], 1, own)._replace(group=0),
             "by_class": ArrayPlace(rows.ctypes.data + self._classes.T * (8 * runs), rows.strides[0] // 8),
             "squares": place(self._squares, 1, own),
             "definite": place(self._definite, 0, own),
             "bounded": place(self._bounded, 0, own),
         }
-        sequence.call(kernel, at, inputs_at, outputs_at)
-        return True
+        return sequence.compute(SCORES, at, inputs, outputs)
 
     @property
     def sound(self) -> bool:

@@ -170,10 +170,8 @@ class Scorer:
         """What scores some instants, the next ones, by a sequence of calls."""
         from trackbench.metrics.score_sequence import ScoreSequence
 
-        kernels = self.kernels
-        assert kernels is not None
         classes, count = self._sums[ESTIMATES.name].classes
-        return ScoreSequence(kernels, self._target, classes[..., 0], count, here)
+        return ScoreSequence(self._target, classes[..., 0], count, here)
 
     def innovations(self, sensor: str) -> Innovations:
         """What sums the innovations of a sensor."""

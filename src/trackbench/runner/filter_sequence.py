@@ -262,7 +262,7 @@ class FilterSequence:
             each = [place(slot.array, axes, np.array([slot.number])) for slot in slots]
             assert len({(item.stride, item.group) for item in each}) == 1
             addresses = np.concatenate([item.address for item in each])
-            result.append(ArrayPlace(addresses, each[0].stride, each[0].group))
+            result.append(each[0]._replace(address=addresses))
         return result[0], result[1]
 
     def repairs(self) -> Array:

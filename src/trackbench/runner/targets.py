@@ -12,7 +12,7 @@ from trackbench.driving.drive import deliveries
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST, Classes, condition_classes, out_of_view
-from trackbench.metrics.reference import BoundStart, conditional_bound
+from trackbench.metrics.reference import BoundStart, ConditionalBound
 from trackbench.metrics.silence import measured_positions
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.work import BlockRuns, Work
@@ -141,16 +141,17 @@ class Targets:
             # The bound is of the point that is measured.
             return np.zeros((2, len(self._time), 1, 1))
         steps, number = np.unique(scene.instants(), return_inverse=True)
-        bound = conditional_bound(
-            scene.truth,
-            {name: each for name, each in scene.information.items() if name in sensors},
-            self._valid,
-            self._motion.acceleration,
-            start,
-            steps,
-            np.arange(len(scene.truth.time)) if self._motion.as_drawn else None,
-            compute_by(work.engine_here),
-        )
+        case = sensors, start
+        if case not in scene.bounds:
+            scene.bounds[case] = ConditionalBound(
+                scene.truth,
+                {name: each for name, each in scene.information.items() if name in sensors},
+                self._motion.acceleration,
+                start,
+                steps,
+                np.arange(len(scene.truth.time)) if self._motion.as_drawn else None,
+            )
+        bound = scene.bounds[case].of_runs(self._valid, compute_by(work.engine_here))
         return bound if np.array_equal(number, np.arange(len(steps))) else bound[:, number]
 
 
