@@ -86,7 +86,9 @@ class InnovationSequence:
     """
 
     def __init__(self, white: Array, used: Mask, shape: tuple[int, int], count: int) -> None:
-        self._white, self._used = np.empty((len(white), 3, *shape)), np.empty((3, *shape), dtype=bool)
+        # All components of a measurement lie one behind the other.
+        self._white = np.empty((3, len(white), *shape)).swapaxes(0, 1)
+        self._used = np.empty((3, *shape), dtype=bool)
         self._white[:, 0], self._used[0] = white.reshape(-1, *shape), used.reshape(shape)
         # Two slots in turn, behind that of the measurement before.
         self._own = 1 + np.arange(count) % 2
