@@ -193,7 +193,7 @@ class Scorer:
         here = scores.here
         due = self._due[here]
         squares = SquaredErrors(here, scores.squares, due, np.broadcast_to(given, due.shape), self._runs, *spent)
-        repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
+        repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0) if repaired.any() else 0.0
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
                 self._sums[name].add_sequence(scores, squares, repairs)

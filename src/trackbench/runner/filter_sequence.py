@@ -140,6 +140,7 @@ class FilterSequence:
         """The calls that are left for their scores."""
         self.cartesian: list[tuple[Slot, Slot]] = []
         """Where the mean and the covariance of px, py, vx, vy after each step lie, once the calls are added."""
+        self._addresses, self._strides = np.zeros((2, len(steps)), dtype=np.int64), set[tuple[int, int]]()
         self._alive: list[Any] = []
         """Arrays whose places the calls have."""
 
@@ -239,7 +240,11 @@ class FilterSequence:
 
     def _note(self, numbers: Indices, arrays: tuple[Array, Array], slots: Indices) -> None:
         """Note where the estimates of some steps lie."""
-        for number, slot in zip(numbers, slots % arrays[0].shape[-3], strict=True):
+        slots = slots % arrays[0].shape[-3]
+        self._places = place(arrays[0], 1, slots), place(arrays[1], 2, slots)
+        self._addresses[:, numbers] = [each.address for each in self._places]
+        self._strides |= {(each.stride, each.group) for each in self._places}
+        for number, slot in zip(numbers, slots, strict=True):
             self.cartesian[number] = Slot(arrays[0], slot), Slot(arrays[1], slot)
 
     def innovation_calls(self, numbers: Sequence[int]) -> tuple[Indices, ArrayPlace]:
@@ -255,20 +260,18 @@ class FilterSequence:
 
     def _of_all(self, arrays: Sequence[Any], axes: int) -> ArrayPlace:
         """The place of arrays that are the same for all members, one for each call."""
-        array = np.stack(arrays, axis=-1)
+        array = np.moveaxis(np.array(arrays, dtype=float), 0, -1)
         self._alive.append(array)
         return place(array, axes, np.arange(len(arrays)))
 
     def places(self, numbers: Indices) -> tuple[ArrayPlace, ArrayPlace]:
         """Where the mean and the covariance of px, py, vx, vy after some steps lie."""
-        result = []
-        for axes in (1, 2):
-            slots = [self.cartesian[number][axes - 1] for number in numbers]
-            each = [place(slot.array, axes, np.array([slot.number])) for slot in slots]
-            assert len({(item.stride, item.group) for item in each}) == 1
-            addresses = np.concatenate([item.address for item in each])
-            result.append(each[0]._replace(address=addresses))
-        return result[0], result[1]
+        assert len(self._strides) == 1
+        mean, covariance = (
+            each._replace(address=addresses[numbers])
+            for each, addresses in zip(self._places, self._addresses, strict=True)
+        )
+        return mean, covariance
 
     def repairs(self) -> Array:
         """``(instants, batch)`` number of repaired covariances."""

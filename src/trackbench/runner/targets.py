@@ -112,7 +112,7 @@ class Targets:
             """Whether one of the first so many scans of a sensor, by instant, detected an object that was lost."""
             detected = np.zeros((len(self._time), *shape), dtype=bool)
             for name in self._placing:
-                detected |= latest[name][numbers[name]] > before[name]
+                detected |= latest[name][numbers[name]] > before[name].astype(latest[name].dtype)
             return detected
 
         seen_for = {age: since(self._arrived(self._time - age)) for age in {self._work.settle, FIRST} - {0.0}}
@@ -160,8 +160,9 @@ def _latest(valid: Mask) -> Indices:
     1; 0: none did."""
     kind = np.min_scalar_type(-len(valid) - 1)
     latest = np.zeros((len(valid) + 1, *valid.shape[1:]), dtype=kind)
-    np.multiply(valid, np.arange(1, len(valid) + 1, dtype=kind)[:, None, None], out=latest[1:])
-    return np.maximum.accumulate(latest, axis=0, out=latest)
+    for number, detected in enumerate(valid, 1):
+        np.maximum(latest[number - 1], detected * kind.type(number), out=latest[number])
+    return latest
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:
