@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.engine.layout import ADDED, SUMMED
 from trackbench.metrics.consistency import point95
 from trackbench.metrics.sums import NIS, NIS_FIELDS, OVERFLOW, NisScores, added
-
-if TYPE_CHECKING:
-    from trackbench.metrics.score_sequence import InnovationSequence
 
 #: How many measurements are summed at a time.
 CHUNK = 32
@@ -106,17 +103,18 @@ class Innovations:
         """Whether an innovation was taken in, so that their size is known."""
         return self._dof > 0
 
-    def sequence(self, count: int) -> InnovationSequence:
-        """Return what sums the innovations of the next measurements by a sequence of calls."""
-        from trackbench.metrics.score_sequence import InnovationSequence
-
+    def latest(self) -> tuple[Array, Mask]:
+        """Return the whitened innovations ``(m, batch)`` of the latest measurement, and which of them count."""
         self.flush()
-        return InnovationSequence(self._white[0], self._used[0], self._shape, count)
+        return self._white[0], self._used[0]
 
-    def take_sequence(self, sums: InnovationSequence) -> None:
-        """Take in what a sequence has summed."""
-        self._add_sums(sums.per_step, sums.per_run)
-        self._white[0], self._used[0] = sums.latest
+    def take_sums(self, per_step: Array, per_run: Array, white: Array, used: Mask) -> None:
+        """Take in the sums of the next measurements, and what is ``latest`` after them."""
+        count = per_step.shape[1]
+        self._per_step[:, self._measurement : self._measurement + count] = per_step
+        self._per_run += per_run
+        self._measurement += count
+        self._white[0], self._used[0] = white, used
 
     def flush(self) -> None:
         """Sum what waits."""
@@ -131,15 +129,9 @@ class Innovations:
             "due": self._due[here],
         }
         values = self._compute(INNOVATION, inputs)["rows"]
-        self._add_sums(values.sum(axis=-1), values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1))
-        self._white[0], self._used[0] = self._white[self._waiting], self._used[self._waiting]
+        per_run = values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1)
+        self.take_sums(values.sum(axis=-1), per_run, self._white[self._waiting], self._used[self._waiting])
         self._waiting = 0
-
-    def _add_sums(self, per_step: Array, per_run: Array) -> None:
-        count = per_step.shape[1]
-        self._per_step[:, self._measurement : self._measurement + count] = per_step
-        self._per_run += per_run
-        self._measurement += count
 
     def scores(self, stretches: int = 0) -> NisScores:
         """Return the sums of everything taken in; ``stretches``: the number of parts of a single run, else 0."""

@@ -99,13 +99,8 @@ class InnovationSequence:
     def add(self, sequence: CallSequence, at: Indices, valid: ArrayPlace, due: ArrayPlace) -> bool:
         """Add the calls ``(count,)`` that sum innovations to a sequence; whether there is a kernel for them."""
         number, before = np.arange(len(at)), np.concatenate([[0], self._own[:-1]])
-        inputs = {
-            "white": self.white,
-            "valid": valid,
-            "white_before": place(self._white, 1, before),
-            "used_before": place(self._used, 0, before),
-            "due": due,
-        }
+        inputs = {"white": self.white, "valid": valid, "due": due}
+        inputs |= {"white_before": place(self._white, 1, before), "used_before": place(self._used, 0, before)}
         outputs = {
             "per_step": place(self._per_step[..., None], 1, number)._replace(group=0),
             "per_run": place(self.per_run[:, None, None], 1, 0 * number),

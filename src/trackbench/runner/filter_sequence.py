@@ -140,7 +140,7 @@ class FilterSequence:
         """The calls that are left for their scores."""
         self.cartesian: list[tuple[Slot, Slot]] = []
         """Where the mean and the covariance of px, py, vx, vy after each step lie, once the calls are added."""
-        self._addresses, self._strides = np.zeros((2, len(steps)), dtype=np.int64), set[tuple[int, int]]()
+        self._addresses, self._strides = np.zeros((2, len(steps)), dtype=np.int64), set[tuple[int, int, int]]()
         self._alive: list[Any] = []
         """Arrays whose places the calls have."""
 
@@ -243,7 +243,7 @@ class FilterSequence:
         slots = slots % arrays[0].shape[-3]
         self._places = place(arrays[0], 1, slots), place(arrays[1], 2, slots)
         self._addresses[:, numbers] = [each.address for each in self._places]
-        self._strides |= {(each.stride, each.group) for each in self._places}
+        self._strides |= {(axes, each.stride, each.group) for axes, each in enumerate(self._places, 1)}
         for number, slot in zip(numbers, slots, strict=True):
             self.cartesian[number] = Slot(arrays[0], slot), Slot(arrays[1], slot)
 
@@ -266,12 +266,10 @@ class FilterSequence:
 
     def places(self, numbers: Indices) -> tuple[ArrayPlace, ArrayPlace]:
         """Where the mean and the covariance of px, py, vx, vy after some steps lie."""
-        assert len(self._strides) == 1
-        mean, covariance = (
-            each._replace(address=addresses[numbers])
-            for each, addresses in zip(self._places, self._addresses, strict=True)
-        )
-        return mean, covariance
+        assert len(self._strides) == 2
+        mean, covariance = self._places
+        addresses = self._addresses[:, numbers]
+        return mean._replace(address=addresses[0]), covariance._replace(address=addresses[1])
 
     def repairs(self) -> Array:
         """``(instants, batch)`` number of repaired covariances."""
@@ -368,7 +366,8 @@ def through(
     calls, white = CallSequence(by, objects, runs, sequence.length), np.zeros(len(steps), dtype=np.int64)
     sums: dict[str, InnovationSequence] = {}
     for sensor, numbers in rows.items():
-        sums[sensor] = scorer.innovations(sensor).sequence(len(numbers))
+        latest = scorer.innovations(sensor).latest()
+        sums[sensor] = InnovationSequence(*latest, (objects, runs), len(numbers))
         white[numbers] = sums[sensor].white.address
     possible = sequence.add(calls, white)
     possible = possible and scores.add(calls, sequence.score_calls, *sequence.places(sequence.scored))
@@ -384,8 +383,8 @@ def through(
     ):
         return None
     seconds = time.perf_counter() - begin
-    for sensor in rows:
-        scorer.innovations(sensor).take_sequence(sums[sensor])
+    for sensor, own in sums.items():
+        scorer.innovations(sensor).take_sums(own.per_step, own.per_run, *own.latest)
     nobody = np.zeros(objects * runs, dtype=bool)
     for step in steps:
         if not step.reads and not step.scan.asked:
