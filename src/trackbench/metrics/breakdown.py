@@ -60,27 +60,16 @@ def class_sums(codes: Indices, errors: Array, beyond: Array) -> ClassSums:
     columns = np.stack([0 * band, _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _JUMP + jump])
     counts = (columns[..., None] == np.arange(_COLUMNS)).any(axis=0)
     values = np.concatenate([np.tensordot(_COMBINED, errors, 1), beyond])
-    return moments(values, counts.astype(float))
+    return moments(np.einsum("kc,rkp->prc", counts.astype(float), values, optimize=True))
 
 
-def moments(values: Array, counts: Array) -> ClassSums:
-    """Return the sums under each condition and their moments.
-
-    Args:
-        values: ``(fields, classes, parts)`` sums of each class in each part.
-        counts: ``(classes, conditions)`` 1 where a class is under a condition, else 0.
-    """
-
-    def products(others: Array) -> Array:
-        # A product of two sums over classes is a sum over pairs of classes.
-        pairs = values @ others.swapaxes(1, 2)
-        return np.asarray(((counts.T @ pairs) * counts.T).sum(axis=-1))
-
+def moments(by_part: Array) -> ClassSums:
+    """Return the sums and their moments from the sums of each part ``(parts, fields, conditions)``."""
     return ClassSums(
-        total=values.sum(axis=-1) @ counts,
-        square=products(values),
-        product=products(values[_NUMBER]),
-        parts=(counts.T @ values[0] > 0).sum(axis=-1)[None].astype(float),
+        total=by_part.sum(axis=0),
+        square=(by_part**2).sum(axis=0),
+        product=(by_part * by_part[:, _NUMBER]).sum(axis=0),
+        parts=(by_part[:, :1] > 0).sum(axis=0).astype(float),
     )
 
 
@@ -97,7 +86,7 @@ def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | Non
     first = np.cumsum([0, *(runs for runs, _ in blocks)])[:-1]
     by_scene = np.zeros((scene[-1] + 1, len(ROWS), _COLUMNS))
     np.add.at(by_scene, scene[first], np.stack([item.total for _, item in blocks]))
-    return moments(np.moveaxis(by_scene, 0, -1), np.eye(_COLUMNS))
+    return moments(by_scene)
 
 
 def breakdown(scores: BlockScores) -> dict[str, ConditionScores]:
