@@ -7,10 +7,12 @@ import pytest
 from tests.support.places import SCENARIOS
 from tests.support.scenes import LIDAR_NOISE, RADAR_NOISE, fixed_observer, scan, truth
 
+from trackbench.engine.choice import compute_by
+from trackbench.engine.equations import by_numpy
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter
 from trackbench.metrics.reference import (
     BoundStart,
-    conditional_bound,
+    ConditionalBound,
     entry_velocity,
     information,
     typical_acceleration,
@@ -48,13 +50,13 @@ def moving(steps=41, dt=0.05, alive=None):
     return truth(time, px, py, vx, vy, observer=fixed_observer(steps, 1.0, 2.0, 0.3), alive=alive)
 
 
-def bound(of, sensors, prior=PRIOR, sigma=2.0, valid=None, drawn=None):
+def bound(of, sensors, prior=PRIOR, sigma=2.0, valid=None, drawn=None, compute=by_numpy):
     """Of what is visible, or valid ``(measurements, objects, runs)``."""
     ideal = ideal_sensors(of, sensors)
     given = {s.name: s.visible if valid is None else valid for s in ideal}
     instants = np.unique(np.concatenate([s.steps for s in ideal]))
     told = {s.name: information(s, of) for s in ideal}
-    return conditional_bound(of, told, given, sigma, prior, instants, drawn), ideal, instants
+    return ConditionalBound(of, told, sigma, prior, instants, drawn).of_runs(given, compute), ideal, instants
 
 
 def both(covariance):
@@ -63,10 +65,11 @@ def both(covariance):
     return [variance[:2].sum(), variance[2:].sum()]
 
 
-def test_in_each_run_it_is_the_covariance_of_the_kalman_filter_that_has_the_same_measurements():
+@pytest.mark.parametrize("engine", ["numpy", "fused"])
+def test_in_each_run_it_is_the_covariance_of_the_kalman_filter_that_has_the_same_measurements(engine):
     of = moving()
     valid = np.random.default_rng(1).random((21, 2, 30)) < np.linspace(0.1, 1.0, 30)
-    found, _, instants = bound(of, {"lidar": LIDAR}, valid=valid)
+    found, _, instants = bound(of, {"lidar": LIDAR}, valid=valid, compute=compute_by(engine))
     assert found.shape == (2, 21, 2, 30)
     kalman = KalmanFilter(ConstantVelocity(acceleration_sigma_mps2=2.0))
     for i, number in np.ndindex(2, 30):
@@ -129,7 +132,7 @@ def test_from_the_truth_it_begins_at_the_tracker_s_own_instants():
     of = moving(alive=alive)
     (lidar,) = ideal_sensors(of, {"lidar": LIDAR})
     told, seen = {"lidar": information(lidar, of)}, {"lidar": np.zeros((21, 2, 1), dtype=bool)}
-    found = conditional_bound(of, told, seen, 2.0, PRIOR, np.arange(41))
+    found = ConditionalBound(of, told, 2.0, PRIOR, np.arange(41)).of_runs(seen)
     assert (found[:, :6, 1] == 0.0).all()
     np.testing.assert_allclose(found[:, 6, 1, 0], [2.0, 18.0])
 
@@ -149,13 +152,29 @@ def test_between_its_measurements_the_bound_is_that_of_a_prediction_from_the_lat
     of = moving()
     (lidar,) = ideal_sensors(of, {"lidar": LIDAR})
     told, seen = {"lidar": information(lidar, of)}, {"lidar": lidar.visible}
-    at_all = conditional_bound(of, told, seen, 2.0, PRIOR, np.arange(41))
-    at_its_own = conditional_bound(of, told, seen, 2.0, PRIOR, lidar.steps)
+    at_all = ConditionalBound(of, told, 2.0, PRIOR, np.arange(41)).of_runs(seen)
+    at_its_own = ConditionalBound(of, told, 2.0, PRIOR, lidar.steps).of_runs(seen)
     np.testing.assert_allclose(at_all[:, ::2], at_its_own, rtol=1e-12)
     motion, belief = ConstantVelocity(acceleration_sigma_mps2=2.0), Belief(np.zeros(4), np.diag([1.0, 1.0, 9.0, 9.0]))
     kalman = KalmanFilter(motion)
     belief = kalman.predict(kalman.update(belief, scan("lidar", 0.0, np.zeros(2))).belief, 0.05)
     np.testing.assert_allclose(at_all[:, 1, 0, 0], both(belief.covariance), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("runs", "share"), [(1, 0.7), (3, 0.7), (30, 0.7), (30, 1.0)])
+@pytest.mark.parametrize("prior", [PRIOR, BoundStart(velocity_sigma=20.0)])
+def test_kernels_give_the_bound_that_numpy_gives(prior, runs, share):
+    """Of two sensors, also at instants at which neither measures; for few runs, and where all runs are alike."""
+    alive = np.ones((41, 2), dtype=bool)
+    alive[:9, 1] = False
+    of = moving(alive=alive)
+    ideal = ideal_sensors(of, {"radar": RADAR, "lidar": LIDAR})
+    draw = np.random.default_rng(1)
+    seen = {s.name: s.visible & (draw.random((len(s.steps), 2, runs)) < share) for s in ideal}
+    made = ConditionalBound(of, {s.name: information(s, of) for s in ideal}, 2.0, prior, np.arange(41))
+    by_kernels = made.of_runs(seen, compute_by("fused"))
+    assert by_kernels.shape == (2, 41, 2, runs if share < 1.0 else 1)
+    np.testing.assert_allclose(by_kernels, made.of_runs(seen), rtol=1e-9)
 
 
 def test_a_target_that_starts_at_the_sensor_leaves_the_bound_finite():
@@ -216,7 +235,7 @@ def along(sensor, place):
 
 
 def of_first(sensor, of):
-    root = information(sensor, of).root[0, :, :, 0]
+    root = information(sensor, of).root[:, :, 0, 0]
     return root.T @ root
 
 

@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, Indices
+from trackbench.engine.equations import Equations
 from trackbench.engine.kernels import Kernel, Kernels
+from trackbench.engine.layout import Input
 from trackbench.engine.machine import MachineCode
 from trackbench.engine.vector_code import HEAD, WIDTH
 
@@ -28,6 +30,8 @@ class ArrayPlace(NamedTuple):
     """How far its components are apart, in numbers."""
     group: int = 0
     """How far the groups are apart, in bytes."""
+    form: Input = Input("", (), 1, "d")
+    """What kernels read there, without a name."""
 
 
 def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
@@ -35,14 +39,17 @@ def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
 
     Args:
         array: its ``axes`` axes of components, then its steps; then, unless it is the same for all members, groups (or
-            1) and members (or 1).
+            1) and members (or 1); without members it is the same for all of a group.
         axes: how many axes of components it has, whose entries are equally far apart.
         steps: ``(calls,)`` which step each call has.
     """
     step, *groups = array.strides[axes:]
     stride = array.strides[axes - 1] if axes else 0
     address = array.ctypes.data + steps.astype(np.int64) * step
-    return ArrayPlace(address, stride // array.itemsize, groups[0] if groups and array.shape[axes + 1] > 1 else 0)
+    group = groups[0] if groups and array.shape[axes + 1] > 1 else 0
+    shared = len(groups) == 1 or array.shape[-1] == 1
+    form = Input("", array.shape[:axes], min(len(groups), 1), array.dtype.char, bool(groups) and shared)
+    return ArrayPlace(address, stride // array.itemsize, group, form)
 
 
 def place_of_each(arrays: Sequence[npt.NDArray[Any]], axes: int, size: int) -> ArrayPlace:
@@ -50,7 +57,7 @@ def place_of_each(arrays: Sequence[npt.NDArray[Any]], axes: int, size: int) -> A
     first = arrays[0]
     addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
     stride = first.strides[axes - 1] // first.itemsize if axes else 0
-    return ArrayPlace(addresses, stride, size * first.itemsize)
+    return ArrayPlace(addresses, stride, size * first.itemsize, Input("", first.shape[:axes], 1, first.dtype.char))
 
 
 class CallSequence:
@@ -68,6 +75,15 @@ class CallSequence:
         self._calls: list[tuple[Indices, int, list[ArrayPlace | None]]] = []
         self._rows = 1
         """Of outputs that nobody wants."""
+
+    def compute(
+        self, equations: Equations, at: Indices, inputs: Mapping[str, ArrayPlace], outputs: Mapping[str, ArrayPlace]
+    ) -> bool:
+        """Add calls of the kernel of equations, as ``call``; return whether there is a kernel."""
+        kernel = self._kernels.kernel(equations, [inputs[name].form._replace(name=name) for name in equations.ranks])
+        if kernel is not None:
+            self.call(kernel, at, inputs, outputs)
+        return kernel is not None
 
     def call(
         self, kernel: Kernel, at: Indices, inputs: Mapping[str, ArrayPlace], outputs: Mapping[str, ArrayPlace]
@@ -89,14 +105,14 @@ class CallSequence:
     def run(self) -> bool:
         """Make the calls; whether the traces held of all members. If not, the outputs mean nothing."""
         words = 1 + 2 * max(len(places) for _, _, places in self._calls)
-        scratch = np.empty((self._rows, self._size))
-        nowhere = ArrayPlace(np.array([scratch.ctypes.data]), self._size)
+        scratch = np.empty((self._rows, 1, 1, self._size))
+        nowhere = place(scratch, 1, np.arange(1))
         table = np.zeros((self._groups, self._length, words), dtype=np.int64)
         groups = np.arange(self._groups)[:, None]
         for at, part, places in self._calls:
             table[:, at, 0] = part
             for number, item in enumerate(places):
-                address, stride, group = item or nowhere
+                address, stride, group, _ = item or nowhere
                 table[:, at, 1 + 2 * number] = address + groups * group
                 table[:, at, 2 + 2 * number] = stride
         numbers = np.array([self._length, words, BLOCK], dtype=np.int64)

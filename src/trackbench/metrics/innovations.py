@@ -9,6 +9,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
+from trackbench.engine.layout import ADDED, SUMMED
 from trackbench.metrics.consistency import point95
 from trackbench.metrics.sums import NIS, NIS_FIELDS, OVERFLOW, NisScores, added
 
@@ -19,9 +20,16 @@ CHUNK = 32
 def _innovation(values: Values) -> Values:
     white, used, nis = _counted(values["white"], values["used"])
     white_before, used_before, _ = _counted(values["white_before"], values["used_before"])
-    pair, inside, missing = used & used_before, used & (nis < values["point95"]), values["due"] & ~used
+    pair, inside = used & used_before, used & (nis < point95(len(white)))
     product = np.where(pair, np.einsum("m...,m...->...", white, white_before), 0.0)
+    missing = values["due"] & ~used
     return {"rows": linalg.vector([used, nis, inside, pair, product, np.where(pair, nis, 0.0), missing])}
+
+
+def _innovation_sums(values: Values) -> Values:
+    used = values["valid"] & values["due"]
+    rows = _innovation({**values, "used": used, "due": used})["rows"]
+    return {"per_step": rows, "per_run": rows, "used": used}
 
 
 def _counted(white: Array, used: Any) -> tuple[Array, Any, Array]:
@@ -40,15 +48,22 @@ def _counted(white: Array, used: Any) -> tuple[Array, Any, Array]:
 INNOVATION = Equations(
     "whitened innovation",
     _innovation,
-    {"white": 1, "used": 0, "white_before": 1, "used_before": 0, "due": 0, "point95": 0},
+    {"white": 1, "used": 0, "white_before": 1, "used_before": 0, "due": 0},
+)
+#: What a whitened innovation in a sequence of calls adds to the sums, where the measurement is ``valid`` and the
+#: estimate is ``due``, that is where it is ``used``; the tracker has an estimate before each measurement.
+INNOVATION_SUMS = Equations(
+    "sums of whitened innovations",
+    _innovation_sums,
+    {"white": 1, "valid": 0, "white_before": 1, "used_before": 0, "due": 0},
+    modes={"per_step": SUMMED, "per_run": ADDED},
 )
 
 
 class Innovations:
     """Collects whitened innovations; ``scores`` gives the sums at the end.
 
-    They lie in rows, one for each measurement. Before the rows that are not summed yet is that of the measurement
-    before them. A row that was not written yet is not used.
+    Some wait in rows, one for each measurement, behind that of the latest measurement that is summed.
     """
 
     def __init__(self, measurements: int, objects: int, runs: int, compute: Compute = by_numpy) -> None:
@@ -60,8 +75,7 @@ class Innovations:
         self._white = np.empty((0, 0, objects * runs))
         self._used = np.zeros((1 + CHUNK, objects * runs), dtype=bool)
         self._due = self._used.copy()
-        self._measurement = self._dof = 0
-        self._first = self._next = 1
+        self._measurement = self._dof = self._waiting = 0
 
     def add(self, white: Array | None, used: Mask, due: Mask) -> None:
         """Take in the whitened innovations ``(m, batch)`` of the next measurement, None where the tracker gives none.
@@ -73,14 +87,15 @@ class Innovations:
             self._per_run[NIS["missing"]] += due.reshape(self._shape).sum(axis=0)
             self._measurement += 1
             return
-        if not self._dof and white is not None:
+        if white is not None and not self._dof:
             self._dof = len(white)
             self._white = np.zeros((len(self._used), self._dof, self._used.shape[1]))
-        rows, its_used, its_due = self.rows(1)
-        rows[0] = 0.0 if white is None else white
-        its_used[0] = False if white is None else used
-        its_due[0] = due
-        if self._next - self._first >= CHUNK:
+        self._waiting += 1
+        row = self._waiting
+        self._white[row] = 0.0 if white is None else white
+        self._used[row] = False if white is None else used
+        self._due[row] = due
+        if row == CHUNK:
             self.flush()
 
     @property
@@ -88,45 +103,35 @@ class Innovations:
         """Whether an innovation was taken in, so that their size is known."""
         return self._dof > 0
 
-    def rows(self, count: int) -> tuple[Array, Mask, Mask]:
-        """Rows for the next measurements: of whitened innovations ``(count, dof, batch)``, which are used, and due."""
-        if self._next + count > len(self._white):
-            self.flush()
-            arrays = self._white, self._used, self._due
-            if 1 + count > len(self._white):
-                self._white, self._used, self._due = (
-                    np.zeros((1 + count, *each.shape[1:]), each.dtype) for each in arrays
-                )
-            for before, after in zip(arrays, (self._white, self._used, self._due), strict=True):
-                after[0] = before[self._next - 1]
-            self._first = self._next = 1
-        here = slice(self._next, self._next + count)
-        self._next += count
-        return self._white[here], self._used[here], self._due[here]
+    def latest(self) -> tuple[Array, Mask]:
+        """Return the whitened innovations ``(m, batch)`` of the latest measurement, and which of them count."""
+        self.flush()
+        return self._white[0], self._used[0]
 
-    def drop(self, count: int) -> None:
-        """Take back the latest rows, which were not filled."""
-        self._next -= count
+    def take_sums(self, per_step: Array, per_run: Array, white: Array, used: Mask) -> None:
+        """Take in the sums of the next measurements, and what is ``latest`` after them."""
+        count = per_step.shape[1]
+        self._per_step[:, self._measurement : self._measurement + count] = per_step
+        self._per_run += per_run
+        self._measurement += count
+        self._white[0], self._used[0] = white, used
 
     def flush(self) -> None:
         """Sum what waits."""
-        here, before = slice(self._first, self._next), slice(self._first - 1, self._next - 1)
-        if self._next == self._first:
+        here, before = slice(1, 1 + self._waiting), slice(self._waiting)
+        if not self._waiting:
             return
-        white, used = self._white[here], self._used[here]
         inputs = {
-            "white": white.swapaxes(0, 1),
-            "used": used,
+            "white": self._white[here].swapaxes(0, 1),
+            "used": self._used[here],
             "white_before": self._white[before].swapaxes(0, 1),
             "used_before": self._used[before],
             "due": self._due[here],
-            "point95": point95(self._dof),
         }
         values = self._compute(INNOVATION, inputs)["rows"]
-        self._per_step[:, self._measurement : self._measurement + len(white)] = values.sum(axis=-1)
-        self._per_run += values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1)
-        self._measurement += len(white)
-        self._first = self._next
+        per_run = values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1)
+        self.take_sums(values.sum(axis=-1), per_run, self._white[self._waiting], self._used[self._waiting])
+        self._waiting = 0
 
     def scores(self, stretches: int = 0) -> NisScores:
         """Return the sums of everything taken in; ``stretches``: the number of parts of a single run, else 0."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,9 +12,12 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
-from trackbench.models.motion import ConstantVelocity, process_noise_covariance
+from trackbench.engine.vector_code import WIDTH
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
+
+if TYPE_CHECKING:
+    from trackbench.engine.kernels import Kernels
 
 #: Standard deviation of the position before the first measurement, m: no information.
 UNKNOWN_POSITION = 1e4
@@ -67,7 +69,7 @@ class Information(NamedTuple):
     steps: Indices
     """``(measurements,)`` indices of the truth's steps."""
     root: Array
-    """``(measurements, rank, 4, objects)`` ``A`` with ``A^T A = E[H^T R^-1 H]``, the Fisher information."""
+    """``(rank, 4, measurements, objects)`` ``A`` with ``A^T A = E[H^T R^-1 H]``, the Fisher information."""
 
 
 def information(sensor: IdealSensor, truth: Truth) -> Information:
@@ -85,20 +87,11 @@ def information(sensor: IdealSensor, truth: Truth) -> Information:
     values = np.where(values > NEGLIGIBLE * values[..., -1:], np.minimum(values, LARGEST), 0.0)
     rank = max(1, int((values > 0.0).sum(axis=-1).max(initial=0)))
     root = np.sqrt(values)[..., -rank:, None] * np.swapaxes(vectors, -1, -2)[..., -rank:, :]
-    return Information(sensor.steps, np.ascontiguousarray(root.transpose(0, 2, 3, 1)))
+    return Information(sensor.steps, np.ascontiguousarray(root.transpose(2, 3, 0, 1)))
 
 
-def conditional_bound(
-    truth: Truth,
-    sensors: Mapping[str, Information],
-    valid: Mapping[str, Mask],
-    acceleration_sigma: float,
-    start: BoundStart,
-    instants: Indices,
-    drawn: Indices | None = None,
-    compute: Compute = by_numpy,
-) -> Array:
-    """Bound of the errors of each run, given which of its measurements there are.
+class ConditionalBound:
+    """The bound of the errors of each run, given which of its measurements there are.
 
     For targets that move with white acceleration: the recursion of Tichavský, Muravchik and Nehorai (1998), "Posterior
     Cramér-Rao bounds for discrete-time nonlinear filtering", equation 21, where a measurement adds its information in
@@ -110,127 +103,160 @@ def conditional_bound(
     Args:
         truth: the motion of the targets.
         sensors: by name, the information of those that the tracker reads.
-        valid: by sensor ``(measurements, objects, runs)``, where there is a measurement.
         acceleration_sigma: m/s^2 per axis.
         start: what is known before the first measurement.
         instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted, among them those of all
             measurements.
         drawn: indices of the truth's steps at which the acceleration is drawn anew, among them those of all
             measurements, and constant in between; unless given, it is at each measurement of these sensors.
-        compute: how equations are computed.
-
-    Returns:
-        ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each the sum
-        over both axes; one for all runs where the measurements of all are of the same instants. Zero before the first
-        measurement, or before the target's time in the scene where tracks start from the truth.
     """
-    # Of one run where all are alike.
-    masks = {
-        name: valid[name][..., :1] if bool((valid[name] == valid[name][..., :1]).all()) else valid[name]
-        for name in sensors
-    }
-    if drawn is None:
-        drawn = np.unique(np.concatenate([of.steps for of in sensors.values()]))
-    shape = len(truth.ids), max(mask.shape[-1] for mask in masks.values())
-    prior = np.diag(np.square([start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2))
-    # The prior is too wide for the update of a covariance.
-    firsts = {
-        name: np.linalg.inv(np.linalg.inv(prior) + np.einsum("krio,krjo->koij", of.root, of.root)).transpose(0, 2, 3, 1)
-        for name, of in sensors.items()
-    }
-    # Of few runs NumPy's sums are as quick.
-    compute = kernels_of(compute, shape[1]) or by_numpy
-    result = np.zeros((2, len(instants), *shape))
-    covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, *shape))
-    begun = np.zeros(shape, dtype=bool)
-    latest = instants[0]
 
-    def after(equations: Equations, **values: Array) -> tuple[Array, Array]:
-        computed = compute(equations, {"covariance": covariance, "begun": begun, **values})
-        return computed["covariance"], computed["bound"]
-
-    for row, step in enumerate(instants):
-        moves, at_end = drawn[(drawn > latest) & (drawn <= step)], False
-        if len(moves) > 0:
-            covariance, bound = after(PREDICTION, motion=_motion(acceleration_sigma, truth.time[[latest, *moves]]))
-            latest, at_end = moves[-1], True
+    def __init__(
+        self,
+        truth: Truth,
+        sensors: Mapping[str, Information],
+        acceleration_sigma: float,
+        start: BoundStart,
+        instants: Indices,
+        drawn: Indices | None = None,
+    ) -> None:
+        if drawn is None:
+            drawn = np.unique(np.concatenate([of.steps for of in sensors.values()]))
+        self._shape = len(instants), len(truth.ids)
+        self._prior = np.diag(np.square([start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2))
+        self._told: dict[str, dict[str, Array | Mask]] = {}
         for name, of in sensors.items():
-            k = int(np.searchsorted(of.steps, step))
-            if k == len(of.steps) or of.steps[k] != step:
-                continue
-            if start.position_sigma is not None:
-                begun = begun | truth.alive[step][:, None]
-            told = {"root": of.root[k][..., None], "first": firsts[name][k][..., None]}
-            covariance, bound = after(MEASUREMENT, seen=np.broadcast_to(masks[name][k], shape), **told)
-            begun, at_end = begun | masks[name][k], True
-        if step != latest or not at_end:
-            # The recursion does not go on from it.
-            _, bound = after(PREDICTION, motion=_motion(acceleration_sigma, truth.time[[latest, step]]))
-        result[:, row] = bound
-    return result
+            # The prior is too wide for the update of a covariance.
+            first = np.linalg.inv(np.linalg.inv(self._prior) + np.einsum("rkmo,rjmo->mokj", of.root, of.root))
+            enters = truth.alive[of.steps] & (start.position_sigma is not None)
+            self._told[name] = {"root": of.root, "first": first.transpose(2, 3, 0, 1).copy(), "enters": enters}
+        numbers = {name: {step: k for k, step in enumerate(of.steps.tolist())} for name, of in sensors.items()}
+        # Instant; time and process noise since the latest measurement; sensor, or none; measurement.
+        self._steps: list[tuple[int, float, Array, str, int]] = []
+        latest = instants[0]
+        for row, step in enumerate(instants.tolist()):
+            reading = [(name, of_step[step]) for name, of_step in numbers.items() if step in of_step]
+            for name, k in reading or [("", 0)]:
+                between = drawn[np.searchsorted(drawn, latest, "right") : np.searchsorted(drawn, step)]
+                times = truth.time[[latest, *between, step]]
+                self._steps.append((row, times[-1] - times[0], _process_noise(acceleration_sigma, times), name, k))
+                latest = step if reading else latest
+
+    def of_runs(self, valid: Mapping[str, Mask], compute: Compute = by_numpy) -> Array:
+        """Return the bound of some runs.
+
+        Args:
+            valid: by sensor ``(measurements, objects, runs)``, where there is a measurement.
+            compute: how equations are computed.
+
+        Returns:
+            ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each the
+            sum over both axes; one for all runs where the measurements of all are of the same instants. Zero before the
+            first measurement, or before the target's time in the scene where tracks start from the truth.
+        """
+        masks = {name: valid[name] for name in self._told}
+        # Sums by NumPy are as quick for few runs.
+        kernels = kernels_of(compute, next(iter(masks.values())).shape[-1])
+        if all((mask == mask[..., :1]).all() for mask in masks.values()):
+            masks = {name: mask[..., :1] for name, mask in masks.items()}
+        result = None if kernels is None else self._by_kernels(kernels, masks)
+        return self._by_numpy(masks) if result is None else result
+
+    def _by_numpy(self, masks: Mapping[str, Mask]) -> Array:
+        instants, objects = self._shape
+        shape = objects, next(iter(masks.values())).shape[-1]
+        covariance = np.broadcast_to(self._prior[:, :, None, None], (4, 4, *shape))
+        values: dict[str, Array] = {"covariance": covariance, "begun": np.zeros(shape, dtype=bool)}
+        result = np.empty((2, instants, *shape))
+        for row, dt, noise, sensor, k in self._steps:
+            values |= {"dt": np.asarray(dt), "noise": noise}
+            if sensor:
+                told = {name: array[..., k, :, None] for name, array in self._told[sensor].items()}
+                values |= by_numpy(MEASUREMENT, {**values, **told, "seen": masks[sensor][k]})
+                result[:, row] = values["bound"]
+            else:
+                result[:, row] = by_numpy(PREDICTION, values)["bound"]
+        return result
+
+    def _by_kernels(self, kernels: Kernels, masks: Mapping[str, Mask]) -> Array | None:
+        """Return the bound by one sequence of calls; None where NumPy has to compute it."""
+        from trackbench.engine.sequences import CallSequence, place
+
+        instants, objects = self._shape
+        runs = next(iter(masks.values())).shape[-1]
+        if runs == 1:
+            masks = {name: mask.repeat(WIDTH, axis=-1) for name, mask in masks.items()}
+        shape = objects, max(runs, WIDTH)
+        # Of the state there are two slots: a step reads one and writes the other.
+        covariance, begun = np.empty((4, 4, 2, *shape)), np.zeros((2, *shape), dtype=bool)
+        covariance[:, :, 0] = self._prior[:, :, None, None]
+        result = np.empty((2, instants, *shape))
+        rows, times, noises, sensors, numbers = map(np.array, zip(*self._steps, strict=True))
+        after = np.cumsum(sensors != "")
+        sequence = CallSequence(kernels, *shape, len(self._steps))
+        for name in np.unique(sensors).tolist():
+            at = np.flatnonzero(sensors == name)
+            into, k = after[at] % 2, numbers[at]
+            slots = 1 - into if name else into
+            inputs = {"covariance": place(covariance, 2, slots), "begun": place(begun, 0, slots)}
+            inputs |= {"dt": place(times, 0, at), "noise": place(np.moveaxis(noises, 0, -1), 2, at)}
+            outputs = {"bound": place(result, 1, rows[at])}
+            if name:
+                told = {**self._told[name], "seen": masks[name]}
+                inputs |= {item: place(array, MEASUREMENT.ranks[item], k) for item, array in told.items()}
+                outputs |= {"covariance": place(covariance, 2, into), "begun": place(begun, 0, into)}
+            if not sequence.compute(MEASUREMENT if name else PREDICTION, at, inputs, outputs):
+                return None
+        return result[..., :runs] if sequence.run() else None
 
 
-def _motion(acceleration_sigma: float, times: Array) -> Array:
-    """``(4,)`` from one time to the last: the elapsed time, s, and the process noise of position, of both, and of
-    velocity, per axis; the acceleration is drawn at each of the times but the last."""
-    q = np.zeros((4, 4))
-    for dt in map(float, np.diff(times)):
-        step, noise = _transition(acceleration_sigma, dt)
-        q = step @ q @ step.T + noise
-    return np.array([times[-1] - times[0], q[0, 0], q[0, 2], q[2, 2]])
+def _process_noise(acceleration_sigma: float, times: Array) -> Array:
+    """``(4, 4)`` from one time to the last; the acceleration is drawn at each of the times but the last."""
+    dt = np.diff(times)
+    moved = dt * (times[-1] - times[1:] + 0.5 * dt)
+    per_axis = np.array([[moved @ moved, moved @ dt], [moved @ dt, dt @ dt]])
+    # The Kronecker product with the identity: np.kron takes ten times as long.
+    return (acceleration_sigma**2 * per_axis[:, None, :, None] * np.eye(2)[:, None]).reshape(4, 4)
 
 
-@lru_cache(maxsize=1024)
-def _transition(acceleration_sigma: float, dt: float) -> tuple[Array, Array]:
-    """Return the transition and the process noise ``(4, 4)`` of a constant velocity over ``dt`` s."""
-    motion, nowhere = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma), np.zeros(4)
-    return motion.jacobian(nowhere, dt), process_noise_covariance(motion, nowhere, dt)
-
-
-def _predicted(values: Values) -> Values:
-    covariance, (dt, q_position, q_both, q_velocity) = values["covariance"], values["motion"]
+def _predicted(values: Values) -> Array:
+    covariance, dt = values["covariance"], values["dt"]
     f = linalg.matrix([[1.0, 0.0, dt, 0.0], [0.0, 1.0, 0.0, dt], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-    q = linalg.matrix(
-        [
-            [q_position, 0.0, q_both, 0.0],
-            [0.0, q_position, 0.0, q_both],
-            [q_both, 0.0, q_velocity, 0.0],
-            [0.0, q_both, 0.0, q_velocity],
-        ]
-    )
-    moved = linalg.quadratic(f, covariance) + linalg.expand(q, covariance)
-    return _bound(np.where(values["begun"], moved, covariance), values["begun"])
+    moved = linalg.quadratic(f, covariance) + linalg.expand(values["noise"], covariance)
+    return np.where(values["begun"], moved, covariance)
 
 
 def _measured(values: Values) -> Values:
-    """``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without an inverse of ``P``."""
-    covariance, root, seen, begun = (values[name] for name in ("covariance", "root", "seen", "begun"))
+    """``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without an inverse of ``P``, after a prediction."""
+    covariance, root, seen = _predicted(values), values["root"], values["seen"]
+    begun = values["begun"] | values["enters"]
     cross = linalg.matmul(root, covariance)
     s = linalg.matmul_transposed(cross, root) + linalg.expand(np.eye(len(root)), covariance)
     gain = linalg.cholesky(s).whiten(cross)
     updated = covariance - linalg.gram(np.where(seen, gain, 0.0))
-    return _bound(np.where(seen & ~begun, values["first"], updated), begun | seen)
+    updated, begun = np.where(seen & ~begun, values["first"], updated), begun | seen
+    return {"covariance": updated, "begun": begun, "bound": _bound(updated, begun)}
 
 
-def _bound(covariance: Array, begun: Mask) -> Values:
+def _bound(covariance: Array, begun: Mask) -> Array:
     variances = [covariance[0, 0] + covariance[1, 1], covariance[2, 2] + covariance[3, 3]]
-    return {"covariance": covariance, "bound": np.where(begun, linalg.vector(variances), 0.0)}
+    return np.where(begun, linalg.vector(variances), 0.0)
 
 
-#: A prediction of the bound by ``motion`` where something is ``begun``.
+#: A prediction of the bound over ``dt`` s where something is ``begun``.
 PREDICTION = Equations(
     "prediction of the bound",
-    _predicted,
-    {"covariance": 2, "begun": 0, "motion": 1},
-    frozenset({"covariance"}),
+    lambda values: {"bound": _bound(_predicted(values), values["begun"])},
+    {"covariance": 2, "begun": 0, "dt": 0, "noise": 2},
+    frozenset({"covariance", "noise"}),
 )
-#: A measurement with the ``root`` of its information where it is ``seen``; ``first``: the covariance after it where
-#: nothing was ``begun`` before.
+#: A prediction, and a measurement with the ``root`` of its information where it is ``seen``; ``enters``: whether the
+#: target is there, whose start is known; ``first``: the covariance after it where nothing was ``begun`` before.
 MEASUREMENT = Equations(
     "measurement of the bound",
     _measured,
-    {"covariance": 2, "begun": 0, "root": 2, "first": 2, "seen": 0},
-    frozenset({"covariance", "first"}),
+    {"covariance": 2, "begun": 0, "dt": 0, "noise": 2, "root": 2, "first": 2, "enters": 0, "seen": 0},
+    frozenset({"covariance", "noise", "first"}),
 )
 
 

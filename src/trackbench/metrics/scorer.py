@@ -170,10 +170,8 @@ class Scorer:
         """What scores some instants, the next ones, by a sequence of calls."""
         from trackbench.metrics.score_sequence import ScoreSequence
 
-        kernels = self.kernels
-        assert kernels is not None
         classes, count = self._sums[ESTIMATES.name].classes
-        return ScoreSequence(kernels, self._target, classes[..., 0], count, here)
+        return ScoreSequence(self._target, classes[..., 0], count, here)
 
     def innovations(self, sensor: str) -> Innovations:
         """What sums the innovations of a sensor."""
@@ -195,7 +193,7 @@ class Scorer:
         here = scores.here
         due = self._due[here]
         squares = SquaredErrors(here, scores.squares, due, np.broadcast_to(given, due.shape), self._runs, *spent)
-        repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
+        repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0) if repaired.any() else 0.0
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
                 self._sums[name].add_sequence(scores, squares, repairs)

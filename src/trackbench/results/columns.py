@@ -32,7 +32,7 @@ def table_of(records: Sequence[Record]) -> pa.Table:
             columns[name] = pa.array(texts, pa.string()).dictionary_encode()
         else:
             # Null where a number is NaN.
-            arrays = [np.broadcast_to(each, size) for each, size in values]
+            arrays = [each if np.shape(each) == (size,) else np.full(size, each) for each, size in values]
             columns[name] = pa.array(np.concatenate(arrays), from_pandas=True)
     return pa.table(columns)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from trackbench.engine.sequences import Addresses, ArrayPlace, CallSequence, pla
 from trackbench.engine.vector_code import WIDTH
 from trackbench.filters import choose
 from trackbench.metrics import Scorer
+from trackbench.metrics.score_sequence import InnovationSequence
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.track_steps import TrackState, where_tracked
 
@@ -128,9 +129,10 @@ class FilterSequence:
         self._cartesian = np.empty((4, slots, *self.shape)), np.empty((4, 4, slots, *self.shape))
         self.refused, self.repaired = np.zeros((2, len(steps), *self.shape), dtype=bool)
         """``(steps, objects, runs)`` where a step should not have been made, and whose covariance was repaired."""
-        # Behind a prediction px, py, vx, vy have a call, and the scores of an estimate behind it.
+        # Behind an update is the call of its innovation, behind a prediction that of px, py, vx, vy; then the scores.
         reads, scored = (np.array([getattr(step, name) for step in steps]) for name in ("reads", "last"))
-        calls = 1 + (~reads & ~self._still) + (scored & (some is None))
+        behind = ~reads & ~self._still if self._keeps else ~self._still + scored.astype(int)
+        calls = 1 + behind
         self._first, self.length = np.cumsum(calls) - calls, int(calls.sum())
         self.scored = np.flatnonzero(scored)
         """Numbers of the steps that are scored."""
@@ -138,6 +140,7 @@ class FilterSequence:
         """The calls that are left for their scores."""
         self.cartesian: list[tuple[Slot, Slot]] = []
         """Where the mean and the covariance of px, py, vx, vy after each step lie, once the calls are added."""
+        self._addresses, self._strides = np.zeros((2, len(steps)), dtype=np.int64), set[tuple[int, int, int]]()
         self._alive: list[Any] = []
         """Arrays whose places the calls have."""
 
@@ -145,13 +148,13 @@ class FilterSequence:
         count = count if self._keeps or name == "probability" else min(2, count)
         return np.empty((*components, count, *self.shape))
 
-    def add(self, sequence: CallSequence, white: Addresses | None = None) -> bool:
+    def add(self, sequence: CallSequence, white: Addresses) -> bool:
         """Add the calls to a sequence; whether there are kernels for all of them.
 
         Args:
             sequence: of ``length`` calls.
-            white: ``(steps,)`` addresses of where the whitened innovations of each step are put, each component a row
-                of all members; 0 where nothing is read. None: they are not wanted.
+            white: ``(steps,)`` addresses of where the whitened innovations of each step that reads are put, each
+                component a row of all members.
         """
         self.cartesian = [(Slot(self._cartesian[0], 0), Slot(self._cartesian[1], 0))] * len(self._steps)
         groups: dict[Any, list[int]] = {}
@@ -166,7 +169,7 @@ class FilterSequence:
             for numbers in groups.values()
         )
 
-    def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses | None) -> bool:
+    def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses) -> bool:
         """Predictions to scans and updates with them, whose measurements are of one form."""
         scans = [self._steps[number].scan for number in numbers]
         kernel = self._filter.step_kernel(self._state.belief, scans[0], self._tracker.guard)
@@ -186,9 +189,8 @@ class FilterSequence:
             **self._outputs(self._own, self._to[numbers]),
             "refused": place(self.refused, 0, numbers),
             "repaired": place(self.repaired, 0, numbers),
+            "whitened": ArrayPlace(white[numbers], self.shape[0] * self.shape[1], 8 * self.shape[1]),
         }
-        if white is not None:
-            outputs["whitened"] = ArrayPlace(white[numbers], self.shape[0] * self.shape[1], 8 * self.shape[1])
         same = kernel.layout.same
         if same.get("cartesian") == "mean" and same.get("cartesian covariance") == "covariance":
             self._note(numbers, (self._own["mean"], self._own["covariance"]), self._to[numbers])
@@ -238,8 +240,16 @@ class FilterSequence:
 
     def _note(self, numbers: Indices, arrays: tuple[Array, Array], slots: Indices) -> None:
         """Note where the estimates of some steps lie."""
-        for number, slot in zip(numbers, slots % arrays[0].shape[-3], strict=True):
+        slots = slots % arrays[0].shape[-3]
+        self._places = place(arrays[0], 1, slots), place(arrays[1], 2, slots)
+        self._addresses[:, numbers] = [each.address for each in self._places]
+        self._strides |= {(axes, each.stride, each.group) for axes, each in enumerate(self._places, 1)}
+        for number, slot in zip(numbers, slots, strict=True):
             self.cartesian[number] = Slot(arrays[0], slot), Slot(arrays[1], slot)
+
+    def innovation_calls(self, numbers: Sequence[int]) -> tuple[Indices, ArrayPlace]:
+        """Return the calls that are left for the innovations of some steps, and where it lies which are valid."""
+        return self._first[numbers] + 1, self._each([self._steps[number].scan.valid for number in numbers], 0)
 
     def _each(self, arrays: Sequence[npt.NDArray[Any]], axes: int) -> ArrayPlace:
         """The place of arrays ``(components..., batch)``, one for each call."""
@@ -250,20 +260,16 @@ class FilterSequence:
 
     def _of_all(self, arrays: Sequence[Any], axes: int) -> ArrayPlace:
         """The place of arrays that are the same for all members, one for each call."""
-        array = np.stack(arrays, axis=-1)
+        array = np.moveaxis(np.array(arrays, dtype=float), 0, -1)
         self._alive.append(array)
         return place(array, axes, np.arange(len(arrays)))
 
     def places(self, numbers: Indices) -> tuple[ArrayPlace, ArrayPlace]:
         """Where the mean and the covariance of px, py, vx, vy after some steps lie."""
-        result = []
-        for axes in (1, 2):
-            slots = [self.cartesian[number][axes - 1] for number in numbers]
-            each = [place(slot.array, axes, np.array([slot.number])) for slot in slots]
-            assert len({(item.stride, item.group) for item in each}) == 1
-            addresses = np.concatenate([item.address for item in each])
-            result.append(ArrayPlace(addresses, each[0].stride, each[0].group))
-        return result[0], result[1]
+        assert len(self._strides) == 2
+        mean, covariance = self._places
+        addresses = self._addresses[:, numbers]
+        return mean._replace(address=addresses[0]), covariance._replace(address=addresses[1])
 
     def repairs(self) -> Array:
         """``(instants, batch)`` number of repaired covariances."""
@@ -288,9 +294,11 @@ class FilterSequence:
 
 
 class RecordedSequence(NamedTuple):
-    """The estimates of one run after all steps."""
+    """The estimates and innovations of one run at all steps."""
 
     sequence: FilterSequence
+    white: Array
+    """``(steps, m, objects, runs)`` whitened innovations, zeros behind those of fewer components."""
     member: int
     """Which of its runs it is."""
     started: Mask
@@ -303,14 +311,16 @@ class RecordedSequence(NamedTuple):
         mean, covariance = (np.where(self.started, slot.value[..., self.member :: runs], np.nan) for slot in slots)
         return mean, covariance
 
+    def whitened(self, number: int) -> Array:
+        """``(m, objects)`` whitened innovations of a step."""
+        return self.white[number, ..., self.member]
+
 
 class SequenceResult(NamedTuple):
     """What a tracker made of a sequence of steps, all of which are scored."""
 
     steps: Sequence[SequenceStep]
     sequence: FilterSequence
-    whitened: Mapping[int, Array]
-    """By the number of each step that reads ``(m, batch)`` whitened innovations; they hold other values soon."""
     started: Mask
     recorded: RecordedSequence | None
 
@@ -352,19 +362,18 @@ def through(
             rows.setdefault(step.scan.sensor, []).append(number)
     if not all(scorer.innovations(sensor).known for sensor in rows):
         return None
-    whitened: dict[int, Array] = {}
+    sequence, scores = FilterSequence(tracker, state, steps, (objects, runs)), scorer.sequence(here)
+    calls, white = CallSequence(by, objects, runs, sequence.length), np.zeros(len(steps), dtype=np.int64)
+    sums: dict[str, InnovationSequence] = {}
     for sensor, numbers in rows.items():
-        white, used, due = scorer.innovations(sensor).rows(len(numbers))
-        for row, number in enumerate(numbers):
-            whitened[number] = white[row]
-            due[row] = used[row] = steps[number].scan.valid & scorer.due[first + steps[number].instant]
-    addresses = np.zeros(len(steps), dtype=np.int64)
-    for number, white in whitened.items():
-        addresses[number] = white.ctypes.data
-    sequence = FilterSequence(tracker, state, steps, (objects, runs))
-    calls, scores = CallSequence(by, objects, runs, sequence.length), scorer.sequence(here)
-    possible = sequence.add(calls, addresses)
+        latest = scorer.innovations(sensor).latest()
+        sums[sensor] = InnovationSequence(*latest, (objects, runs), len(numbers))
+        white[numbers] = sums[sensor].white.address
+    possible = sequence.add(calls, white)
     possible = possible and scores.add(calls, sequence.score_calls, *sequence.places(sequence.scored))
+    for sensor, numbers in rows.items():
+        due = scores.due(np.array([steps[number].instant for number in numbers]))
+        possible = possible and sums[sensor].add(calls, *sequence.innovation_calls(numbers), due)
     begin = time.perf_counter()
     if not (
         possible
@@ -372,10 +381,10 @@ def through(
         and scores.sound
         and not (sequence.refused.reshape(len(steps), -1) & state.started).any()
     ):
-        for sensor, numbers in rows.items():
-            scorer.innovations(sensor).drop(len(numbers))
         return None
     seconds = time.perf_counter() - begin
+    for sensor, own in sums.items():
+        scorer.innovations(sensor).take_sums(own.per_step, own.per_run, *own.latest)
     nobody = np.zeros(objects * runs, dtype=bool)
     for step in steps:
         if not step.reads and not step.scan.asked:
@@ -383,7 +392,7 @@ def through(
     spent = seconds, len(steps) * len(state.started)
     scorer.take_sequence(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started, spent)
     of_recorded = None if recorded is None else _recorded(tracker, state, steps, (objects, runs), recorded)
-    return SequenceResult(steps, sequence, whitened, state.started, of_recorded)
+    return SequenceResult(steps, sequence, state.started, of_recorded)
 
 
 def _recorded(
@@ -393,6 +402,7 @@ def _recorded(
     first = min(run, shape[1] - WIDTH)
     sequence = FilterSequence(tracker, state, steps, shape, range(first, first + WIDTH))
     calls = CallSequence(kernels(), *sequence.shape, sequence.length)
-    sequence.add(calls)
+    white = np.zeros((len(steps), max(len(step.scan.measurement) for step in steps), *sequence.shape))
+    sequence.add(calls, white.ctypes.data + np.arange(len(steps)) * white.strides[0])
     calls.run()
-    return RecordedSequence(sequence, run - first, state.started[run :: shape[1]])
+    return RecordedSequence(sequence, white, run - first, state.started[run :: shape[1]])

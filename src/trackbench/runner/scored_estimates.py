@@ -164,8 +164,8 @@ class EstimateScoring:
                 self._take_modes(instant, probability)
             if taken.recorded is not None and step.last:
                 self._keep(instant, *taken.recorded.estimate(place))
-            if taken.recorded is not None and number is not None and place in taken.whitened:
-                self._keep_nis(number, step.scan, taken.whitened[place][:, self._members])
+            if taken.recorded is not None and number is not None and step.reads:
+                self._keep_nis(number, step.scan, taken.recorded.whitened(place))
 
     def _take_modes(self, instant: int, probability: Array) -> None:
         self._modes = self._modes or ModeSums(len(probability), self._target, self._kept)

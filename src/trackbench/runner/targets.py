@@ -12,7 +12,7 @@ from trackbench.driving.drive import deliveries
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST, Classes, condition_classes, out_of_view
-from trackbench.metrics.reference import BoundStart, conditional_bound
+from trackbench.metrics.reference import BoundStart, ConditionalBound
 from trackbench.metrics.silence import measured_positions
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.work import BlockRuns, Work
@@ -112,7 +112,7 @@ class Targets:
             """Whether one of the first so many scans of a sensor, by instant, detected an object that was lost."""
             detected = np.zeros((len(self._time), *shape), dtype=bool)
             for name in self._placing:
-                detected |= latest[name][numbers[name]] > before[name]
+                detected |= latest[name][numbers[name]] > before[name].astype(latest[name].dtype)
             return detected
 
         seen_for = {age: since(self._arrived(self._time - age)) for age in {self._work.settle, FIRST} - {0.0}}
@@ -141,16 +141,17 @@ class Targets:
             # The bound is of the point that is measured.
             return np.zeros((2, len(self._time), 1, 1))
         steps, number = np.unique(scene.instants(), return_inverse=True)
-        bound = conditional_bound(
-            scene.truth,
-            {name: each for name, each in scene.information.items() if name in sensors},
-            self._valid,
-            self._motion.acceleration,
-            start,
-            steps,
-            np.arange(len(scene.truth.time)) if self._motion.as_drawn else None,
-            compute_by(work.engine_here),
-        )
+        case = sensors, start
+        if case not in scene.bounds:
+            scene.bounds[case] = ConditionalBound(
+                scene.truth,
+                {name: each for name, each in scene.information.items() if name in sensors},
+                self._motion.acceleration,
+                start,
+                steps,
+                np.arange(len(scene.truth.time)) if self._motion.as_drawn else None,
+            )
+        bound = scene.bounds[case].of_runs(self._valid, compute_by(work.engine_here))
         return bound if np.array_equal(number, np.arange(len(steps))) else bound[:, number]
 
 
@@ -159,8 +160,9 @@ def _latest(valid: Mask) -> Indices:
     1; 0: none did."""
     kind = np.min_scalar_type(-len(valid) - 1)
     latest = np.zeros((len(valid) + 1, *valid.shape[1:]), dtype=kind)
-    np.multiply(valid, np.arange(1, len(valid) + 1, dtype=kind)[:, None, None], out=latest[1:])
-    return np.maximum.accumulate(latest, axis=0, out=latest)
+    for number, detected in enumerate(valid, 1):
+        np.maximum(latest[number - 1], detected * kind.type(number), out=latest[number])
+    return latest
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:

@@ -21,7 +21,13 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
-from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
+from trackbench.metrics.reference import (
+    ConditionalBound,
+    Information,
+    entry_velocity,
+    information,
+    typical_acceleration,
+)
 from trackbench.metrics.registry import metrics_for, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS, TrafficScoreOptions
 from trackbench.models.sensors import Sensor
@@ -76,6 +82,11 @@ class Scene:
     def information(self) -> dict[str, Information]:
         """By sensor, what its measurements tell of the targets."""
         return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
+
+    @cached_property
+    def bounds(self) -> dict[Hashable, ConditionalBound]:
+        """Bounds of the errors of trackers, by the sensors that they read and how their tracks start."""
+        return {}
 
     @property
     def unlabelled(self) -> list[str]:

@@ -160,9 +160,17 @@ class FilterTracker(BuiltInTracker):
 
         ``step``: prediction and update at once of the tracks ``own`` ``(...)``; None: of none.
         """
-        if step is not None and self.prior is None and np.array_equal(own, state.started):
-            belief = choose(state.started, step.update.belief, state.belief)
-            return state._replace(time=scan.time, belief=belief, fallback=None), step.update
+        fallback = state.fallback
+        expected = state.started if fallback is None else state.started & ~fallback.where
+        if step is not None and self.prior is None and np.array_equal(own, expected):
+            update = step.update
+            if fallback is not None:
+                # No track loses its course: the fallback alone is left.
+                fallback = self.fallback.predicted(fallback, scan.time - state.time, state.belief, np.zeros_like(own))
+                assert fallback is not None
+                update, fallback = self.fallback.updated(fallback, scan, lambda _: step.update)
+            belief = choose(state.started, update.belief, state.belief)
+            return state._replace(time=scan.time, belief=belief, fallback=fallback), update
         state = self.advanced(state, scan.time)
         if self.prior is not None:
             filter = self.computed_filter
