@@ -257,14 +257,15 @@ def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
     the standard deviations that it stated.
     """
     instant, column = np.nonzero(tracks.ids != NO_TRACK)
-    order = np.lexsort((instant, tracks.ids[instant, column]))
+    order = np.argsort(tracks.ids[instant, column], kind="stable")
     instant, column = instant[order], column[order]
-    ids, state = tracks.ids[instant, column], tracks.mean[:, instant, column]
-    variance = np.einsum("iik->ik", np.nan_to_num(tracks.covariance[:, :, instant, column]))
+    ids = tracks.ids[instant, column]
     last = np.flatnonzero((np.diff(ids) == 0) & (np.diff(instant) > 1))
-    elapsed = time[instant[last + 1]] - time[instant[last]]
-    away = state[:2, last + 1] - state[:2, last] - elapsed * np.nan_to_num(state[2:, last])
-    spread = np.sqrt((variance[:2, last] + elapsed**2 * variance[2:, last]).max(axis=0, initial=0.0))
+    at, after = (instant[last], column[last]), (instant[last + 1], column[last + 1])
+    elapsed, state = time[after[0]] - time[at[0]], tracks.mean[:, *at]
+    variance = np.einsum("iik->ik", np.nan_to_num(tracks.covariance[:, :, *at]))
+    away = tracks.mean[:2, *after] - state[:2] - elapsed * np.nan_to_num(state[2:])
+    spread = np.sqrt((variance[:2] + elapsed**2 * variance[2:]).max(axis=0, initial=0.0))
     return int(np.sum(np.hypot(*away) > cutoff + 4.0 * spread))
 
 
