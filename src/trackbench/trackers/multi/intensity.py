@@ -187,7 +187,7 @@ class Detectability:
 
     def half_range_m(self, scan: Scan) -> float | None:
         """Range at which half of these objects are detected, m: assumed, or as the scan states it."""
-        signal = self.assumed.signal(scan.sensor)
+        signal = self.assumed.signal(scan.sensor) if self.assumed.effects else None
         return scan.half_range_m if signal is None else signal.half_range_m
 
     def probabilities(

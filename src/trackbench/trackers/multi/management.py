@@ -179,8 +179,8 @@ class TrackManager:
         used = result.detection.copy()
         used[hit] = at.detections.column.take(result.detection[hit])
         ends = np.asarray(after["ends"], dtype=bool)
-        table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
-        return table, ends
+        seen, evidence = after["seen"], after["evidence"]
+        return TrackTable(before.run, before.id, result.belief, seen, evidence, used, before.origin), ends
 
     def begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
         """A track for each detection that probably stems from none; None without any."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices, with_sensor_of
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, with_sensor_of
 from trackbench.filters import (
     AnyBelief,
     Filter,
@@ -49,7 +49,7 @@ class TrackTable(NamedTuple):
 
     def select(self, which: Mask | Indices) -> TrackTable:
         """Some of the tracks."""
-        index = indices(which) if which.dtype == bool else which
+        index = which.nonzero()[0] if which.dtype == bool else which
         run, id, belief, *rest = self
         parts = map(methodcaller("take", index, -1), (run, id, *rest))
         return TrackTable(next(parts), next(parts), select(belief, index), *parts)
@@ -91,7 +91,7 @@ def rank_in_run(run: Indices, runs: int) -> Indices:
 
 def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
     """The table with ids for those of the deserving that have none yet, and the next id of each run ``(runs,)``."""
-    fresh = indices(deserving & (table.id == NONE))
+    fresh = (deserving & (table.id == NONE)).nonzero()[0]
     if not len(fresh):
         return table, next_id
     fresh = by_run(fresh, table.run)
@@ -101,7 +101,7 @@ def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[Trac
 
 
 def reported_tracks(
-    table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float
+    table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float = 0.0
 ) -> Tracks:
     """Return the confirmed tracks of sufficient existence as arrays with a last axis of runs, padded.
 

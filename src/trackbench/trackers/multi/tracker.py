@@ -104,7 +104,7 @@ class MultiObjectTracker(BuiltInTracker):
                 # Its first scan may still be on its way.
                 return None, self._tracks(table, runs)
             state = MultiObjectState(scan.time, table, np.zeros(runs, dtype=np.intp), undetected)
-        if scan.asked or not self.reads(scan.sensor):
+        if scan.asked or (self.sensors is not None and not self.reads(scan.sensor)):
             ahead, answer = self._prediction(state, max(scan.time, state.time))
             return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
         if scan.time < state.time:
@@ -179,8 +179,10 @@ class MultiObjectTracker(BuiltInTracker):
         return MultiObjectState(time, table, state.next_id, undetected)
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
-        existence = None if self.associate.method in COUNTING else table.evidence[0]
-        return reported_tracks(table, self._track_filter.filter, existence, runs, self.associate.report_limits[1])
+        if self.associate.method in COUNTING:
+            return reported_tracks(table, self._track_filter.filter, None, runs)
+        least = self.associate.report_limits[1]
+        return reported_tracks(table, self._track_filter.filter, table.evidence[0], runs, least)
 
 
 def _alone(tracks: Tracks) -> Tracks:
