@@ -144,16 +144,16 @@ def scan_of_run(scan: Scan, run: int) -> Scan:
     for values in (measurement, valid):
         # What one tracker must not change of what the next one reads.
         values.setflags(write=scan.measurement.flags.writeable)
-    return with_sensor_of(scan, run)._replace(measurement=measurement, valid=valid)
+    return with_sensor_of(scan, run, measurement=measurement, valid=valid)
 
 
-def with_sensor_of(scan: Scan, run: Indices | int) -> Scan:
+def with_sensor_of(scan: Scan, run: Indices | int, **values: Any) -> Scan:
     """The scan with the sensor's pose ``(3, ...)`` and velocity ``(2, ...)`` in each of some runs ``(...)``; as it is
-    where the sensor is the same in all."""
-    if scan.sensor_pose.ndim == 1:
-        return scan
-    pose, velocity = scan.sensor_pose.take(run, axis=1), scan.sensor_velocity.take(run, axis=1)
-    return scan._replace(sensor_pose=pose, sensor_velocity=velocity)
+    where the sensor is the same in all. ``values``: what else of the scan is replaced."""
+    if scan.sensor_pose.ndim > 1:
+        values["sensor_pose"] = scan.sensor_pose.take(run, axis=1)
+        values["sensor_velocity"] = scan.sensor_velocity.take(run, axis=1)
+    return scan._replace(**values) if values else scan
 
 
 class Tracks(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -43,15 +44,19 @@ def component_axes(name: str) -> int:
 
 def belief_values(belief: AnyBelief, at: str = "", without: Collection[str] = ()) -> dict[str, Any]:
     """The arrays of a belief; ``at`` is put behind each name, and what is named in ``without`` is left out."""
+    result: dict[str, Any]
     if isinstance(belief, MultiModelBelief):
-        result: dict[str, Any] = {"probability" + at: belief.probability}
+        result = {"probability" + at: belief.probability}
         for number, mode in enumerate(belief.modes):
             result |= belief_values(mode, f"{at} {number}", without)
         if belief.repaired is not None:
             result["repaired" + at] = belief.repaired
         return result
-    parts = zip(Belief._fields, belief, strict=True)
-    return {name + at: value for name, value in parts if value is not None and name not in without}
+    result = {}
+    for name, value in zip(Belief._fields, belief, strict=True):
+        if value is not None and name not in without:
+            result[name + at] = value
+    return result
 
 
 def belief_of(values: Values, modes: int, at: str = "") -> AnyBelief:
@@ -60,7 +65,13 @@ def belief_of(values: Values, modes: int, at: str = "") -> AnyBelief:
         parts = [belief_of(values, 0, f"{at} {number}") for number in range(modes)]
         singles = tuple(part for part in parts if isinstance(part, Belief))
         return MultiModelBelief(values["probability" + at], singles, values.get("repaired" + at))
-    return Belief(**{name: values[name + at] for name in Belief._fields if name + at in values})
+    arrays: Any = map(values.get, _belief_names(at))
+    return Belief(*arrays)
+
+
+@cache
+def _belief_names(at: str) -> list[str]:
+    return [name + at for name in Belief._fields]
 
 
 def prediction_values(predicted: PredictedMeasurement, at: str = "") -> dict[str, Any]:
@@ -73,13 +84,14 @@ def prediction_values(predicted: PredictedMeasurement, at: str = "") -> dict[str
 
 def prediction_of(values: Values, modes: int, at: str = "") -> PredictedMeasurement:
     """The predicted measurement of arrays."""
-    parts = tuple(prediction_of(values, 0, f"{at} {number}") for number in range(modes))
+    parts = tuple([prediction_of(values, 0, f"{at} {number}") for number in range(modes)]) if modes else ()
     return PredictedMeasurement(values["expected" + at], values["spread" + at], values["cross" + at], parts)
 
 
 def scan_values(scan: Scan) -> dict[str, Any]:
     """What equations know of a scan."""
-    return {"measurement": scan.measurement, "valid": scan.valid, **sensor_values(scan)}
+    noise, pose, velocity = scan.noise_covariance, scan.sensor_pose, scan.sensor_velocity
+    return {"measurement": scan.measurement, "valid": scan.valid, "noise": noise, "pose": pose, "velocity": velocity}
 
 
 def sensor_values(scan: Scan) -> dict[str, Any]:

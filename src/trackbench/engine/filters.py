@@ -47,7 +47,8 @@ class FusedFilter:
     def __init__(self, filter: Filter[Any], kernels: Kernels) -> None:
         self.filter = filter
         self._kernels = kernels
-        self.modes = len(filter.motions) if isinstance(filter, InteractingMultipleModel) else 0
+        self._chain = filter.chain if isinstance(filter, InteractingMultipleModel) else None
+        self.modes = 0 if self._chain is None else len(filter.motions)
         self.options = options.options(filter)
         self.form = options.form(filter)
         # Nothing is to be computed where the state begins with px, py, vx, vy.
@@ -121,15 +122,13 @@ class FusedFilter:
     def cartesian(self, belief: AnyBelief) -> Gaussian:
         """px, py, vx, vy under the belief."""
         if self._cartesian_state and isinstance(belief, Belief):
-            return self.filter.cartesian(belief)
+            return Gaussian(belief.mean[:4], belief.covariance[:4, :4])
         result = self.computed("cartesian", _cartesian, belief_values(belief, without=REUSED))
         return Gaussian(result["cartesian"], result["cartesian covariance"])
 
     def time(self, dt: float) -> dict[str, Any]:
         """What a prediction knows of the time."""
-        if isinstance(self.filter, InteractingMultipleModel):
-            return {"dt": dt, "chain": self.filter.chain(dt)}
-        return {"dt": dt}
+        return {"dt": dt} if self._chain is None else {"dt": dt, "chain": self._chain(dt)}
 
     def _update_of(self, result: Mapping[str, Array]) -> Update[Any]:
         return Update(
@@ -161,7 +160,7 @@ class FusedFilter:
         is_compared = bool(equations.user_types) and self._kernels.compares
         if is_compared or equations.ranks.keys() != every.keys():
             return None
-        return self._kernels.plan(equations, every).kernel
+        return self._kernels.plan(equations, every)[0].kernel
 
     def computed(
         self,
@@ -197,10 +196,6 @@ class FusedFilter:
             else:
                 self._by_kernels = True
 
-    def _sensor_of(self, scan: Scan | None) -> str | None:
-        """The sensor's name, where the filter's equations depend on it."""
-        return scan.sensor if scan is not None and self._sensors_matter else None
-
     def _equations_of(
         self,
         name: str,
@@ -210,11 +205,13 @@ class FusedFilter:
         made_for: Hashable = None,
     ) -> Equations:
         """The equations, with the options of the motion models as inputs; made once."""
-        kind, named = "" if scan is None else scan.kind, self._sensor_of(scan)
-        sensors = () if scan is None else (SENSOR_MODELS[kind],)
-        place = name, sensors, named, made_for, tuple(values)
+        kind = "" if scan is None else scan.kind
+        named = scan.sensor if scan is not None and self._sensors_matter else None
+        # A sensor that is edited in a notebook has another class of the same name.
+        place = name, SENSOR_MODELS.found.get(kind), named, made_for, tuple(values)
         if place in self._equations:
             return self._equations[place]
+        sensors = () if scan is None else (SENSOR_MODELS[kind],)
         inputs = {item: component_axes(item) for item in values}
         symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
         counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}

@@ -45,12 +45,11 @@ class CallPlan(NamedTuple):
     equations: Equations
     kernel: Kernel | None
     """None: NumPy computes."""
-    batch: tuple[int, ...]
-    members: int
-    groups: int
-    """In how many parts, one after the other, the kernel computes them."""
-    inputs: list[tuple[str, Input, bool]]
-    """Of each that the kernel reads; whether it is read as it is, if it lies in one piece."""
+    grouped: bool
+    """Whether each group of members is computed by itself."""
+    inputs: Sequence[tuple[str, Input, type, bool, bool]]
+    """Of each that the kernel reads its name and type; whether it is read as it is, if it lies in one piece; whether
+    all members share it."""
 
 
 class Kernels:
@@ -79,12 +78,12 @@ class Kernels:
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
         """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
-        plan = self.plan(equations, values)
-        if plan.kernel is None or plan.members == 0:
+        plan, batch = self.plan(equations, values)
+        if plan.kernel is None or 0 in batch:
             return by_numpy(equations, values)
-        outputs, held = _run(plan, plan.kernel, values)
+        outputs, held = _run(plan, plan.kernel, values, batch)
         if held is not None:
-            self._compute_by_numpy(np.flatnonzero(~held), equations, plan, values, outputs)
+            self._compute_by_numpy(np.flatnonzero(~held), equations, batch, values, outputs)
         if equations.user_types and self.compares:
             expected = by_numpy(equations, values)
             if not agree(outputs, expected):
@@ -101,35 +100,45 @@ class Kernels:
         code = self._kept_or_made(text, lambda: self._processor.object_code(text))
         return self._processor.function(code, arrays)
 
-    def plan(self, equations: Equations, values: Values) -> CallPlan:
-        """What is to be done with such inputs."""
-        looks = []
-        for name in equations.ranks:
+    def plan(self, equations: Equations, values: Values) -> tuple[CallPlan, tuple[int, ...]]:
+        """What is to be done with inputs of such shapes, whatever the number of members; and the batch axes."""
+        looks: list[Any] = []
+        batch: tuple[int, ...] = ()
+        alike = True
+        for name, rank in equations.ranks.items():
             value = values[name]
-            if isinstance(value, np.ndarray):
-                looks.append((value.dtype, value.shape))
-            else:
+            if not isinstance(value, np.ndarray):
                 kind = type(value)
                 # NumPy would make an array of the number to say so.
                 looks.append((kind, () if kind is float else np.shape(value)))
-        key = equations.key or id(equations), equations.name, *looks
-        return self._plans.get(key) or self._planned(key, equations, values)
+                alike &= len(looks[-1][1]) == rank
+                continue
+            shape = value.shape
+            axes = shape[rank:]
+            batch = batch or axes
+            if axes and axes == batch:
+                looks.append((value.dtype, shape[:rank], True))
+            else:
+                looks.append((value.dtype, shape))
+                alike &= not axes
+        key = equations.key or id(equations), equations.name, len(batch) if alike else batch, *looks
+        if not alike:
+            batch = batch_of(equations.ranks, values)
+        return self._plans.get(key) or self._planned(key, equations, values, batch), batch
 
-    def _planned(self, key: Hashable, equations: Equations, values: Values) -> CallPlan:
-        batch = batch_of(equations.ranks, values)
+    def _planned(self, key: Hashable, equations: Equations, values: Values, batch: tuple[int, ...]) -> CallPlan:
         inputs = [_input(name, values[name], rank, batch) for name, rank in equations.ranks.items()]
         kernel = self.kernel(equations, inputs)
         ways = []
         for item in kernel.layout.inputs if kernel else ():
             value, kind = values[item.name], bool if item.boolean else float
             as_it_is = isinstance(value, np.ndarray) and value.dtype == kind and value.shape == item.full(batch)
-            ways.append((item.name, item, bool(as_it_is)))
+            ways.append((item.name, item, kind, bool(as_it_is), item.level == ALL))
         if len(self._plans) >= PLANS:
             self._plans.clear()
         # The equations are kept, so that no others have their id.
-        grouped = any(item.level == GROUP for _, item, _ in ways)
-        groups = prod(batch[:-1]) if grouped else 1
-        plan = self._plans[key] = CallPlan(equations, kernel, batch, prod(batch), groups, ways)
+        grouped = any(item.level == GROUP for _, item, *_ in ways)
+        plan = self._plans[key] = CallPlan(equations, kernel, grouped, ways)
         return plan
 
     def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
@@ -180,15 +189,15 @@ class Kernels:
         return value
 
     def _compute_by_numpy(
-        self, places: Indices, equations: Equations, plan: CallPlan, values: Values, outputs: dict[str, Array]
+        self, places: Indices, equations: Equations, batch: tuple[int, ...], values: Values, outputs: dict[str, Array]
     ) -> None:
         self.members_by_numpy += len(places)
-        for name, value in by_numpy_alone(equations, plan.batch, values, outputs, places).items():
+        for name, value in by_numpy_alone(equations, batch, values, outputs, places).items():
             components = value.shape[:-1]
             if name not in outputs:
                 # Of the others there is nothing to be said.
-                outputs[name] = np.zeros(components + plan.batch, dtype=value.dtype)
-            outputs[name].reshape(*components, plan.members)[..., places] = value
+                outputs[name] = np.zeros(components + batch, dtype=value.dtype)
+            outputs[name].reshape(*components, prod(batch))[..., places] = value
 
     def _leave_to_numpy(self, equations: Equations) -> None:
         self.differing.add(equations.key)
@@ -217,18 +226,22 @@ def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:
     return Input(name, array.shape[:rank], axes, array.dtype.char, shared)
 
 
-def _run(plan: CallPlan, kernel: Kernel, values: Values) -> tuple[dict[str, Array], Mask | None]:
+def _run(
+    plan: CallPlan, kernel: Kernel, values: Values, batch: tuple[int, ...]
+) -> tuple[dict[str, Array], Mask | None]:
     """The outputs, and of which members they are right; None: of all."""
-    members, batch = plan.members, plan.batch
-    padded = max(members, vector_code.WIDTH)
+    members = prod(batch)
+    padded, groups = max(members, vector_code.WIDTH), prod(batch[:-1]) if plan.grouped else 1
     arrays = []
-    for name, item, as_it_is in plan.inputs:
+    for name, item, kind, as_it_is, for_all in plan.inputs:
         value = values[name]
-        if not as_it_is or padded != members or not value.flags.c_contiguous:
+        if for_all:
+            value = np.ascontiguousarray(value, dtype=kind)
+        elif not as_it_is or padded != members or not value.flags.c_contiguous:
             value = _rows(item, value, batch, padded)
         arrays.append(value)
     numbers, masks = np.empty((kernel.rows[0], padded)), np.empty((kernel.rows[1], padded), dtype=bool)
-    fine = kernel.code.call(plan.groups, padded // plan.groups, *map(id, arrays), id(numbers), id(masks))
+    fine = kernel.code.call(groups, padded // groups, *map(id, arrays), id(numbers), id(masks))
     if padded != members:
         numbers, masks = numbers[:, :members].copy(), masks[:, :members].copy()
     outputs: dict[str, Array] = {}
@@ -242,10 +255,7 @@ def _run(plan: CallPlan, kernel: Kernel, values: Values) -> tuple[dict[str, Arra
 
 def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.NDArray[Any]:
     """An input as the kernel reads it: rows of components, each of all members or groups, one after the other."""
-    kind = bool if item.boolean else float
-    if item.level == ALL:
-        return np.ascontiguousarray(value, dtype=kind)
-    full = item.full(batch)
+    kind, full = bool if item.boolean else float, item.full(batch)
     array = value if value.shape == full else np.broadcast_to(value, full)
     array = np.ascontiguousarray(array, dtype=kind)
     members = prod(batch)

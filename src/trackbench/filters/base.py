@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import attrgetter, methodcaller
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -324,24 +325,27 @@ def _mapped_belief(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBe
     What a filter could reuse is left out.
     """
     if isinstance(beliefs[0], Belief):
-        singles = [belief for belief in beliefs if isinstance(belief, Belief)]
-        return Belief(function(*(part.mean for part in singles)), function(*(part.covariance for part in singles)))
-    several = [belief for belief in beliefs if isinstance(belief, MultiModelBelief)]
-    modes = [_mapped_belief(function, *each) for each in zip(*(part.modes for part in several), strict=True)]
-    probability = function(*(part.probability for part in several))
+        return Belief(function(*map(_MEAN, beliefs)), function(*map(_COVARIANCE, beliefs)))
+    modes = [_mapped_belief(function, *each) for each in zip(*map(_MODES, beliefs), strict=True)]
+    probability = function(*map(_PROBABILITY, beliefs))
     return MultiModelBelief(probability, tuple(mode for mode in modes if isinstance(mode, Belief)))
+
+
+_MEAN, _COVARIANCE, _MODES, _PROBABILITY = map(attrgetter, ("mean", "covariance", "modes", "probability"))
 
 
 def bare(belief: AnyBelief) -> AnyBelief:
     """Without what it can be computed from."""
-    return _mapped_belief(lambda values: values, belief)
+    if isinstance(belief, Belief):
+        return Belief(*belief[:2])
+    return MultiModelBelief(belief.probability, tuple(Belief(*mode[:2]) for mode in belief.modes))
 
 
 def select(belief: AnyBelief, which: Mask | Indices) -> AnyBelief:
     """Some members of the last batch axis."""
     index = indices(which) if which.dtype == bool else which
     # An index in brackets is slower, and leaves an array whose batch axis no longer comes last in memory.
-    return _mapped_belief(lambda values: values.take(index, axis=-1), belief)
+    return _mapped_belief(methodcaller("take", index, -1), belief)
 
 
 def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> PredictedMeasurement:
@@ -353,7 +357,7 @@ def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> Pred
 
 def concatenated(first: AnyBelief, second: AnyBelief) -> AnyBelief:
     """Along the last batch axis."""
-    return _mapped_belief(lambda a, b: np.concatenate([a, b], axis=-1), first, second)
+    return _mapped_belief(lambda *parts: np.concatenate(parts, axis=-1), first, second)
 
 
 def with_members(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBelief:

@@ -27,7 +27,11 @@ def table_of(records: Sequence[Record]) -> pa.Table:
     columns: dict[str, pa.Array] = {}
     for name, first in records[0].items() if records else ():
         values = [(part[name], size) for part, size in zip(records, sizes, strict=True)]
-        if isinstance(first, str | list):
+        if all(isinstance(each, str) for each, _ in values):
+            words = list(dict.fromkeys(each for each, size in values if size))
+            codes = np.repeat([words.index(each) if size else 0 for each, size in values], sizes)
+            columns[name] = pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), pa.array(words, pa.string()))
+        elif isinstance(first, str | list):
             texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
             columns[name] = pa.array(texts, pa.string()).dictionary_encode()
         else:

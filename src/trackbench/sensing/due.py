@@ -34,10 +34,12 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
     steps = np.unique(np.concatenate(every))
     seen = np.full((len(steps), *truth.px.shape[1:]), not sensors)
     half_diagonal = np.hypot(truth.length / 2, truth.width / 2)[:, None]
-    for config in (sensor.config for sensor in sensors):
-        motion = motion_at(truth, config, steps)
+    for sensor in sensors:
+        config, motion = sensor.config, motion_at(truth, sensor.config, steps)
         target = polar(truth, steps, motion)
-        well_inside = objects_in_view(truth, steps, config, motion, target) & (to_rim(config, target) >= half_diagonal)
+        is_known = not sensor.recorded and np.array_equal(sensor.steps, steps)
+        in_view = sensor.in_view if is_known else objects_in_view(truth, steps, config, motion, target)
+        well_inside = in_view & (to_rim(config, target) >= half_diagonal)
         seen |= well_inside & ~silent(config, truth.time[steps])[:, None, None]
     alive = truth.alive[steps][:, :, None]
     due = alive & seen & truth.target[:, None]

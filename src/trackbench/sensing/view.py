@@ -56,29 +56,34 @@ def sensor_motion(observer: Observer, mount: Mount) -> SensorMotion:
     return SensorMotion(pose, np.stack([observer.vx - turn * arm_y, observer.vy + turn * arm_x]), turn)
 
 
-#: Lines of sight that are held at a time.
+#: Pairs of a line of sight and a box that are held at a time.
 CHUNK = 200_000
 #: Points of a box that are looked at, in half lengths and half widths: its centre and its corners.
 POINTS = np.array([(0, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)], dtype=float)
+#: How much farther from a line of sight boxes are tested, for rounding, m.
+SLACK_M = 1e-6
 
 
-def occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
+def occluded(truth: Truth, steps: Indices, origin: Array, asked: Mask | bool = True) -> Mask:
     """Whether other objects hide an object: their boxes cross the lines of sight to its centre and its corners.
 
     Args:
         truth: the motion, and the sizes.
         steps: ``(instants,)`` of the truth.
         origin: ``(2, instants)`` x, y where the sensor is, m.
+        asked: ``(instants, objects, runs or 1)`` where the answer is wanted; False elsewhere.
 
     Returns:
         ``(instants, objects, runs or 1)``.
     """
     objects, runs = truth.px.shape[1:]
-    size = max(1, CHUNK // (len(POINTS) * max(1, objects * runs)))
-    result = np.empty((len(steps), objects, runs), dtype=bool)
+    others = objects if truth.hiders is None else objects + len(truth.hiders.ids)
+    size = max(1, CHUNK // max(1, objects * runs * others))
+    result = np.array(np.broadcast_to(asked, (len(steps), objects, runs)))
     for first in range(0, len(steps), size):
         part = slice(first, first + size)
-        result[part] = _occluded(truth, steps[part], origin[:, part])
+        where = result[part].nonzero()
+        result[part][where] = _occluded(truth, steps[part], origin[:, part], where)
     return result
 
 
@@ -94,27 +99,39 @@ def crosses(start: Array, end: Array, half_length: Array | float, half_width: Ar
     return np.asarray(result & (np.abs(mx * dy - my * dx) <= half_length * across + half_width * along))
 
 
-def _occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
-    px, py, c, s = _placed(truth, steps)
-    half_length, half_width = truth.length / 2, truth.width / 2
-    ahead, left = (POINTS[:, i, None, None, None] * half[:, None] for i, half in enumerate((half_length, half_width)))
+def _occluded(truth: Truth, steps: Indices, origin: Array, where: tuple[Indices, ...]) -> Mask:
+    """``(M,)`` whether objects are hidden; ``where``: instant, number and run of each."""
+    instant, item, run = where
+    px, py, c, s = (values[where] for values in _placed(truth, steps))
+    ox, oy = origin[:, instant]
+    half_length, half_width = truth.length[item] / 2, truth.width[item] / 2
+    ahead, left = (POINTS[:, i, None] * half for i, half in enumerate((half_length, half_width)))
     x, y = px + c * ahead - s * left, py + s * ahead + c * left
-    ox, oy = (np.broadcast_to(values[None, :, None, None], x.shape) for values in origin)
+    dx, dy = (px - ox)[:, None], (py - oy)[:, None]
+    distance, radius = np.hypot(dx, dy), np.hypot(half_length, half_width)[:, None] + SLACK_M
     blocked = np.zeros(x.shape, dtype=bool)
     for others in (truth, truth.hiders):
         if others is None:
             continue
-        placed = _placed(others, steps)
-        for other in range(len(others.ids)):
-            cx, cy, co, so = (values[:, other, None] for values in placed)
-            start, end = (
-                np.stack([co * (a - cx) + so * (b - cy), co * (b - cy) - so * (a - cx)]) for a, b in ((ox, oy), (x, y))
-            )
-            crossed = crosses(start, end, others.length[other] / 2, others.width[other] / 2)
-            crossed &= others.alive[steps, other][:, None, None]
-            if others is truth:
-                crossed[:, :, other] = False
-            blocked |= crossed
+        placed = [np.broadcast_to(values, (*values.shape[:2], truth.px.shape[2])) for values in _placed(others, steps)]
+        # Circles around the boxes tell which of them may cross a line of sight.
+        rx, ry = ((values - own[:, None, None])[instant, :, run] for values, own in zip(placed, origin, strict=False))
+        reach, along = (radius + np.hypot(others.length, others.width) / 2) * distance, dx * rx + dy * ry
+        near = (np.abs(dx * ry - dy * rx) <= reach) & (-reach <= along) & (along <= reach + distance * distance)
+        near &= others.alive[steps][instant]
+        if others is truth:
+            near[np.arange(len(item)), item] = False
+        line, other = near.nonzero()
+        if not len(line):
+            continue
+        cx, cy, co, so = (values[instant[line], other, run[line]] for values in placed)
+        start, end = (
+            np.stack([co * (a - cx) + so * (b - cy), co * (b - cy) - so * (a - cx)])
+            for a, b in ((ox[None, line], oy[None, line]), (x[:, line], y[:, line]))
+        )
+        crossed = crosses(start, end, others.length[other] / 2, others.width[other] / 2)
+        begins = np.flatnonzero(np.diff(line, prepend=-1))
+        blocked[:, line[begins]] |= np.logical_or.reduceat(crossed, begins, axis=1)
     return np.asarray(blocked.all(axis=0))
 
 
@@ -161,7 +178,7 @@ def objects_in_view(truth: Truth, steps: Indices, config: Sensor, motion: Sensor
     """``(instants, objects, runs or 1)``: present, in the field of view, and not occluded; ``seen`` from ``polar``."""
     result = truth.alive[steps][:, :, None] & config.reaches(seen[0], seen[1])
     if config.occlusion:
-        result &= ~occluded(truth, steps, motion.pose[:2])
+        result &= ~occluded(truth, steps, motion.pose[:2], result)
     return np.asarray(result)
 
 

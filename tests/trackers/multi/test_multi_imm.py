@@ -63,7 +63,8 @@ def test_one_track_and_two_detections_are_weighed_by_total_probability():
     predicted, detection_probability, gate, density = filter.predict_measurement(belief, scan), 0.9, 0.999, 0.02
     expected = PredictedTracks(belief, predicted, np.ones(1, dtype=bool))
     tracks = TrackFilter(filter, InitialConfig())
-    at = AssociationInput(tracks, expected, detections, np.zeros(1, int), np.array([0.9]), gate, Intensity(density, 0))
+    found, measured = np.array([0.9]), tracks.measured(detections.scan)
+    at = AssociationInput(tracks, expected, detections, measured, np.zeros(1, int), found, gate, Intensity(density, 0))
     pairs = GatedPairs(np.zeros(2, int), np.arange(2), np.ones(2), np.zeros(2))
     pairs = under_modes(pairs, predicted, filter.measured(detections.scan), belief.probability)
     found = weighed(at, pairs, None, density)

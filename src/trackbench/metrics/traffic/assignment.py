@@ -232,10 +232,7 @@ class Counted(NamedTuple):
 
 def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: Mask | None = None) -> Nearby:
     """What may be matched, ``cutoff`` in m; ``unscored`` as in ``Nearby``, none unless given."""
-    ids, track = np.unique(tracks.ids, return_inverse=True)
-    if len(ids) and ids[0] < 0:
-        ids, track = ids[1:], track - 1
-    track = track.reshape(tracks.ids.shape)
+    ids, track = _numbered(tracks.ids)
     there, exists = track >= 0, truth.status > ABSENT
     objects = _where(truth.state[:2], exists)
     if truth.at_tracks is not None:
@@ -245,6 +242,21 @@ def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: M
     of_due = due[pairs.instant, pairs.object]
     unscored = np.zeros_like(there) if unscored is None else unscored & there
     return Nearby(cutoff, due, there, track, ids, pairs.where(of_due), pairs.where(~of_due), unscored)
+
+
+def _numbered(ids: Indices) -> tuple[Indices, Indices]:
+    """The ids that are there, ascending, and the number among them of each, -1 where there is none."""
+    largest = int(ids.max(initial=-1))
+    if largest > 4 * ids.size:
+        every, number = np.unique(ids, return_inverse=True)
+        none = int(every[0] < 0)
+        return every[none:], number.reshape(ids.shape) - none
+    there = np.zeros(largest + 2, dtype=bool)
+    # The last place is that of -1.
+    there[ids] = True
+    there[-1] = False
+    number = np.where(there, there.cumsum() - 1, -1)
+    return there.nonzero()[0], number[ids]
 
 
 def count_by_gospa(near: Nearby) -> Counted:

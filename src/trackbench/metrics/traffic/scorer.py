@@ -257,47 +257,46 @@ def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
     the standard deviations that it stated.
     """
     instant, column = np.nonzero(tracks.ids != NO_TRACK)
-    order = np.lexsort((instant, tracks.ids[instant, column]))
+    order = np.argsort(tracks.ids[instant, column], kind="stable")
     instant, column = instant[order], column[order]
-    ids, state = tracks.ids[instant, column], tracks.mean[:, instant, column]
-    variance = np.einsum("iik->ik", np.nan_to_num(tracks.covariance[:, :, instant, column]))
+    ids = tracks.ids[instant, column]
     last = np.flatnonzero((np.diff(ids) == 0) & (np.diff(instant) > 1))
-    elapsed = time[instant[last + 1]] - time[instant[last]]
-    away = state[:2, last + 1] - state[:2, last] - elapsed * np.nan_to_num(state[2:, last])
-    spread = np.sqrt((variance[:2, last] + elapsed**2 * variance[2:, last]).max(axis=0, initial=0.0))
+    at, after = (instant[last], column[last]), (instant[last + 1], column[last + 1])
+    elapsed, state = time[after[0]] - time[at[0]], tracks.mean[:, *at]
+    variance = np.einsum("iik->ik", np.nan_to_num(tracks.covariance[:, :, *at]))
+    away = tracks.mean[:2, *after] - state[:2] - elapsed * np.nan_to_num(state[2:])
+    spread = np.sqrt((variance[:2] + elapsed**2 * variance[2:]).max(axis=0, initial=0.0))
     return int(np.sum(np.hypot(*away) > cutoff + 4.0 * spread))
 
 
 def _stacked(instants: Sequence[Tracks]) -> Tracks:
-    """The tracks at all instants: arrays ``(..., T, K, runs)``."""
+    """The tracks at all instants: arrays ``(runs, ..., T, K)``, of which each run is read in one piece."""
     most = max(len(tracks.ids) for tracks in instants)
-    runs = instants[0].ids.shape[1]
-    shape = (len(instants), most, runs)
-    ids = np.full(shape, NO_TRACK)
-    mean, covariance = np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan)
-    existence = np.full(shape, np.nan) if any(tracks.existence is not None for tracks in instants) else None
+    runs, shape = instants[0].ids.shape[1], (len(instants), most)
+    ids = np.full((runs, *shape), NO_TRACK)
+    mean, covariance = np.full((runs, 4, *shape), np.nan), np.full((runs, 4, 4, *shape), np.nan)
+    has_existence = any(tracks.existence is not None for tracks in instants)
+    existence = np.full((runs, *shape), np.nan) if has_existence else None
     for row, tracks in enumerate(instants):
-        count = len(tracks.ids)
-        ids[row, :count], mean[:, row, :count], covariance[:, :, row, :count] = tracks[:3]
-        if existence is not None and tracks.existence is not None:
-            existence[row, :count] = tracks.existence
+        for whole, part in zip((ids, mean, covariance, existence), tracks[:4], strict=True):
+            if whole is not None and part is not None:
+                whole[..., row, : len(tracks.ids)] = np.moveaxis(part, -1, 0)
     return Tracks(ids, mean, covariance, existence)
 
 
 def _of_run(tracks: Tracks, run: int) -> TrackHistory:
     """The history of one run, in no more columns than it needs."""
-    ids = tracks.ids[..., run]
+    ids = tracks.ids[run]
     there = ids != NO_TRACK
     most = int(there.sum(axis=1).max(initial=0))
     if (there[:, 1:] <= there[:, :-1]).all():
-        own = Tracks(*(None if part is None else part[..., :most, run].copy() for part in tracks))  # type: ignore[arg-type]
+        own = Tracks(*(None if part is None else part[run, ..., :most].copy() for part in tracks))  # type: ignore[arg-type]
         return TrackHistory(own.ids, own.mean, own.covariance, own.existence)
     order = np.argsort(~there, axis=1, kind="stable")[:, :most]
     rows = np.arange(len(ids))[:, None]
-    existence = None if tracks.existence is None else tracks.existence[rows, order, run]
-    return TrackHistory(
-        ids[rows, order], tracks.mean[:, rows, order, run], tracks.covariance[:, :, rows, order, run], existence
-    )
+    existence = None if tracks.existence is None else tracks.existence[run, rows, order]
+    mean, covariance = tracks.mean[run], tracks.covariance[run]
+    return TrackHistory(ids[rows, order], mean[:, rows, order], covariance[:, :, rows, order], existence)
 
 
 def _associations_of(taken: Associations, run: int, objects: int) -> Associations:

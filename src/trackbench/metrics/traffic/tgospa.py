@@ -309,21 +309,19 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
 
 class _Gains:
     def __init__(self, counted: Counted) -> None:
-        pairs = counted.pairs
-        self._pairs, self._gain, self._steps = pairs, counted.cutoff**2 - pairs.distance**2, len(counted.due)
-        order = np.argsort(pairs.object, kind="stable")
-        bounds = np.searchsorted(pairs.object[order], np.arange(counted.due.shape[1] + 1))
-        self.of_object = np.split(order, bounds[1:-1])
+        pairs, numbers = counted.pairs, max(len(counted.ids), 1)
+        couple, which = np.unique(pairs.object * numbers + pairs.track, return_inverse=True)
+        gain = np.zeros((len(counted.due), len(couple)))
+        gain[pairs.instant, which] = counted.cutoff**2 - pairs.distance**2
+        self._pairs = ObjectTrackPairs(*np.divmod(couple, numbers), gain)
+        bounds = np.searchsorted(self._pairs.object, np.arange(counted.due.shape[1] + 1))
+        self.of_object = np.split(np.arange(len(couple)), bounds[1:-1])
+        """Numbers of the pairs of each object."""
 
     def of_group(self, objects: frozenset[int]) -> ObjectTrackPairs:
         """Return the pairs of a group of objects, and the tracks near them."""
-        pairs = self._pairs
         own = np.concatenate([self.of_object[item] for item in sorted(objects)])
-        numbers = pairs.track[own].max() + 1
-        pair, which = np.unique(pairs.object[own] * numbers + pairs.track[own], return_inverse=True)
-        table = np.zeros((self._steps, len(pair)))
-        table[pairs.instant[own], which] = self._gain[own]
-        return ObjectTrackPairs(*np.divmod(pair, numbers), table)
+        return ObjectTrackPairs(self._pairs.object[own], self._pairs.track[own], self._pairs.gain.take(own, axis=1))
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:

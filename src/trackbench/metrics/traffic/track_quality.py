@@ -104,10 +104,10 @@ def association_counts(counted: Counted, taken: Associations) -> RunSums:
     scan, column = np.nonzero(counts)
     # (T, tracks), -1 where a track has none yet.
     object_of = object_of_each(counted.matched, len(counted.due), len(counted.ids))
-    before = last_instant_before(object_of >= 0)
-    object_of = np.where(before >= 0, np.take_along_axis(object_of, np.maximum(before, 0), axis=0), object_of)
-    own = object_of[taken.instant[scan], number[scan, column]]
-    due = (own >= 0) & counted.due[taken.instant[scan], own]
+    instant, number = taken.instant[scan], number[scan, column]
+    before = last_instant_before(object_of >= 0)[instant, number]
+    own = object_of[np.where(before >= 0, before, instant), number]
+    due = (own >= 0) & counted.due[instant, own]
     scan, column, own = scan[due], column[due], own[due]
     origin = taken.origin[scan, column]
     right = origin == own

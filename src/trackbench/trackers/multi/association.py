@@ -10,7 +10,7 @@ from scipy.special import gammaincinv
 
 from trackbench.base.types import Array, Indices, Mask, indices
 from trackbench.engine.equations import Compute, by_numpy
-from trackbench.filters import AnyBelief, MultiModelBelief, choose
+from trackbench.filters import AnyBelief, Measured, MultiModelBelief, choose
 from trackbench.trackers.associate import EXISTENCE, AssociateConfig
 from trackbench.trackers.multi.gate import GatedPairs, RunDetections, gated, under_modes
 from trackbench.trackers.multi.intensity import Intensity
@@ -29,6 +29,7 @@ class AssociationInput(NamedTuple):
     expected: PredictedTracks
     """Of the L tracks."""
     detections: RunDetections
+    measured: Measured
     run: Indices
     """``(L,)``"""
     detection_probability: Array
@@ -40,12 +41,7 @@ class AssociationInput(NamedTuple):
     @property
     def miss(self) -> Array:
         """``(L,)`` probability that an object that exists has no detection in its gate."""
-        return missed(self.detection_probability, self.gate)
-
-
-def missed(detection: Array, gate: float) -> Array:
-    """The probability of no detection in the gate, by that of a detection and that of the gate to hold it."""
-    return 1.0 - detection * gate
+        return 1.0 - self.detection_probability * self.gate
 
 
 class Association(NamedTuple):
@@ -71,7 +67,9 @@ def decided(at: AssociationInput, track: Indices, detection: Indices, log_ratio:
         track, detection: ``(P,)`` the pairs, each track at most once.
         log_ratio: ``(P,)`` logarithm of the likelihood ratio of each.
     """
-    of_track, unclaimed = np.full(len(at.run), NONE), np.ones(len(at.detections.run))
+    of_track, unclaimed = np.zeros(len(at.run), dtype=np.intp), np.zeros(len(at.detections.run))
+    of_track += NONE
+    unclaimed += 1.0
     of_track[track], unclaimed[detection] = detection, 0.0
     ratio = np.log(at.miss)
     ratio[track] = log_ratio
@@ -152,7 +150,7 @@ def best_assignment(row: Indices, column: Indices, weight: Array, group: Indices
         weight: ``(P,)``; a pair of negative weight is never taken.
         group: ``(P,)`` of each pair.
     """
-    rest = indices(weight > 0.0)
+    rest = (weight > 0.0).nonzero()[0]
     taken: list[Indices] = []
     while len(rest):
         # What outweighs all its rivals together is in every best assignment.
@@ -245,8 +243,7 @@ def associated(
         caused = np.where(origin >= 0, at.detections.run * objects + origin, NONE)
         track, place = of_same_object(at.run * objects + table.origin, caused.reshape(-1))
         return decided(at, track, place % max(1, origin.shape[1]), np.zeros(len(track)))
-    measured = at.filter.measured(at.detections.scan)
-    belief, predicted, _ = at.expected
+    (belief, predicted, _), measured = at.expected, at.measured
     threshold = gate_threshold(config.gate, len(measured.value))
     pairs = gated(predicted, measured, at.detections, at.run, threshold, compute)
     if isinstance(belief, MultiModelBelief):
@@ -273,7 +270,7 @@ def associated(
 def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:
     probability = at.detection_probability.take(pairs.track)
     ratio = np.log(probability / at.intensity.false_alarms) + pairs.log_likelihood
-    weight = ratio - np.log(missed(probability, at.gate))
+    weight = ratio - np.log(1.0 - probability * at.gate)
     chosen = best_assignment(pairs.track, pairs.detection, weight, at.run.take(pairs.track))
     return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
 

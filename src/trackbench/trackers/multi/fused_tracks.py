@@ -67,7 +67,7 @@ class FusedTrackFilter(TrackFilter):
             return at.belief
         # The kernel is quicker with all tracks, as they lie, than with some that have to be gathered. What has no
         # detection is given one, the last, that is not looked at.
-        return self._updated(at, selected_detections(scan, detection)._replace(valid=valid))
+        return self._updated(at, selected_detections(scan, detection, valid))
 
     def mixture(
         self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, kept: Array

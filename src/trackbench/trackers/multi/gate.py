@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
+from operator import methodcaller
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, FieldOfView, Indices, Mask, Scan, indices, with_sensor_of
+from trackbench.base.types import Array, FieldOfView, Indices, Mask, Scan, with_sensor_of
 from trackbench.base.units import difference, wrap_angle
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.filters import Measured, PredictedMeasurement
@@ -34,15 +35,20 @@ def run_detections(scan: Scan, as_listed: bool) -> RunDetections:
     """
     most, runs = scan.valid.shape
     flat = scan.measurement.reshape(len(scan.measurement), -1)
+    first = np.zeros(runs + 1, dtype=np.intp)
     counts = scan.valid.sum(axis=0)
-    run = np.repeat(np.arange(runs), counts)
-    place = (np.flatnonzero(scan.valid.T) - run * most) * runs + run
+    counts.cumsum(out=first[1:])
+    run = np.arange(runs).repeat(counts)
+    place = (scan.valid.T.ravel().nonzero()[0] - run * most) * runs + run
+    measurement = flat.take(place, axis=1)
     if not as_listed and len(run):
-        place = place[_order(flat.take(place, axis=1), run)]
-    alone = with_sensor_of(scan, run)._replace(
-        measurement=flat.take(place, axis=1), valid=np.ones(len(run), dtype=bool)
-    )
-    return RunDetections(alone, run, place // runs, np.concatenate([[0], counts.cumsum()]))
+        order = _order(measurement, run)
+        place, measurement = place[order], measurement.take(order, axis=1)
+    alone = with_sensor_of(scan, run, measurement=measurement, valid=place >= 0)
+    return RunDetections(alone, run, place // runs, first)
+
+
+TINY = float(np.finfo(float).tiny)
 
 
 def _order(measurement: Array, run: Indices) -> Indices:
@@ -52,7 +58,7 @@ def _order(measurement: Array, run: Indices) -> Indices:
         # One number for both: the first component falls short of 1.
         lowest = key.min()
         spread = key.max() - lowest
-        key = run + (key - lowest) / max(2.0 * spread, np.finfo(float).tiny)
+        key = run + (key - lowest) / max(2.0 * spread, TINY)
     # In any order of those alike, which is the quickest; what is alike, or no number, is told apart by all components.
     order: Indices = key.argsort()
     ranked = key[order]
@@ -74,14 +80,15 @@ def close_pairs(
     first = detections.first
     rank = np.arange(len(value)) - first[detections.run]
     most = int(rank.max(initial=-1)) + 1
-    listed = np.full((len(first) - 1, most), np.nan)
+    listed = np.empty((len(first) - 1, most))
+    listed.fill(np.nan)
     listed[detections.run, rank] = value
     away = listed.take(run, axis=0)
     away -= mean[:, None]
     if angular:
         away = wrap_angle(away)
     # Nonzero entries of one axis are found several times faster than those of two.
-    pair = np.flatnonzero(np.abs(away, out=away) <= reach[:, None])
+    pair = (np.abs(away, out=away) <= reach[:, None]).ravel().nonzero()[0]
     track = pair // max(most, 1)
     return track, first[run[track]] + pair - track * most
 
@@ -100,8 +107,7 @@ class GatedPairs(NamedTuple):
 
     def select(self, which: Mask) -> GatedPairs:
         """Some of the pairs."""
-        index = indices(which)
-        return GatedPairs._make(part.take(index) for part in self)
+        return GatedPairs(*map(methodcaller("take", which.nonzero()[0]), self))
 
 
 def gated(
@@ -174,12 +180,14 @@ def _in_reach(
     predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
 ) -> tuple[Indices, Indices]:
     """Return the pairs that are close in one component, among which are all that are in the gate."""
-    free = [i for i in range(len(measured.value)) if i not in measured.angular]
-    axis = free[0] if free else 0
+    angular = len(measured.angular) == len(measured.value)
+    axis = 0
+    while axis in measured.angular and not angular:
+        axis += 1
     noise = measured.noise[axis, axis]
     largest = noise if noise.ndim == 0 else noise.max(initial=0.0)
     reach = np.sqrt(threshold * (predicted.covariance[axis, axis] + largest))
-    return close_pairs(predicted.mean[axis], reach, run, measured.value[axis], detections, angular=not free)
+    return close_pairs(predicted.mean[axis], reach, run, measured.value[axis], detections, angular)
 
 
 def in_field_of_view(position: Array, scan: Scan) -> Mask:

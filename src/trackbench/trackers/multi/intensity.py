@@ -128,9 +128,9 @@ def intensity(
     measured, positions = volumes(scan.kind, view, velocity_sigma)
     volume = view.volume or measured
     false_alarms = max((scan.clutter_density or 0.0) * volume, FEWEST_FALSE_ALARMS)
-    births, sensor = config.birth_density, SENSOR_MODELS[scan.kind]
+    births = config.birth_density
     new_objects = undetected / (measured if as_measured else positions) * detection
-    if isinstance(births, GaussianBirths) and sensor.measures_position():
+    if isinstance(births, GaussianBirths) and (sensor := SENSOR_MODELS[scan.kind]).measures_position():
         place, noise = sensor.position(scan)
         factor = linalg.cholesky(noise + linalg.expand(births.sigma_m**2 * np.eye(2), noise))
         away = place - linalg.expand(np.array([births.x, births.y]), place)
@@ -187,7 +187,7 @@ class Detectability:
 
     def half_range_m(self, scan: Scan) -> float | None:
         """Range at which half of these objects are detected, m: assumed, or as the scan states it."""
-        signal = self.assumed.signal(scan.sensor)
+        signal = self.assumed.signal(scan.sensor) if self.assumed.effects else None
         return scan.half_range_m if signal is None else signal.half_range_m
 
     def probabilities(

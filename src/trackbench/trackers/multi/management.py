@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Indices, Mask, indices
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.engine.equations import Compute, Equations, Values
 from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.initial import SAME_TIME
@@ -77,16 +77,14 @@ class TrackLogic:
 
     def begun(self, count: int, existence: Array | None) -> Array:
         """Return the evidence of tracks that begin with a detection."""
-        evidence = np.ones((6, count))
-        evidence[SCORE:] = 0.0
+        evidence = np.zeros((6, count))
+        evidence[:SCORE] = 1.0
         if existence is not None:
             evidence[EXISTS] = existence
         return evidence
 
     def after_time(self, evidence: Array, elapsed: float) -> Array:
-        """Return the evidence some seconds later."""
-        if not self.has_existence:
-            return evidence
+        """Return the evidence some seconds later, of a method that has existence probabilities."""
         rate, later = self.hides + 1.0 / HIDDEN_S, evidence.copy()
         at_last = 1.0 / HIDDEN_S / rate
         later[EXISTS] = evidence[EXISTS] * np.exp(-elapsed / self.lifetime_s)
@@ -122,7 +120,6 @@ class TrackLogic:
         return ends
 
 
-@cache
 def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
     """The evidence after a scan, the time of the latest detection, and which tracks end.
 
@@ -140,7 +137,7 @@ def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
 
     ranks = dict.fromkeys(("hit", "detection probability", "log ratio", "seen", "confirmed", "time"), 0)
     ranks |= {"evidence": 1} | ({"existence": 1} if existence else {})
-    return Equations("evidence of tracks", function, ranks, key=(logic, silent_s))
+    return Equations("evidence of tracks", function, ranks, key=(*vars(logic).values(), silent_s))
 
 
 @dataclass(frozen=True)
@@ -155,6 +152,11 @@ class TrackManager:
     def logic(self) -> TrackLogic:
         """The rule by which tracks are confirmed and deleted."""
         return TrackLogic.of(self.associate)
+
+    @cached_property
+    def _judgement(self) -> Equations:
+        associate = self.associate
+        return judgement(self.logic, associate.delete_after_s - SAME_TIME, associate.method in EXISTENCE)
 
     def empty_table(self) -> TrackTable:
         """No tracks."""
@@ -173,13 +175,12 @@ class TrackManager:
             "seen": before.seen,
             "time": scan.time,
         }
-        silent = self.associate.delete_after_s - SAME_TIME
-        after = self.compute(judgement(self.logic, silent, result.existence is not None), values)
-        # Of none, which is -1, the last.
-        used = np.concatenate([at.detections.column, [NONE]]).take(result.detection)
+        after = self.compute(self._judgement, values)
+        used = result.detection.copy()
+        used[hit] = at.detections.column.take(result.detection[hit])
         ends = np.asarray(after["ends"], dtype=bool)
-        table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
-        return table, ends
+        seen, evidence = after["seen"], after["evidence"]
+        return TrackTable(before.run, before.id, result.belief, seen, evidence, used, before.origin), ends
 
     def begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
         """A track for each detection that probably stems from none; None without any."""
@@ -193,16 +194,18 @@ class TrackManager:
             which = existence >= config.delete_existence
         if origin is not None:
             which &= origin[0] >= 0
-        own = indices(which)
+        own = which.nonzero()[0]
         if not len(own):
             return None
-        none = np.full(len(own), NONE)
+        none, seen = np.empty(len(own), dtype=np.intp), np.empty(len(own))
+        none.fill(NONE)
+        seen.fill(scan.time)
         belief = self.filter.begin(selected_detections(scan, own))
         return TrackTable(
             at.detections.run[own],
             none,
             belief,
-            np.full(len(own), scan.time),
+            seen,
             self.logic.begun(len(own), None if existence is None else existence[own]),
             at.detections.column[own],
             none if origin is None else origin[0, own],

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+from operator import methodcaller
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices, with_sensor_of
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, with_sensor_of
 from trackbench.filters import (
     AnyBelief,
     Filter,
@@ -47,9 +49,10 @@ class TrackTable(NamedTuple):
 
     def select(self, which: Mask | Indices) -> TrackTable:
         """Some of the tracks."""
-        index = indices(which) if which.dtype == bool else which
-        belief = select(self.belief, index)
-        return TrackTable._make(part.take(index, axis=-1) if isinstance(part, np.ndarray) else belief for part in self)
+        index = which.nonzero()[0] if which.dtype == bool else which
+        run, id, belief, *rest = self
+        parts = map(methodcaller("take", index, -1), (run, id, *rest))
+        return TrackTable(next(parts), next(parts), select(belief, index), *parts)
 
 
 def empty(filter: Filter[Any], evidence: int) -> TrackTable:
@@ -68,11 +71,10 @@ def succeeded(table: TrackTable, kept: Mask, more: TrackTable | None) -> TrackTa
     table = table if kept.all() else table.select(kept)
     if more is None:
         return table
-    belief = concatenated(table.belief, more.belief)
-    return TrackTable._make(
-        np.concatenate([part, other], axis=-1) if isinstance(part, np.ndarray) else belief
-        for part, other in zip(table, more, strict=True)
-    )
+    run, id, belief, *rest = table
+    pairs = zip((run, id, *rest), (*more[:2], *more[3:]), strict=True)
+    parts = map(partial(np.concatenate, axis=-1), pairs)
+    return TrackTable(next(parts), next(parts), concatenated(belief, more.belief), *parts)
 
 
 def by_run(which: Indices, run: Indices) -> Indices:
@@ -89,7 +91,7 @@ def rank_in_run(run: Indices, runs: int) -> Indices:
 
 def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
     """The table with ids for those of the deserving that have none yet, and the next id of each run ``(runs,)``."""
-    fresh = indices(deserving & (table.id == NONE))
+    fresh = (deserving & (table.id == NONE)).nonzero()[0]
     if not len(fresh):
         return table, next_id
     fresh = by_run(fresh, table.run)
@@ -99,7 +101,7 @@ def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[Trac
 
 
 def reported_tracks(
-    table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float
+    table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float = 0.0
 ) -> Tracks:
     """Return the confirmed tracks of sufficient existence as arrays with a last axis of runs, padded.
 
@@ -110,17 +112,18 @@ def reported_tracks(
         runs: how many.
         least_existence: of a track that is reported.
     """
-    which = indices((table.id != NONE) & (True if existence is None else existence >= least_existence))
+    told = table.id != NONE
+    which = (told if existence is None else told & (existence >= least_existence)).nonzero()[0]
     shape, missing = (len(which), 1), None
     if runs > 1:
         which = by_run(which, table.run)
         counts = np.bincount(table.run[which], minlength=runs)
         shape = (int(counts.max(initial=0)), runs)
-        place = np.full((runs, shape[0]), NONE)
-        place[np.arange(shape[0]) < counts[:, None]] = which
+        place = np.zeros((runs, shape[0]), dtype=np.intp)
+        is_there = np.arange(shape[0]) < counts[:, None]
+        place[is_there] = which
         which = place.T.reshape(-1)
-        missing = indices(which == NONE)
-        which[missing] = 0
+        missing = (~is_there.T).ravel().nonzero()[0]
 
     def padded(values: Any) -> Any:
         if missing is not None:
@@ -212,10 +215,8 @@ def expected(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTra
     return PredictedTracks(belief, filter.predict_measurement(belief, scan), seen)
 
 
-def selected_detections(scan: Scan, which: Indices) -> Scan:
-    """Some detections of a scan, or the same one several times."""
-    scan = with_sensor_of(scan, which)
+def selected_detections(scan: Scan, which: Indices, valid: Mask | None = None) -> Scan:
+    """Some detections of a scan, or the same one several times; ``valid``: which of them are to count, unless all."""
     noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance.take(which, axis=-1)
-    return scan._replace(
-        measurement=scan.measurement.take(which, axis=1), valid=scan.valid[which], noise_covariance=noise
-    )
+    values = {"measurement": scan.measurement.take(which, axis=1), "noise_covariance": noise}
+    return with_sensor_of(scan, which, valid=scan.valid.take(which) if valid is None else valid, **values)

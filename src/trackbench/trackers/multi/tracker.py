@@ -104,7 +104,7 @@ class MultiObjectTracker(BuiltInTracker):
                 # Its first scan may still be on its way.
                 return None, self._tracks(table, runs)
             state = MultiObjectState(scan.time, table, np.zeros(runs, dtype=np.intp), undetected)
-        if scan.asked or not self.reads(scan.sensor):
+        if scan.asked or (self.sensors is not None and not self.reads(scan.sensor)):
             ahead, answer = self._prediction(state, max(scan.time, state.time))
             return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
         if scan.time < state.time:
@@ -119,15 +119,16 @@ class MultiObjectTracker(BuiltInTracker):
         ahead = self._at(state, scan.time)
         config, runs = self.associate, len(ahead.next_id)
         detections = run_detections(scan, as_listed=config.method == "naive")
-        detections = detections._replace(scan=self.assumed.with_noise_by_range(detections.scan))
+        if self.assumed.effects:
+            detections = detections._replace(scan=self.assumed.with_noise_by_range(detections.scan))
         of_tracks, of_detections = self._detectability.probabilities(
             self._track_filter.filter, expected.belief, at_tracks, detections.scan
         )
         origin = None if origins is None else origins[:, detections.column, detections.run]
-        in_view = ahead.undetected.in_view(scan.sensor)
+        in_view, measured = ahead.undetected.in_view(scan.sensor), self._track_filter.measured(detections.scan)
         density = intensity(
             detections.scan,
-            self._track_filter.measured(detections.scan).value is detections.scan.measurement,
+            measured.value is detections.scan.measurement,
             config,
             in_view[detections.run] if isinstance(in_view, np.ndarray) else in_view,
             of_detections,
@@ -135,7 +136,7 @@ class MultiObjectTracker(BuiltInTracker):
         )
         probability = np.where(expected.in_view, of_tracks, 0.0)
         at = AssociationInput(
-            self._track_filter, expected, detections, ahead.table.run, probability, config.gate, density
+            self._track_filter, expected, detections, measured, ahead.table.run, probability, config.gate, density
         )
         result = associated(config, at, ahead.table, origin, of_tracks, self._manager.compute)
         table, ends = self._manager.judged(ahead.table, result, at)
@@ -174,12 +175,14 @@ class MultiObjectTracker(BuiltInTracker):
         if config.method in EXISTENCE:
             survival = float(np.exp(-elapsed / config.lifetime_s))
             undetected = undetected.after_time(survival, config.birth_rate_hz * elapsed)
-        table = table._replace(evidence=self._manager.logic.after_time(table.evidence, elapsed))
+            table = table._replace(evidence=self._manager.logic.after_time(table.evidence, elapsed))
         return MultiObjectState(time, table, state.next_id, undetected)
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
-        existence = None if self.associate.method in COUNTING else table.evidence[0]
-        return reported_tracks(table, self._track_filter.filter, existence, runs, self.associate.report_limits[1])
+        if self.associate.method in COUNTING:
+            return reported_tracks(table, self._track_filter.filter, None, runs)
+        least = self.associate.report_limits[1]
+        return reported_tracks(table, self._track_filter.filter, table.evidence[0], runs, least)
 
 
 def _alone(tracks: Tracks) -> Tracks:
