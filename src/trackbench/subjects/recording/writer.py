@@ -63,8 +63,8 @@ def application(scenario: str) -> str:
 def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WHOLE) -> None:
     """Send everything that is shown and kept of a run, and its layout."""
     contents = contents_of(result)
-    stream, tables, colours = Stream(recording), contents.tables, contents.colours
-    wide = views.wide_window(tables.truth)
+    stream, tables, colours = Stream(recording), contents.scene, contents.colours
+    wide = views.wide_window(contents.tables.truth)
     if contents.hidden:
         charts = charts_of_tracks(contents)
         blueprint = layout.track_blueprint(contents, charts, wide, focus)
@@ -77,7 +77,7 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     kept = {name: getattr(result.summary, name) for name in ("seed", "recorded_run", "fingerprint", "engine")}
     recording.send_property("trackbench", rr.AnyValues(scenario=result.summary.scenario.name, **kept))
     stream.markdown("ranking", ranking_text(result))
-    stream.markdown("about", about_text(result))
+    stream.markdown("about", about_text(contents))
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
     layout.send_legend(stream, layout.entries_of(contents))
@@ -97,12 +97,12 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     for chart in charts:
         send_chart(stream, chart)
     functions.send_functions(stream, contents.decisions, contents.function_events, colours)
-    send_data(stream, result)
+    send_data(stream, result, contents.kept)
 
 
 def _send_hidden(stream: Stream, contents: Contents) -> None:
     """Send the tracks, gates, associations, misses and events of each tracker."""
-    result, tables, time = contents.result, contents.tables, drawn_instants(contents.tables)
+    result, tables, time = contents.result, contents.scene, drawn_instants(contents.scene)
     for (tracker,), rows in split(tables.tracks, "tracker").items():
         tracks.send_tracks(stream, tracker, rows, time)
     for (tracker,), rows in split(tables.if_there("gates"), "tracker").items():
