@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Mask
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,12 +29,34 @@ def table_of(records: Sequence[Record]) -> pa.Table:
         values = [(part[name], size) for part, size in zip(records, sizes, strict=True)]
         if isinstance(first, str | list):
             texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
-            columns[name] = pa.array(texts, pa.string()).dictionary_encode()
+            columns[name] = _words(texts)
         else:
-            # Null where a number is NaN.
-            arrays = [np.broadcast_to(each, size) for each, size in values]
-            columns[name] = pa.array(np.concatenate(arrays), from_pandas=True)
+            numbers = np.concatenate([np.broadcast_to(each, size) for each, size in values])
+            columns[name] = _numbers(numbers, numbers == numbers)
     return pa.table(columns)
+
+
+# Arrow's own conversion imports pandas wherever that is installed, which takes a quarter of a second.
+def _numbers(values: npt.NDArray[Any], known: Mask) -> pa.Array:
+    """Return numbers or truth values, null where they are not known."""
+    import pyarrow as pa
+
+    data = np.packbits(values, bitorder="little") if values.dtype == bool else values
+    nulls = None if known.all() else pa.py_buffer(np.packbits(known, bitorder="little"))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [nulls, pa.py_buffer(data)])
+
+
+def _words(texts: Sequence[str | None]) -> pa.Array:
+    """Return texts, each kept once, null for None."""
+    import pyarrow as pa
+
+    once = [text for text in dict.fromkeys(texts) if text is not None]
+    place: dict[str | None, int] = {text: number for number, text in enumerate(once)}
+    encoded = [text.encode() for text in once]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    words = pa.StringArray.from_buffers(len(once), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
+    indices = np.array([place.get(text, -1) for text in texts], dtype=np.int32)
+    return pa.DictionaryArray.from_arrays(_numbers(indices, indices >= 0), words)
 
 
 def mean(total: Array, count: Array) -> Array:

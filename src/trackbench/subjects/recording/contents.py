@@ -78,14 +78,15 @@ def contents_of(result: Result) -> Contents:
     colours = tracker_colours({name: result.places[name] for name in names})
     summary, kept = result.summary, thinned(result)
     tables, scene = (
-        Tables({name: _of(table, names) for name, table in every.items()}) for every in (result.tables, kept)
+        Tables({name: of_trackers(table, names) for name, table in every.items()}) for every in (result.tables, kept)
     )
     vehicles, hidden = list(summary.truth.objects), summary.identities == "hidden"
     decisions = tables.if_there("decisions")
     return Contents(result, colours, tables, scene, kept, vehicles, summary.sensors, hidden, decisions)
 
 
-def _of(table: pa.Table, trackers: list[str]) -> pa.Table:
+def of_trackers(table: pa.Table, trackers: list[str]) -> pa.Table:
+    """Return the rows of some trackers, or a table that is of none."""
     return table.filter(pc.is_in(table["tracker"], pa.array(trackers))) if "tracker" in table.column_names else table
 
 

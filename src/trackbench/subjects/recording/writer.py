@@ -6,8 +6,6 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -20,7 +18,7 @@ from trackbench.metrics.function_events import drawn_instants, events_of
 from trackbench.results import Result, write_bytes
 from trackbench.results.columns import split
 from trackbench.subjects.recording import functions, layout, scene, tracks, views
-from trackbench.subjects.recording.contents import Contents, about_text, contents_of, ranking_text
+from trackbench.subjects.recording.contents import Contents, about_text, contents_of, of_trackers, ranking_text
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import opened, plot, send_chart, send_legend, with_legend
@@ -108,17 +106,13 @@ def _send_hidden(stream: Stream, contents: Contents) -> None:
     for (tracker,), rows in split(tables.if_there("gates"), "tracker").items():
         tracks.send_gates(stream, tracker, rows, time)
     for tracker in contents.colours:
-        taken, own, objects = (_of(tables.if_there(name), tracker) for name in ("taken", "tracks", "objects"))
+        taken, own, objects = (of_trackers(tables.if_there(name), [tracker]) for name in ("taken", "tracks", "objects"))
         if objects.num_rows:
             tracks.send_misses(stream, tracker, objects, tables.truth, time)
         if taken.num_rows and own.num_rows:
             tracks.send_associations(stream, tracker, taken, own, tables.measurements, time)
         events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
         tracks.send_marks(stream, tracker, events)
-
-
-def _of(table: pa.Table, tracker: str) -> pa.Table:
-    return table.filter(pc.equal(table["tracker"], tracker)) if table.num_rows else table
 
 
 #: In a table of events, rows.
