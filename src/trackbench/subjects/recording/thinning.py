@@ -51,8 +51,7 @@ def thinned(result: Result) -> Tables:
 def extremes(values: Array) -> Indices:
     """Return the places of the points ``(points,)`` of a line that are drawn: all, or of a long line about ``MOST``.
 
-    These are its ends, and in each of ``MOST / 2`` stretches the lowest, the highest and a missing value if there is
-    one.
+    Kept are its ends and, in each of ``MOST / 2`` stretches, the lowest, the highest and a missing value.
     """
     if len(values) <= MOST:
         return np.arange(len(values))
@@ -68,9 +67,8 @@ def extremes(values: Array) -> Indices:
 
 def _worst_times(result: Result) -> Array:
     """Return the instants of the worst moments of each tracker and of each vehicle, s."""
-    table = result.tables.if_there("estimates")
-    table = table if table.num_rows else result.tables.if_there("tracks")
-    trackers = table["tracker"].unique().to_pylist() if table.num_rows else []
+    tables = [result.tables.if_there(name) for name in ("estimates", "tracks")]
+    trackers = {name for table in tables if table.num_rows for name in table["tracker"].unique().to_pylist()}
     openings = [Opening(worst=WORST, tracker=name) for name in trackers]
     openings += [Opening(worst=WORST, vehicle=name) for name in result.summary.truth.objects if trackers]
     return np.array([moment.time_s for opening in openings for moment in worst_moments(result, opening)])
