@@ -16,8 +16,9 @@ from tests.support.results import with_tables
 from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import events_of
 from trackbench.results import Result
+from trackbench.subjects.recording import thinning
 from trackbench.subjects.recording.data import read
-from trackbench.subjects.recording.focus import Opening, focus_of, moment_of, worst_moments
+from trackbench.subjects.recording.focus import Opening, costly_events, focus_of, moment_of, worst_moments
 from trackbench.subjects.recording.writer import costs
 
 
@@ -86,6 +87,15 @@ def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
         focus_of(traffic_result, Opening(worst=len(events) + 1, tracker="naive"))
     with pytest.raises(InputError, match="did you mean 'naive'"):
         focus_of(traffic_result, Opening(worst=1, tracker="naiv"))
+
+
+def test_of_a_long_run_the_costliest_events_are_drawn(traffic_result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(thinning, "MOST", 20)
+    drawn = thinning.instants(thinning.thinned(traffic_result))
+    assert 20 <= len(drawn) < len(thinning.instants(traffic_result.tables))
+    costly = [event.time_s for event in costly_events(traffic_result, None, None)[: thinning.WORST]]
+    assert costly
+    assert {*np.round(costly, 9)} <= {*np.round(drawn, 9)}
 
 
 def test_inspect_names_the_worst_events(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Mask
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -28,17 +28,39 @@ def table_of(records: Sequence[Record]) -> pa.Table:
     for name, first in records[0].items() if records else ():
         values = [(part[name], size) for part, size in zip(records, sizes, strict=True)]
         if all(isinstance(each, str) for each, _ in values):
-            words = list(dict.fromkeys(each for each, size in values if size))
-            codes = np.repeat([words.index(each) if size else 0 for each, size in values], sizes)
-            columns[name] = pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), pa.array(words, pa.string()))
+            filled = [each for each in values if each[1]]
+            columns[name] = _words([word for word, _ in filled], [size for _, size in filled])
         elif isinstance(first, str | list):
             texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
-            columns[name] = pa.array(texts, pa.string()).dictionary_encode()
+            columns[name] = _words(texts)
         else:
-            # Null where a number is NaN.
             arrays = [each if np.shape(each) == (size,) else np.full(size, each) for each, size in values]
-            columns[name] = pa.array(np.concatenate(arrays), from_pandas=True)
+            numbers = np.concatenate(arrays)
+            columns[name] = _numbers(numbers, numbers == numbers)
     return pa.table(columns)
+
+
+# Arrow's own conversion imports pandas wherever that is installed, which takes a quarter of a second.
+def _numbers(values: npt.NDArray[Any], known: Mask) -> pa.Array:
+    """Return numbers or truth values, null where they are not known."""
+    import pyarrow as pa
+
+    data = np.packbits(values, bitorder="little") if values.dtype == bool else values
+    nulls = None if known.all() else pa.py_buffer(np.packbits(known, bitorder="little"))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [nulls, pa.py_buffer(data)])
+
+
+def _words(texts: Sequence[str | None], repeats: int | Sequence[int] = 1) -> pa.Array:
+    """Return texts, each kept once and repeated so often, null for None."""
+    import pyarrow as pa
+
+    once = [text for text in dict.fromkeys(texts) if text is not None]
+    place: dict[str | None, int] = {text: number for number, text in enumerate(once)}
+    encoded = [text.encode() for text in once]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    words = pa.StringArray.from_buffers(len(once), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
+    indices = np.repeat(np.array([place.get(text, -1) for text in texts], dtype=np.int32), repeats)
+    return pa.DictionaryArray.from_arrays(_numbers(indices, indices >= 0), words)
 
 
 def mean(total: Array, count: Array) -> Array:

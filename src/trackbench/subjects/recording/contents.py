@@ -19,6 +19,7 @@ from trackbench.results import MOST_DRAWN, Result, Tables
 from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
 from trackbench.subjects.recording.focus import Focus, moment_of
+from trackbench.subjects.recording.thinning import AROUND_S, MOST, WORST, instants, thinned
 from trackbench.subjects.recording.views import ErrorMap
 
 
@@ -31,6 +32,10 @@ class Contents:
     """Colour by tracker, of those that are drawn."""
     tables: Tables
     """Tables with the rows of the drawn trackers."""
+    scene: Tables
+    """Those tables at the instants that are kept, see :func:`thinned`."""
+    kept: Tables
+    """Tables of all trackers at these instants."""
 
     vehicles: list[str]
     """Names of the vehicles that are tracked."""
@@ -63,7 +68,7 @@ class Contents:
     def errors(self) -> ErrorMap | None:
         """The map of errors; None where identities are hidden, or there are no errors."""
         shown = [] if self.hidden else [*self.plotted]
-        return ErrorMap(self.tables, shown) or None
+        return ErrorMap(self.scene, shown) or None
 
 
 def contents_of(result: Result) -> Contents:
@@ -71,12 +76,17 @@ def contents_of(result: Result) -> Contents:
     drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
     names = [name for name in result if name in drawn]
     colours = tracker_colours({name: result.places[name] for name in names})
-    tables, summary = Tables({name: _of(table, names) for name, table in result.tables.items()}), result.summary
+    summary, kept = result.summary, thinned(result)
+    tables, scene = (
+        Tables({name: of_trackers(table, names) for name, table in every.items()}) for every in (result.tables, kept)
+    )
     vehicles, hidden = list(summary.truth.objects), summary.identities == "hidden"
-    return Contents(result, colours, tables, vehicles, summary.sensors, hidden, tables.if_there("decisions"))
+    decisions = tables.if_there("decisions")
+    return Contents(result, colours, tables, scene, kept, vehicles, summary.sensors, hidden, decisions)
 
 
-def _of(table: pa.Table, trackers: list[str]) -> pa.Table:
+def of_trackers(table: pa.Table, trackers: list[str]) -> pa.Table:
+    """Return the rows of some trackers, or a table that is of none."""
     return table.filter(pc.is_in(table["tracker"], pa.array(trackers))) if "tracker" in table.column_names else table
 
 
@@ -95,15 +105,26 @@ def ranking_text(result: Result) -> str:
     )
 
 
-def about_text(result: Result) -> str:
+def about_text(contents: Contents) -> str:
     """Return what was run, what the picture shows, and how to run it again, as Markdown."""
-    summary = result.summary
+    result, summary = contents.result, contents.result.summary
     shown = f"Shown: Monte-Carlo run {summary.recorded_run} of {summary.runs}, seed {summary.seed}."
     blocks = (
         Paragraph(shown),
-        Section("In the picture", (Paragraph(IN_THE_PICTURE),)),
+        Section("In the picture", (Paragraph(IN_THE_PICTURE), *_left_out(contents))),
         Section("Again", (Code(summary.command, "sh"), Paragraph(summary.made_with))),
         Paragraph(f"Fingerprint of the measurements: {summary.fingerprint}"),
     )
     lead, in_short = summary.scenario.description, facts(result, len(result.summary.trackers))
     return to_markdown(Document("recording", result.name, blocks, lead, in_short))
+
+
+def _left_out(contents: Contents) -> list[Paragraph]:
+    """Return what the recording of a long run leaves out, in words."""
+    drawn, every = (len(instants(tables)) for tables in (contents.kept, contents.result.tables))
+    text = (
+        f"Of {every:,} instants {drawn:,} are in this file: evenly spaced, within {AROUND_S:g} s of the moment worth"
+        f" seeing first, and the {WORST} worst of each tracker and vehicle. Lines of plots have the lowest and the"
+        f" highest value in each of {MOST // 2:,} stretches of time. The folder of the run has every instant."
+    )
+    return [Paragraph(text)] if drawn < every else []

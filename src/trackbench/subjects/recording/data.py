@@ -41,15 +41,15 @@ RECORDING = "recording.rrd"
 MAGIC = b"RRF2"
 
 
-def send_data(stream: Stream, result: Result) -> None:
-    """Send the summary and the tables; of the events those of the recorded run."""
+def send_data(stream: Stream, result: Result, tables: Tables) -> None:
+    """Send the summary and the ``tables``; of the events those of the recorded run."""
     # To read a run, this process need not wait for it.
     import rerun as rr
 
     components: dict[str, Any] = {}
-    own = [name for name in ("decisions", "function_events") if name in result.tables]
+    own = [name for name in ("decisions", "function_events") if name in tables]
     for name in (*TABLES[result.summary.identities], *own):
-        table = result.tables.if_there(name)
+        table = tables.if_there(name)
         if name == "events" and table.num_rows:
             table = table.filter(pc.equal(table["run"], float(result.summary.recorded_run)))
         sink = io.BytesIO()

@@ -12,6 +12,7 @@ from rerun import AsComponents, ComponentColumn
 
 from trackbench.base.types import Array
 from trackbench.metrics.consistency import point95
+from trackbench.subjects.recording.thinning import extremes
 
 #: The recording's one timeline, seconds of simulated time.
 TIMELINE = "sim_time"
@@ -126,6 +127,8 @@ def send_line(
     stream: Stream, entity: str, time: Array, values: Array, name: str, colour: str, width: float = 1.5
 ) -> None:
     """Send a line of a plot, broken where there is no value; its ``width`` is in pixels."""
+    drawn = extremes(values)
+    time, values = time[drawn], values[drawn]
     finite = np.isfinite(values)
     # An empty row breaks the line.
     stream.columns(entity, time, rr.Scalars.columns(scalars=values[finite]).partition(finite.astype(int)))

@@ -6,8 +6,6 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -20,7 +18,7 @@ from trackbench.metrics.function_events import drawn_instants, events_of
 from trackbench.results import Result, write_bytes
 from trackbench.results.columns import split
 from trackbench.subjects.recording import functions, layout, scene, tracks, views
-from trackbench.subjects.recording.contents import Contents, about_text, contents_of, ranking_text
+from trackbench.subjects.recording.contents import Contents, about_text, contents_of, of_trackers, ranking_text
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import opened, plot, send_chart, send_legend, with_legend
@@ -63,8 +61,8 @@ def application(scenario: str) -> str:
 def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WHOLE) -> None:
     """Send everything that is shown and kept of a run, and its layout."""
     contents = contents_of(result)
-    stream, tables, colours = Stream(recording), contents.tables, contents.colours
-    wide = views.wide_window(tables.truth)
+    stream, tables, colours = Stream(recording), contents.scene, contents.colours
+    wide = views.wide_window(contents.tables.truth)
     if contents.hidden:
         charts = charts_of_tracks(contents)
         blueprint = layout.track_blueprint(contents, charts, wide, focus)
@@ -77,7 +75,7 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     kept = {name: getattr(result.summary, name) for name in ("seed", "recorded_run", "fingerprint", "engine")}
     recording.send_property("trackbench", rr.AnyValues(scenario=result.summary.scenario.name, **kept))
     stream.markdown("ranking", ranking_text(result))
-    stream.markdown("about", about_text(result))
+    stream.markdown("about", about_text(contents))
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
     layout.send_legend(stream, layout.entries_of(contents))
@@ -97,28 +95,24 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     for chart in charts:
         send_chart(stream, chart)
     functions.send_functions(stream, contents.decisions, contents.function_events, colours)
-    send_data(stream, result)
+    send_data(stream, result, contents.kept)
 
 
 def _send_hidden(stream: Stream, contents: Contents) -> None:
     """Send the tracks, gates, associations, misses and events of each tracker."""
-    result, tables, time = contents.result, contents.tables, drawn_instants(contents.tables)
+    result, tables, time = contents.result, contents.scene, drawn_instants(contents.scene)
     for (tracker,), rows in split(tables.tracks, "tracker").items():
         tracks.send_tracks(stream, tracker, rows, time)
     for (tracker,), rows in split(tables.if_there("gates"), "tracker").items():
         tracks.send_gates(stream, tracker, rows, time)
     for tracker in contents.colours:
-        taken, own, objects = (_of(tables.if_there(name), tracker) for name in ("taken", "tracks", "objects"))
+        taken, own, objects = (of_trackers(tables.if_there(name), [tracker]) for name in ("taken", "tracks", "objects"))
         if objects.num_rows:
             tracks.send_misses(stream, tracker, objects, tables.truth, time)
         if taken.num_rows and own.num_rows:
             tracks.send_associations(stream, tracker, taken, own, tables.measurements, time)
         events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
         tracks.send_marks(stream, tracker, events)
-
-
-def _of(table: pa.Table, tracker: str) -> pa.Table:
-    return table.filter(pc.equal(table["tracker"], tracker)) if table.num_rows else table
 
 
 #: In a table of events, rows.

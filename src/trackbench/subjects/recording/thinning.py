@@ -1,0 +1,80 @@
+"""What the recording of a long run leaves out: instants of the scene, and points within the lines of plots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.results import Result, Tables
+from trackbench.subjects.recording.focus import Opening, moment_of, worst_moments
+
+#: The most instants of a run, and points of a line, of which none is left out; of more about so many are kept.
+MOST = 4000
+#: The largest errors, or costliest events, of each tracker and of each vehicle whose instants are kept.
+WORST = 20
+#: Around the moment worth seeing first every instant is kept, s.
+AROUND_S = 3.0
+#: Tables with rows at each instant, beside the measurements.
+BY_INSTANT = ("truth", "estimates", "tracks", "taken", "gates", "due")
+
+
+def instants(tables: Tables) -> Array:
+    """Return when there is something to draw in the recorded run, ``(instants,)`` s."""
+    sources = [tables.if_there(name) for name in ("estimates", "due", "tracks", "measurements")]
+    return np.unique(np.concatenate([table["time_s"] for table in sources if table.num_rows] or [np.empty(0)]))
+
+
+def thinned(result: Result) -> Tables:
+    """Return the tables of a run; of a long one with the rows of some instants.
+
+    These instants are evenly spaced, around the moment worth seeing first, and the worst of each tracker and vehicle.
+    At each of them there is the latest scan of every sensor.
+    """
+    tables, time = result.tables, instants(result.tables)
+    if len(time) <= MOST:
+        return tables
+    evenly, opening = time[np.linspace(0, len(time) - 1, MOST).astype(int)], moment_of(result).time_s
+    around = time[:0] if opening is None else time[np.abs(time - opening) <= AROUND_S]
+    kept = np.unique(np.concatenate([evenly, around, _worst_times(result)]))
+    shown = {name: tables[name] for name in BY_INSTANT if tables.if_there(name).num_rows}
+    rows = {name: _are_among(table["time_s"].to_numpy(), kept) for name, table in shown.items()}
+    if tables.measurements.num_rows:
+        sensors, when = (tables.measurements[name].to_numpy() for name in ("sensor", "time_s"))
+        rows["measurements"] = np.zeros(len(when), dtype=bool)
+        for sensor in np.unique(sensors):
+            scans = np.unique(when[sensors == sensor])
+            latest = scans[np.maximum(np.searchsorted(scans, kept + 1e-9) - 1, 0)]
+            rows["measurements"] |= (sensors == sensor) & _are_among(when, latest)
+    return Tables({name: table.filter(rows[name]) if name in rows else table for name, table in tables.items()})
+
+
+def extremes(values: Array) -> Indices:
+    """Return the places of the points ``(points,)`` of a line that are drawn: all, or of a long line about ``MOST``.
+
+    Kept are its ends and, in each of ``MOST / 2`` stretches, the lowest, the highest and a missing value.
+    """
+    if len(values) <= MOST:
+        return np.arange(len(values))
+    size = -(-len(values) // (MOST // 2))
+    stretches = np.append(values, np.full(-len(values) % size, np.nan)).reshape(-1, size)
+    missing = ~np.isfinite(stretches)
+    lowest = np.where(missing, np.inf, stretches).argmin(axis=1)
+    highest = np.where(missing, -np.inf, stretches).argmax(axis=1)
+    gap = np.where(missing.any(axis=1), missing.argmax(axis=1), lowest)
+    places = np.arange(len(stretches)) * size + [lowest, highest, gap]
+    return np.unique(np.append(places, [0, len(values) - 1]).clip(max=len(values) - 1))
+
+
+def _worst_times(result: Result) -> Array:
+    """Return the instants of the worst moments of each tracker and of each vehicle, s."""
+    tables = [result.tables.if_there(name) for name in ("estimates", "tracks")]
+    trackers = {name for table in tables if table.num_rows for name in table["tracker"].unique().to_pylist()}
+    openings = [Opening(worst=WORST, tracker=name) for name in trackers]
+    openings += [Opening(worst=WORST, vehicle=name) for name in result.summary.truth.objects if trackers]
+    return np.array([moment.time_s for opening in openings for moment in worst_moments(result, opening)])
+
+
+def _are_among(when: Array, time: Array) -> Mask:
+    """Return which of the times of rows, s, are among ``time``, but for rounding."""
+    nearest = time[np.minimum(np.searchsorted(time, when - 1e-9), len(time) - 1)]
+    return np.abs(nearest - when) < 1e-9
