@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice
 
 import numpy as np
 
-from trackbench.base.types import SAME_TIME, Array, Indices, Mask, of_runs
+from trackbench.base.types import SAME_TIME, Array, Indices, Mask, Scan, of_runs
 from trackbench.driving.drive import deliveries
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Target
@@ -72,17 +73,11 @@ class Targets:
         sensors = frozenset(tracker.sensors_used or self._valid)
         if sensors not in self._measured:
             options = tracker.sensors_used, self._scene.each_measurement
-            self._measured[sensors] = measured_positions(self.scans, self._position, *options), []
+            position = partial(_position, self.scans, self._placing)
+            self._measured[sensors] = measured_positions(self.scans, position, *options), []
         coming, positions = self._measured[sensors]
         positions.extend(islice(coming, max(0, here.stop - len(positions))))
         return np.stack(positions[here], axis=1)
-
-    def _position(self, number: int) -> Array:
-        scan = self.scans[number]
-        if scan.sensor in self._placing and not SENSOR_MODELS[scan.kind].measures_position():
-            # Where nothing states a position, all that anyone knows is where the sensor is.
-            return np.broadcast_to(scan.sensor_pose[:2, None], (2, scan.valid.size))
-        return SENSOR_MODELS[scan.kind].position(scan).mean
 
     def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
         """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
@@ -163,6 +158,14 @@ def _latest(valid: Mask) -> Indices:
     for number, detected in enumerate(valid, 1):
         np.maximum(latest[number - 1], detected * kind.type(number), out=latest[number])
     return latest
+
+
+def _position(scans: Sequence[Scan], placing: Collection[str], number: int) -> Array:
+    """``(2, batch)`` m that a scan states; where no sensor measures a position, that of the sensor."""
+    scan = scans[number]
+    if scan.sensor in placing and not SENSOR_MODELS[scan.kind].measures_position():
+        return np.broadcast_to(scan.sensor_pose[:2, None], (2, scan.valid.size))
+    return SENSOR_MODELS[scan.kind].position(scan).mean
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:
