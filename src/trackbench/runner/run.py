@@ -34,6 +34,7 @@ def run_scenario(
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
     command: str = "",
+    keeps_answers: bool = False,
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
@@ -48,6 +49,8 @@ def run_scenario(
         isolation: how trackers that are not built in are kept apart.
         engine: what computes.
         command: what reproduces the result.
+        keeps_answers: whether the result has the table ``answers``, of all that the trackers say in every run; NumPy
+            computes then.
         progress: called with the number of runs done and of all.
         on_recorded_run: called with the recorded run while it is made; it should return at once.
 
@@ -55,8 +58,8 @@ def run_scenario(
         InputError: the engine cannot be had.
         TrackbenchError: the processes that make the runs died.
     """
-    observed = on_recorded_run is not None
-    pending = PendingRun(loaded, truths, executor or Executor(), isolation=isolation, engine=engine, observed=observed)
+    options = {"observed": on_recorded_run is not None, "keeps_answers": keeps_answers}
+    pending = PendingRun(loaded, truths, executor or Executor(), isolation, engine, **options)
     return pending.collect(lambda _: command, progress, on_recorded_run)
 
 
@@ -71,6 +74,7 @@ class PendingRun:
         engine: what computes.
         observed: whether the recorded run is looked at.
         alone: whether no other scenario is run at the same time.
+        keeps_answers: as of ``run_scenario``.
     """
 
     def __init__(
@@ -83,9 +87,11 @@ class PendingRun:
         *,
         observed: bool = False,
         alone: bool = True,
+        keeps_answers: bool = False,
     ) -> None:
         self._loaded, self._truths = loaded, truths
-        self._work = work_of(loaded, truths, isolation, engine)
+        work = work_of(loaded, truths, isolation, "numpy" if keeps_answers else engine)
+        self._work = replace(work, keeps_answers=keeps_answers)
         self._begin = time.perf_counter()
         self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
 

@@ -16,8 +16,9 @@ from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.metrics.silence import measured_positions
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.work import BlockRuns, Work
+from trackbench.scenario.keys import TrackerEntry
 from trackbench.sensing.scans import Measurements
-from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.config import FilterConfig
 
 
 class Targets:
@@ -48,14 +49,14 @@ class Targets:
             for name in self._valid
         }
         self._order = {name: np.argsort(arrival, kind="stable") for name, arrival in self._arrival.items()}
-        self.scans = measurements.scans
+        self.measurements, self.scans = measurements, measurements.scans
         self.due, self.starting = self._where_due(shape)
         """``(instants, objects, runs)``"""
         self._measured: dict[frozenset[str], tuple[Iterator[Array], list[Array]]] = {}
         self._conditions: dict[frozenset[str], Classes] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
-    def of(self, tracker: FilterConfig | PluginConfig) -> Target:
+    def of(self, tracker: TrackerEntry) -> Target:
         """What a tracker is held against."""
         case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._motion.velocity_sigma)
         if case not in self._references:
@@ -64,7 +65,7 @@ class Targets:
             self._time, self.state, self._alive, self.due, self.starting, self._work.divergence, self._references[case]
         )
 
-    def measured(self, tracker: FilterConfig | PluginConfig, here: slice) -> Array:
+    def measured(self, tracker: TrackerEntry, here: slice) -> Array:
         """``(2, instants, batch)`` m, as of :func:`trackbench.metrics.silence.measured_positions` at some instants.
 
         Nothing is computed of those after them: most estimates that are missing are at the start.
@@ -84,7 +85,7 @@ class Targets:
             return np.broadcast_to(scan.sensor_pose[:2, None], (2, scan.valid.size))
         return SENSOR_MODELS[scan.kind].position(scan).mean
 
-    def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
+    def conditions(self, tracker: TrackerEntry) -> Classes:
         """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
         sensors = frozenset(self._valid if tracker.sensors is None else tracker.sensors)
         if sensors not in self._conditions:
@@ -163,7 +164,7 @@ def _latest(valid: Mask) -> Indices:
     return np.maximum.accumulate(latest, axis=0, out=latest)
 
 
-def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:
+def _start(tracker: TrackerEntry, velocity_sigma: float) -> BoundStart:
     if isinstance(tracker, FilterConfig) and tracker.initial.source == "truth":
         return BoundStart(tracker.initial.velocity_sigma_mps, tracker.initial.position_sigma_m)
     return BoundStart(velocity_sigma)
