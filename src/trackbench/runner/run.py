@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cache, partial
+from typing import TYPE_CHECKING
 
 from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
 from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.results import Result
+from trackbench.results import Failure, Result
+from trackbench.results.columns import table_of
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.loop import run_blocks
@@ -22,6 +24,9 @@ from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.truth import LoadedTruth
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 log = logging.getLogger(__name__)
 
@@ -61,6 +66,31 @@ def run_scenario(
     options = {"observed": on_recorded_run is not None, "keeps_answers": keeps_answers}
     pending = PendingRun(loaded, truths, executor or Executor(), isolation, engine, **options)
     return pending.collect(lambda _: command, progress, on_recorded_run)
+
+
+def answers_of_scenes(
+    loaded: Scenario,
+    truths: Sequence[LoadedTruth],
+    scenes: Collection[int],
+    executor: Executor,
+    isolation: Isolation = ISOLATED,
+) -> pa.Table | Failure:
+    """Return the table ``answers`` of some scenes alone; the failure where a tracker cannot go on.
+
+    Args:
+        loaded: the scenario.
+        truths: those of all its scenes.
+        scenes: the numbers of those that are run.
+        executor: what makes the blocks of runs.
+        isolation: how trackers that are not built in are kept apart.
+    """
+    work = replace(work_of(loaded, truths, isolation), keeps_answers=True)
+    pieces = [piece for piece in work.pieces() if piece.scene in scenes]
+    blocks = PendingBlocks(loaded, work, pieces, executor).collect()
+    failures, _ = failures_and_outcomes(work.trackers, blocks)
+    for failure in failures.values():
+        return failure
+    return table_of([record for block in blocks for record in block.answers])
 
 
 class PendingRun:

@@ -1,0 +1,274 @@
+"""``trackbench suite``"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from trackbench import results
+from trackbench.base.errors import InputError, counted
+from trackbench.base.exit_status import FAILED_PLUGIN
+from trackbench.cli.answer import answer, print_answer
+from trackbench.cli.options import (
+    FAILED_EXPECTATION,
+    WORKERS,
+    artifact_options,
+    isolation_options,
+    names_in,
+    out_option,
+)
+from trackbench.cli.run_output import RunOutput
+from trackbench.cli.terminal import quiet_option
+from trackbench.driving.isolation import Isolation
+
+if TYPE_CHECKING:
+    from trackbench.subjects.suite.make import EntryMaker
+    from trackbench.subjects.suite.merge import MergedEntries
+    from trackbench.subjects.suite.verify import Check
+
+workers_option = click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays.")
+cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
+
+
+@click.group("suite")
+def suite_command() -> None:
+    """Enter a tracker in a suite, and check an entry.
+
+    A suite is a set of scenarios that never change. An entry is a folder with a tracker's estimates and scores in
+    them, which anyone can check.
+
+    \b
+    Example:
+      trackbench suite run trackbench-road-1 mine.yaml --only smoke
+    """
+
+
+@suite_command.command("list")
+@click.argument("named", required=False, metavar="[ID]")
+def list_command(named: str | None) -> None:
+    """Show the suites, or the scenarios and trackers of one.
+
+    \b
+    Example:
+      trackbench suite list trackbench-road-1
+    """
+    from trackbench.subjects.suite.suite import KINDS, find_suite, shipped_suites
+
+    if named is None:
+        _print_rows((name, find_suite(name).stated.title) for name in shipped_suites())
+        return
+    suite = find_suite(named)
+    stated, rows = suite.stated, []
+    for name, item in suite.scenarios.items():
+        config = item.plain.config
+        scenes, runs = len(config.truth.scenes()), config.monte_carlo.runs
+        extent = f"{item.kind}, {counted(scenes, 'scene')} x {counted(runs, 'run')}, seed {config.monte_carlo.seed}"
+        rows.append((name, f"{extent}{', smoke' if name in stated.smoke else ''}: {config.description}"))
+    print_answer(f"{stated.id}, version {stated.version}: {stated.title}\nsha256 {suite.sha256}\n")
+    _print_rows(rows)
+    for kind in KINDS:
+        print_answer(f"\nbuilt-in trackers, {kind}: {', '.join(getattr(stated.trackers, kind)) or 'none'}")
+
+
+@suite_command.command("run")
+@click.argument("named", metavar="ID")
+@click.argument("trackers", nargs=-1, required=True, metavar="TRACKER...")
+@click.option("--only", metavar="A,B", help="Only these scenarios: ids, single, traffic or smoke.")
+@out_option("The entry of each tracker gets a folder in it.", "entries")
+@workers_option
+@cluster_option
+@isolation_options
+@artifact_options
+@quiet_option("Only the folders of the entries.")
+def run_command(
+    named: str,
+    trackers: tuple[str, ...],
+    only: str | None,
+    out: Path,
+    workers: int | None,
+    cluster: str | None,
+    isolation: Isolation,
+    left_out: frozenset[str],
+    quiet: bool,
+) -> None:
+    """Enter trackers in a suite.
+
+    TRACKER is a YAML file that says who it is and what tracks, module:Class, or a built-in tracker of the suite. An
+    entry has its estimates in every run, and their scores. It is written whole or not at all.
+
+    \b
+    Examples:
+      trackbench suite run trackbench-road-1 mine.yaml
+      trackbench suite run trackbench-road-1 ekf_cv pmb --only smoke
+
+    \b
+    Exit status: 0 written, 1 a bound was beaten, 2 bad input, 3 a tracker
+    failed, 4 cannot write
+    """
+    from trackbench.base.execution import executor
+    from trackbench.subjects.suite.entry import ENTRY
+    from trackbench.subjects.suite.make import EntryMaker, TrackerFailed
+    from trackbench.subjects.suite.suite import find_suite
+    from trackbench.subjects.suite.tracker import find_tracker
+
+    suite = find_suite(named)
+    chosen, output = suite.chosen(names_in(only or "")), RunOutput(False, quiet)
+    entering = [find_tracker(each, suite) for each in trackers]
+    names = [tracker.name for tracker in entering]
+    if len({*names}) < len(names):
+        raise InputError("two trackers have the same name; each has a folder of its name", key="TRACKER")
+    results.require_writable(out)
+    for name in names:
+        results.require_replaceable(out / name, ENTRY)
+    with executor(workers, cluster) as chosen_executor:
+        makers = [EntryMaker(suite, each, chosen_executor, isolation, output, left_out) for each in entering]
+        scenarios = [maker.check(chosen) for maker in makers]
+        for maker, own in zip(makers, scenarios, strict=True):
+            try:
+                maker.make(own, out / maker.tracker.name)
+            except TrackerFailed as failed:
+                click.echo(str(failed), err=True)
+                raise click.exceptions.Exit(FAILED_PLUGIN) from None
+            _print_entry(maker, out / maker.tracker.name, quiet)
+    beaten = [maker for maker in makers if any(not result.summary.passed for result in maker.results.values())]
+    raise click.exceptions.Exit(FAILED_EXPECTATION if beaten else 0)
+
+
+def _print_entry(maker: EntryMaker, folder: Path, quiet: bool) -> None:
+    """Print the scores of an entry, and what checks it."""
+    from trackbench.report.numbers import decimals
+    from trackbench.subjects.suite.page import number_with_reach
+
+    for name, result in () if quiet else maker.results.items():
+        (tracker,), path = result.summary.trackers, result.summary.headline
+        metric = tracker.metrics[path]
+        number = number_with_reach(metric, decimals([metric.value]))
+        why = result.why_unscored(tracker)
+        print_answer(f"{name:20} {result.summary.headline_name} {number} m{f'; not ranked: {why}' if why else ''}")
+    print_answer(f"{folder}/: entry.json, {counted(len(maker.results), 'scenario')}")
+    if not quiet:
+        print_answer(f"check it: trackbench suite verify {folder}")
+
+
+@suite_command.command("verify")
+@click.argument("entry", type=click.Path(path_type=Path), metavar="ENTRY")
+@workers_option
+@cluster_option
+@isolation_options
+@click.option("--json", "as_json", is_flag=True, help="Print the checks as JSON, and nothing else.")
+@quiet_option("Only what failed.")
+def verify_command(
+    entry: Path, workers: int | None, cluster: str | None, isolation: Isolation, as_json: bool, quiet: bool
+) -> None:
+    """Check an entry, and say what is taken on trust.
+
+    Every file is held against its sha256, suite, truth and scans against the suite, and the scores against the
+    estimates. Where the tracker is here, a tenth of the scenes is run again: its module may stand in ENTRY or in the
+    working directory.
+
+    \b
+    Example:
+      trackbench suite verify entries/mine
+
+    \b
+    Exit status: 0 nothing is wrong, 1 something is, 2 bad input
+    """
+    from trackbench.base.execution import executor
+    from trackbench.subjects.suite.entry import read_entry
+    from trackbench.subjects.suite.verify import Verifier
+
+    stored = read_entry(entry)
+    with executor(workers, cluster) as chosen:
+        checks = [*Verifier(stored, chosen, isolation, RunOutput(as_json, quiet)).checks()]
+    failed = [check for check in checks if check.outcome == "failed"]
+    if as_json:
+        values = {"entry": str(entry), "passed": not failed, "checks": [check._asdict() for check in checks]}
+        print_answer(results.json_text(values), nl=False)
+    else:
+        _print_checks(failed if quiet else checks)
+        wrong = f"not verified: {counted(len(failed), 'check')} failed" if failed else "verified"
+        print_answer(f"{stored.entry.name} in {stored.entry.suite.id}: {wrong}")
+    raise click.exceptions.Exit(FAILED_EXPECTATION if failed else 0)
+
+
+def _print_checks(checks: Sequence[Check]) -> None:
+    for check in checks:
+        print_answer(f"{check.outcome:8}  {check.what:8}  {check.text}")
+
+
+@suite_command.command("merge")
+@click.argument("entries", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="ENTRY...")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write it too, as .html, .md or .json.")
+def merge_command(entries: tuple[Path, ...], out: Path | None) -> None:
+    """Compare entries, made on whatever machines.
+
+    Noise is the same in all of them, so every difference is paired. Nothing is run again; check each entry first.
+
+    \b
+    Example:
+      trackbench suite merge entries/mine theirs/pmb --out comparison.html
+
+    \b
+    Exit status: 0 compared, 2 bad input or not comparable, 4 cannot write
+    """
+    from rich.console import Console
+
+    from trackbench.document.files import require_ending
+    from trackbench.document.terminal import print_document
+    from trackbench.report.comparison.document import ENDINGS, comparison_document, comparison_files
+    from trackbench.subjects.suite.merge import merged_entries
+
+    if out is not None:
+        require_ending(out, ENDINGS, "--out")
+        results.require_file(out, "--out")
+    comparison = merged_entries(entries).comparison
+    for file, content in comparison_files(comparison, out) if out is not None else ():
+        results.write_bytes(file, content)
+    print_document(comparison_document(comparison), Console(file=answer()))
+
+
+@suite_command.command("page")
+@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="FOLDER")
+def page_command(folder: Path) -> None:
+    """Write the page of the entries in a folder: index.html, index.md, suite.bib and CITATION.cff.
+
+    \b
+    Example:
+      trackbench suite page entries
+
+    \b
+    Exit status: 0 written, 2 bad input, 4 cannot write
+    """
+    from trackbench.subjects.suite.merge import merged_entries
+    from trackbench.subjects.suite.page import entries_in
+
+    results.require_writable(folder, "FOLDER")
+    files = page_files(merged_entries([*entries_in(folder)]), folder)
+    for name, content in files.items():
+        results.write_bytes(folder / name, content.encode())
+    print_answer(f"{folder}/: {', '.join(files)}")
+
+
+def page_files(merged: MergedEntries, folder: Path) -> dict[str, str]:
+    """Return the text of each file of a page, by name."""
+    from trackbench.document.html import to_html
+    from trackbench.document.markdown import to_markdown
+    from trackbench.subjects.suite.page import bibtex, citation, suite_document
+
+    document = suite_document(merged, folder)
+    return {
+        "index.html": to_html(document),
+        "index.md": to_markdown(document),
+        "suite.bib": bibtex(merged.suite),
+        "CITATION.cff": citation(merged.suite),
+    }
+
+
+def _print_rows(rows: Iterable[tuple[str, str]]) -> None:
+    kept = [*rows]
+    width = max((len(name) for name, _ in kept), default=0)
+    for name, text in kept:
+        print_answer(f"{name:{width}}  {text}")

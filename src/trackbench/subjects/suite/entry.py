@@ -1,0 +1,159 @@
+"""An entry: one folder with who the tracker is, its estimates, their scores, and the digest of every file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import AwareDatetime
+
+from trackbench.base.errors import InputError, similar_path_hint
+from trackbench.base.files import read_json
+from trackbench.results import Result
+from trackbench.results.folder import sha256
+from trackbench.results.metric_value import ResultModel, model_of
+from trackbench.subjects.suite.suite import Suite, find_suite
+
+ENTRY, SCHEMA_VERSION = "entry.json", 1
+#: Estimates of known objects, or tracks, in every run of a scenario.
+ESTIMATES = "estimates.parquet"
+
+
+class SuiteIdentity(ResultModel):
+    """The suite that an entry is of."""
+
+    id: str
+    version: int
+    sha256: str
+    """Of the suite's file."""
+
+
+class TrackerIdentity(ResultModel):
+    """Who the tracker is; beside the code, all of it is what its author says."""
+
+    name: str
+    version: str
+    licence: str
+    source: str
+    made: Literal["run here", "tracks"]
+    """tracks: a program that is not known wrote them for exported scans."""
+    options: dict[str, dict[str, Any]]
+    """By kind of scenario, its entry as a scenario has it."""
+    sensors: dict[str, list[str] | None]
+    """By kind of scenario, the names of the sensors that it reads; None for all."""
+    code: dict[str, str | None]
+    """By kind of scenario, the sha256 of code that is not trackbench's; None where it was not found."""
+    random: bool
+    """Whether it says that it draws random numbers."""
+
+
+class EnteredScenario(ResultModel):
+    """A scenario of an entry."""
+
+    id: str
+    estimates: str
+    """File of the estimates or tracks, in the scenario's folder."""
+    command: str
+    """What runs it again."""
+
+
+class Machine(ResultModel):
+    """What the entry was made on."""
+
+    system: str
+    processor: str
+    cores: int
+    versions: dict[str, str]
+
+
+class Entry(ResultModel):
+    """``entry.json``"""
+
+    schema_version: Literal[1] = 1
+    suite: SuiteIdentity
+    tracker: TrackerIdentity
+    scenarios: list[EnteredScenario]
+    machine: Machine
+    made_at: AwareDatetime
+    commit: str | None
+    """Of the repository that holds the tracker."""
+    command: str
+    files: dict[str, str]
+    """By path in the folder, the sha256 of each other file."""
+    sha256: str
+    """Of all of this but itself."""
+
+    @property
+    def name(self) -> str:
+        """Name of the tracker."""
+        return self.tracker.name
+
+
+def entry_digest(values: Mapping[str, Any]) -> str:
+    """Return the sha256 of the values of an entry but for that itself."""
+    content = {key: value for key, value in values.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def this_machine(versions: dict[str, str]) -> Machine:
+    """Return what this is."""
+    processor = platform.processor() or platform.machine()
+    return Machine(system=platform.platform(), processor=processor, cores=os.cpu_count() or 1, versions=versions)
+
+
+def digests_in(folder: Path) -> dict[str, str]:
+    """Return the sha256 of each file of a folder but ``entry.json``, by path."""
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    names = {file.relative_to(folder).as_posix(): file for file in files}
+    return {name: sha256(file) for name, file in names.items() if name != ENTRY}
+
+
+@dataclass(frozen=True)
+class StoredEntry:
+    """An entry in its folder."""
+
+    entry: Entry
+    folder: Path
+    is_whole: bool
+    """Whether ``entry.json`` has the sha256 that it states."""
+
+    @property
+    def suite(self) -> Suite:
+        """The suite that it names.
+
+        Raises:
+            InputError: there is none of this id.
+        """
+        return find_suite(self.entry.suite.id)
+
+    def result(self, scenario: EnteredScenario) -> Result:
+        """Return the result of a scenario, from its folder.
+
+        Raises:
+            InputError: it is not there, or damaged.
+        """
+        return Result.load(self.folder / scenario.id)
+
+
+def read_entry(place: Path) -> StoredEntry:
+    """Return the entry in a folder, which its ``entry.json`` may name.
+
+    Raises:
+        InputError: there is none, or it is none of this version.
+    """
+    file = place if place.name == ENTRY else place / ENTRY
+    try:
+        raw = read_json(file)
+    except FileNotFoundError:
+        hint = similar_path_hint(place) if not place.exists() else "; `trackbench suite run` writes one"
+        raise InputError(f"there is no {ENTRY}{hint}", file=place) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not a readable entry: {error}", file=file) from error
+    entry = model_of(Entry, raw, file, "entry of a suite", SCHEMA_VERSION)
+    return StoredEntry(entry, file.parent, entry.sha256 == entry_digest(raw))

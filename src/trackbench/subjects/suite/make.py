@@ -1,0 +1,203 @@
+"""``trackbench suite run``: a tracker through scenarios of a suite, and the folder of its entry."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import tempfile
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from trackbench import results
+from trackbench.api.plan import Listener
+from trackbench.api.provenance import provenance_of
+from trackbench.api.save import with_artifacts
+from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.execution import Executor
+from trackbench.driving.isolation import Isolation
+from trackbench.results import Result
+from trackbench.results.summary import Provenance
+from trackbench.runner.assemble import versions
+from trackbench.runner.run import run_scenario
+from trackbench.scenario.check import check_plugins
+from trackbench.scenario.truth import truths_of
+from trackbench.subjects.suite.entry import (
+    ENTRY,
+    ESTIMATES,
+    EnteredScenario,
+    Entry,
+    SuiteIdentity,
+    TrackerIdentity,
+    digests_in,
+    entry_digest,
+    this_machine,
+)
+from trackbench.subjects.suite.scoring import (
+    TOLD,
+    compared_tables,
+    failure_of,
+    require_entered,
+    scored_estimates,
+    stated_of,
+    write_estimates,
+)
+from trackbench.subjects.suite.suite import Suite, SuiteScenario
+from trackbench.subjects.suite.tracker import EnteringTracker
+
+Files = dict[str, Callable[[Path], object]]
+
+
+class TrackerFailed(TrackbenchError):
+    """A tracker could not go on, so that there is no entry."""
+
+
+@dataclass
+class EntryMaker:
+    """Makes the entry of one tracker.
+
+    Args:
+        suite: that it enters.
+        tracker: what enters.
+        executor: what drives and scores.
+        isolation: how the tracker is kept apart.
+        listener: is told of the work.
+        left_out: files of subjects that are not written.
+    """
+
+    suite: Suite
+    tracker: EnteringTracker
+    executor: Executor
+    isolation: Isolation
+    listener: Listener
+    left_out: Collection[str] = ()
+    results: dict[str, Result] = field(default_factory=dict)
+    """By scenario that is done."""
+    _told: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """By kind of scenario, what a run says of the tracker."""
+    _made_of: dict[str, Provenance] = field(default_factory=dict)
+    """By kind of scenario."""
+
+    def command(self, *only: str) -> str:
+        """Return what runs some scenarios again."""
+        words = ["trackbench", "suite", "run", self.suite.stated.id, self.tracker.named]
+        return shlex.join([*words, *(["--only", ",".join(only)] if only else [])])
+
+    def check(self, chosen: list[SuiteScenario]) -> list[SuiteScenario]:
+        """Return the scenarios that the tracker enters, before any of them is run.
+
+        Raises:
+            InputError: it can enter none, does not fit them, or cannot be started.
+        """
+        entering = self.tracker.scenarios(chosen)
+        by_kind = {item.kind: item for item in reversed(entering)}
+        for kind, item in by_kind.items() if self.tracker.stated.tracks is None else ():
+            loaded = self._located(item.loaded, {self.tracker.name: self.tracker.entry(kind)}, self.tracker.folder)
+            self._located(check_plugins, loaded, self.isolation)
+            self._made_of[kind] = provenance_of(loaded)
+        return entering
+
+    def make(self, scenarios: list[SuiteScenario], folder: Path) -> None:
+        """Run the scenarios, and write the folder whole or not at all.
+
+        Raises:
+            InputError: the truth or the scans are not those of the suite, or tracks are not of them.
+            TrackerFailed: the tracker could not go on.
+            OutputError: the folder cannot be written.
+        """
+        with tempfile.TemporaryDirectory(prefix="trackbench-suite-") as place:
+            files: Files = {}
+            for item in scenarios:
+                own = Path(place) / item.id
+                own.mkdir()
+                files |= {f"{item.id}/{name}": write for name, write in self._files(item, own).items()}
+            entry = partial(self._write_entry, scenarios)
+            results.save_files({**files, ENTRY: entry}, folder, ENTRY)
+
+    def _files(self, item: SuiteScenario, place: Path) -> Files:
+        """Return what writes the folder of one scenario."""
+        with self.listener.progress(f"truth of {item.id}", "steps") as advance:
+            truths = truths_of(item.plain, advance, self.executor)
+        require_entered(item, item.why_other_truth(truths))
+        tracks = self.tracker.tracks_of(item)
+        if tracks is None:
+            estimates = place / ESTIMATES
+            entry = {self.tracker.name: self.tracker.entry(item.kind)}
+            loaded = self._located(item.loaded, entry, self.tracker.folder)
+            with self.listener.progress(item.id, "runs") as advance:
+                driven = run_scenario(
+                    loaded,
+                    truths,
+                    executor=self.executor,
+                    isolation=self.isolation,
+                    keeps_answers=True,
+                    progress=advance,
+                )
+            if (cause := failure_of(driven)) is not None:
+                raise TrackerFailed(f"{self.tracker.name} could not go on in {item.id}: {cause}")
+            write_estimates(driven.tables["answers"], estimates)
+            (tracker,) = driven.summary.trackers
+            self._told[item.kind] = {key: getattr(tracker, key) for key in TOLD}
+        else:
+            estimates = place / tracks.name
+            shutil.copyfile(tracks, estimates)
+        result = self._located(scored_estimates, item, self.tracker.name, estimates, truths, self.executor)
+        if (cause := failure_of(result)) is not None:
+            raise TrackerFailed(f"the estimates of {self.tracker.name} in {item.id} cannot be scored: {cause}")
+        require_entered(item, item.why_other_scans(result))
+        if not result.summary.trackers[0].paired:
+            message = f"the tracks of {item.id} have no column fingerprint: it goes back with them from the scans"
+            raise InputError(message, file=tracks)
+        result = stated_of(result, self._told.get(item.kind, {}), self.command(item.id))
+        self.results[item.id] = result
+        shown, artifacts = with_artifacts(result, self.left_out)
+        return {
+            estimates.name: partial(shutil.copyfile, estimates),
+            **artifacts,
+            **compared_tables(shown).files(),
+        }
+
+    def _write_entry(self, scenarios: list[SuiteScenario], path: Path) -> None:
+        kinds = list(dict.fromkeys(item.kind for item in scenarios))
+        stated, made_of = self.tracker.stated, [*self._made_of.values()]
+        is_filed = stated.tracks is not None
+        tracker = TrackerIdentity(
+            name=stated.name,
+            version=stated.version,
+            licence=stated.licence,
+            source=stated.source,
+            made="tracks" if is_filed else "run here",
+            options={kind: self.tracker.entry(kind) or {} for kind in kinds},
+            sensors={kind: self._told.get(kind, {}).get("sensors") for kind in kinds},
+            code={kind: code for kind in kinds if kind in self._made_of for code in self._made_of[kind].code.values()},
+            random=any(told["random"] for told in self._told.values()),
+        )
+        entry = Entry(
+            suite=SuiteIdentity(id=self.suite.stated.id, version=self.suite.stated.version, sha256=self.suite.sha256),
+            tracker=tracker,
+            scenarios=[
+                EnteredScenario(id=item.id, estimates=self._estimates(item), command=self.command(item.id))
+                for item in scenarios
+            ],
+            machine=this_machine(versions()),
+            made_at=made_of[0].made_at if made_of else provenance_of(scenarios[0].plain).made_at,
+            commit=made_of[0].commit if made_of else None,
+            command=self.command(*([] if len(scenarios) == len(self.suite.scenarios) else [i.id for i in scenarios])),
+            files=digests_in(path.parent),
+            sha256="",
+        )
+        values = entry.model_dump(mode="json")
+        results.write_file(results.json_text({**values, "sha256": entry_digest(values)}), path)
+
+    def _estimates(self, item: SuiteScenario) -> str:
+        tracks = self.tracker.tracks_of(item)
+        return ESTIMATES if tracks is None else tracks.name
+
+    def _located(self, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a function; an error of the scenario is one of the tracker's file."""
+        try:
+            return call(*arguments)
+        except InputError as error:
+            raise self.tracker.located(error) from None

@@ -1,0 +1,97 @@
+"""Entries of one suite, made on any machines, as one comparison: their noise is the same, so verdicts are paired."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from trackbench.base.errors import InputError
+from trackbench.compare import Comparison, ResultSet, compare_results
+from trackbench.compare.entries import Entry as ComparedEntry
+from trackbench.results import Result
+from trackbench.results.merged import merged_result
+from trackbench.subjects.suite.entry import ENTRY, StoredEntry, read_entry
+from trackbench.subjects.suite.suite import Kind, Suite
+
+
+@dataclass(frozen=True)
+class MergedEntries:
+    """Entries of one suite."""
+
+    suite: Suite
+    entries: Sequence[StoredEntry]
+
+    @cached_property
+    def results(self) -> dict[str, Result]:
+        """By scenario in the order of the suite, the trackers of all entries that have it.
+
+        Raises:
+            InputError: a result is damaged, or was made of other measurements.
+        """
+        merged = {}
+        for name in self.suite.scenarios:
+            own = {
+                str(stored.folder / name): stored.result(item)
+                for stored in self.entries
+                for item in stored.entry.scenarios
+                if item.id == name
+            }
+            if own:
+                merged[name] = merged_result(own)
+        return merged
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """Every pair of trackers in every scenario that several entries have.
+
+        Raises:
+            InputError: no scenario is in two entries.
+        """
+        several = {name: result for name, result in self.results.items() if len(result.summary.trackers) > 1}
+        if not several:
+            raise InputError("nothing to compare: no scenario is in two entries", file=self.entries[-1].folder)
+        entries = tuple(ComparedEntry(name, result) for name, result in several.items())
+        compared = compare_results([ResultSet(self.suite.stated.id, entries)], metrics=self.metrics)
+        return compared.model_copy(update={"commands": [stored.entry.command for stored in self.entries]})
+
+    @property
+    def metrics(self) -> list[str]:
+        """Metrics that the suite compares by, of both kinds of scenarios."""
+        stated = self.suite.stated.metrics
+        return [stated.single[0], stated.traffic[0]]
+
+    def kind_of(self, scenario: str) -> Kind:
+        """Return the kind of a scenario's trackers."""
+        return self.suite.scenarios[scenario].kind
+
+
+def merged_entries(places: Sequence[Path]) -> MergedEntries:
+    """Return entries of one suite together.
+
+    Raises:
+        InputError: one is damaged or of another suite, or two have the same name.
+    """
+    entries = [read_entry(place) for place in places]
+    first, named = entries[0], dict[str, Path]()
+    for stored in entries:
+        if not stored.is_whole:
+            raise InputError(f"{ENTRY}: its values have another sha256 than it states", file=stored.folder)
+        if stored.entry.suite != first.entry.suite:
+            other = f"is of {_named(stored)}, and {first.folder} of {_named(first)}"
+            raise InputError(f"{other}: one suite in one version is merged", file=stored.folder, key="suite")
+        if stored.entry.name in named:
+            message = f"{named[stored.entry.name]} has the same name {stored.entry.name!r}; name one otherwise"
+            raise InputError(message, file=stored.folder, key="tracker.name")
+        named[stored.entry.name] = stored.folder
+    suite = first.suite
+    if suite.sha256 != first.entry.suite.sha256:
+        message = f"is of {_named(first)} with another file than the one here; `trackbench suite verify` says more"
+        raise InputError(message, file=first.folder, key="suite.sha256")
+    return MergedEntries(suite, entries)
+
+
+def _named(stored: StoredEntry) -> str:
+    suite = stored.entry.suite
+    return f"{suite.id} version {suite.version} ({suite.sha256[:8]})"
