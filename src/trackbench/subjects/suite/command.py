@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from trackbench.subjects.suite.verify import Check
 
 workers_option = click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays.")
+suite_option = click.option(
+    "--suite", type=click.Path(path_type=Path), metavar="FILE", help="Of a suite that does not come with trackbench."
+)
 cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 
 
@@ -155,13 +158,20 @@ def _print_entry(maker: EntryMaker, folder: Path, quiet: bool) -> None:
 
 @suite_command.command("verify")
 @click.argument("entry", type=click.Path(path_type=Path), metavar="ENTRY")
+@suite_option
 @workers_option
 @cluster_option
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print the checks as JSON, and nothing else.")
 @quiet_option("Only what failed.")
 def verify_command(
-    entry: Path, workers: int | None, cluster: str | None, isolation: Isolation, as_json: bool, quiet: bool
+    entry: Path,
+    suite: Path | None,
+    workers: int | None,
+    cluster: str | None,
+    isolation: Isolation,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Check an entry, and say what is taken on trust.
 
@@ -180,7 +190,7 @@ def verify_command(
     from trackbench.subjects.suite.entry import read_entry
     from trackbench.subjects.suite.verify import Verifier
 
-    stored = read_entry(entry)
+    stored = read_entry(entry, suite)
     with executor(workers, cluster) as chosen:
         checks = [*Verifier(stored, chosen, isolation, RunOutput(as_json, quiet)).checks()]
     failed = [check for check in checks if check.outcome == "failed"]
@@ -201,8 +211,9 @@ def _print_checks(checks: Sequence[Check]) -> None:
 
 @suite_command.command("merge")
 @click.argument("entries", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="ENTRY...")
+@suite_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write it too, as .html, .md or .json.")
-def merge_command(entries: tuple[Path, ...], out: Path | None) -> None:
+def merge_command(entries: tuple[Path, ...], suite: Path | None, out: Path | None) -> None:
     """Compare entries, made on whatever machines.
 
     Noise is the same in all of them, so every difference is paired. Nothing is run again; check each entry first.
@@ -224,7 +235,7 @@ def merge_command(entries: tuple[Path, ...], out: Path | None) -> None:
     if out is not None:
         require_ending(out, ENDINGS, "--out")
         results.require_file(out, "--out")
-    comparison = merged_entries(entries).comparison
+    comparison = merged_entries(entries, suite).comparison
     for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)
     print_document(comparison_document(comparison), Console(file=answer()))
@@ -232,7 +243,8 @@ def merge_command(entries: tuple[Path, ...], out: Path | None) -> None:
 
 @suite_command.command("page")
 @click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="FOLDER")
-def page_command(folder: Path) -> None:
+@suite_option
+def page_command(folder: Path, suite: Path | None) -> None:
     """Write the page of the entries in a folder: index.html, index.md, suite.bib and CITATION.cff.
 
     \b
@@ -246,7 +258,7 @@ def page_command(folder: Path) -> None:
     from trackbench.subjects.suite.page import entries_in
 
     results.require_writable(folder, "FOLDER")
-    files = page_files(merged_entries([*entries_in(folder)]), folder)
+    files = page_files(merged_entries([*entries_in(folder)], suite), folder)
     for name, content in files.items():
         results.write_bytes(folder / name, content.encode())
     print_answer(f"{folder}/: {', '.join(files)}")

@@ -8,6 +8,7 @@ import os
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -122,15 +123,17 @@ class StoredEntry:
     folder: Path
     is_whole: bool
     """Whether ``entry.json`` has the sha256 that it states."""
+    suite_file: str | None = None
+    """File of a suite that does not come with the package."""
 
-    @property
+    @cached_property
     def suite(self) -> Suite:
         """The suite that it names.
 
         Raises:
             InputError: there is none of this id.
         """
-        return find_suite(self.entry.suite.id)
+        return find_suite(self.suite_file or self.entry.suite.id)
 
     def result(self, scenario: EnteredScenario) -> Result:
         """Return the result of a scenario, from its folder.
@@ -141,12 +144,18 @@ class StoredEntry:
         return Result.load(self.folder / scenario.id)
 
 
-def read_entry(place: Path) -> StoredEntry:
+def read_entry(place: Path, suite: Path | None = None) -> StoredEntry:
     """Return the entry in a folder, which its ``entry.json`` may name.
+
+    Args:
+        place: the folder.
+        suite: the file of a suite that does not come with the package.
 
     Raises:
         InputError: there is none, or it is none of this version.
     """
+    if place.is_file() and place.name != ENTRY:
+        raise InputError("this is a file; name the folder of an entry", file=place)
     file = place if place.name == ENTRY else place / ENTRY
     try:
         raw = read_json(file)
@@ -156,4 +165,5 @@ def read_entry(place: Path) -> StoredEntry:
     except (ValueError, RecursionError) as error:
         raise InputError(f"not a readable entry: {error}", file=file) from error
     entry = model_of(Entry, raw, file, "entry of a suite", SCHEMA_VERSION)
-    return StoredEntry(entry, file.parent, entry.sha256 == entry_digest(raw))
+    is_whole = entry.sha256 == entry_digest(raw)
+    return StoredEntry(entry, file.parent, is_whole, None if suite is None else str(suite))

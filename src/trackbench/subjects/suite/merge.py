@@ -13,7 +13,7 @@ from trackbench.compare.entries import Entry as ComparedEntry
 from trackbench.results import Result
 from trackbench.results.merged import merged_result
 from trackbench.subjects.suite.entry import ENTRY, StoredEntry, read_entry
-from trackbench.subjects.suite.suite import Kind, Suite
+from trackbench.subjects.suite.suite import KINDS, Kind, Suite
 
 
 @dataclass(frozen=True)
@@ -53,27 +53,27 @@ class MergedEntries:
         if not several:
             raise InputError("nothing to compare: no scenario is in two entries", file=self.entries[-1].folder)
         entries = tuple(ComparedEntry(name, result) for name, result in several.items())
-        compared = compare_results([ResultSet(self.suite.stated.id, entries)], metrics=self.metrics)
+        kinds = {self.kind_of(name) for name in several}
+        metrics = [getattr(self.suite.stated.metrics, kind)[0] for kind in KINDS if kind in kinds]
+        compared = compare_results([ResultSet(self.suite.stated.id, entries)], metrics=metrics)
         return compared.model_copy(update={"commands": [stored.entry.command for stored in self.entries]})
-
-    @property
-    def metrics(self) -> list[str]:
-        """Metrics that the suite compares by, of both kinds of scenarios."""
-        stated = self.suite.stated.metrics
-        return [stated.single[0], stated.traffic[0]]
 
     def kind_of(self, scenario: str) -> Kind:
         """Return the kind of a scenario's trackers."""
         return self.suite.scenarios[scenario].kind
 
 
-def merged_entries(places: Sequence[Path]) -> MergedEntries:
+def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedEntries:
     """Return entries of one suite together.
+
+    Args:
+        places: their folders.
+        suite: the file of a suite that does not come with the package.
 
     Raises:
         InputError: one is damaged or of another suite, or two have the same name.
     """
-    entries = [read_entry(place) for place in places]
+    entries = [read_entry(place, suite) for place in places]
     first, named = entries[0], dict[str, Path]()
     for stored in entries:
         if not stored.is_whole:
@@ -85,11 +85,10 @@ def merged_entries(places: Sequence[Path]) -> MergedEntries:
             message = f"{named[stored.entry.name]} has the same name {stored.entry.name!r}; name one otherwise"
             raise InputError(message, file=stored.folder, key="tracker.name")
         named[stored.entry.name] = stored.folder
-    suite = first.suite
-    if suite.sha256 != first.entry.suite.sha256:
+    if first.suite.sha256 != first.entry.suite.sha256:
         message = f"is of {_named(first)} with another file than the one here; `trackbench suite verify` says more"
         raise InputError(message, file=first.folder, key="suite.sha256")
-    return MergedEntries(suite, entries)
+    return MergedEntries(first.suite, entries)
 
 
 def _named(stored: StoredEntry) -> str:

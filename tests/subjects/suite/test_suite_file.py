@@ -1,0 +1,68 @@
+"""A scenario of a suite never changes under its id: its file, its truth and its scans have the hashes that it states."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trackbench.results import Result
+from trackbench.runner.run import run_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.subjects.suite.suite import FOLDER, find_suite
+
+#: Never to be changed: what is other is another suite.
+SUITES = {"trackbench-road-1": "af20c705b9731d59b3d3995611205600475afa93c23e6dca2274cc31dcc3fe5c"}
+ROAD = find_suite("trackbench-road-1")
+QUICK = ("drawn-ideal", "cut_in-typical", "motorway-recorded", "traffic-recorded")
+#: Trackers that take no time, for scans alone.
+NONE = {
+    "single": {"none": {"use": "raw"}},
+    "traffic": {
+        "none": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 3, "associate": {"method": "naive"}}
+    },
+}
+
+
+@pytest.mark.parametrize("name", SUITES)
+def test_a_suite_is_as_it_was_released(name: str) -> None:
+    assert hashlib.sha256((FOLDER / f"{name}.yaml").read_bytes()).hexdigest() == SUITES[name]
+    assert [*find_suite(name).scenarios]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in ROAD.scenarios]
+)
+def test_the_truth_and_the_scans_are_those_of_the_suite(name: str) -> None:
+    item = ROAD.scenarios[name]
+    loaded = item.loaded(NONE[item.kind], Path())
+    truths = truths_of(loaded)
+    assert item.why_other_truth(truths) is None
+    result: Result = run_scenario(loaded, truths)
+    assert item.why_other_scans(result) is None
+
+
+def test_it_has_four_worlds_and_both_kinds() -> None:
+    assert {item.stated.world for item in ROAD.scenarios.values()} == {"ideal", "human", "typical", "recorded"}
+    assert {item.kind for item in ROAD.scenarios.values()} == {"single", "traffic"}
+    assert {ROAD.scenarios[name].kind for name in ROAD.stated.smoke} == {"single", "traffic"}
+
+
+def test_a_changed_scenario_is_refused(cli: Callable[..., Any], tmp_path: Path) -> None:
+    text = (FOLDER / "trackbench-road-1.yaml").read_text(encoding="utf-8")
+    first = ROAD.stated.scenarios[0].sha256
+    (tmp_path / "own.yaml").write_text(text.replace(first, first[::-1]), encoding="utf-8")
+    done = cli("suite", "list", "own.yaml")
+    assert done.status == 2
+    assert "own.yaml: scenarios.0.sha256: " in done.err
+    assert "a scenario never changes under its id" in done.err
+
+
+def test_what_is_there_is_listed(cli: Callable[..., Any]) -> None:
+    assert cli("suite", "list").out.startswith("trackbench-road-1  ")
+    shown = cli("suite", "list", "trackbench-road-1").out
+    assert ROAD.sha256 in shown
+    assert all(name in shown for name in (*ROAD.scenarios, "ekf_cv", "pmb"))
