@@ -219,7 +219,7 @@ def test_a_mistake_in_the_file_is_one_message(changes: dict[str, str], message: 
         (("run", SUITE, "ekf_cv", "--only", "drawn"), "--only: no scenario 'drawn'"),
         (("run", SUITE, "absent.yaml"), "absent.yaml: there is no such file"),
         (("verify", "entries/mime"), "did you mean 'entries/mine'?"),
-        (("verify", "mine.yaml"), "there is no entry.json"),
+        (("verify", "mine.yaml"), "mine.yaml: this is a file; name the folder of an entry"),
         (("merge", "entries/mine"), "nothing to compare: no scenario is in two entries"),
         (("page", "entries/mine"), "name the folder that holds it"),
     ],

@@ -1,4 +1,4 @@
-"""A scenario of a suite never changes under its id: its file, its truth and its scans have the hashes that it states."""
+"""A scenario of a suite never changes under its id: file, truth and scans have the hashes that the suite states."""
 
 from __future__ import annotations
 

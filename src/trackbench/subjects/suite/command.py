@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,10 +25,10 @@ from trackbench.driving.isolation import Isolation
 
 if TYPE_CHECKING:
     from trackbench.subjects.suite.make import EntryMaker
-    from trackbench.subjects.suite.merge import MergedEntries
-    from trackbench.subjects.suite.verify import Check
 
-workers_option = click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays.")
+workers_option = click.option(
+    "--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same result."
+)
 suite_option = click.option(
     "--suite", type=click.Path(path_type=Path), metavar="FILE", help="Of a suite that does not come with trackbench."
 )
@@ -40,8 +39,7 @@ cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://
 def suite_command() -> None:
     """Enter a tracker in a suite, and check an entry.
 
-    A suite is a set of scenarios that never change. An entry is a folder with a tracker's estimates and scores in
-    them, which anyone can check.
+    The scenarios of a suite never change. An entry has a tracker's estimates in them, and scores that anyone can check.
 
     \b
     Example:
@@ -58,29 +56,29 @@ def list_command(named: str | None) -> None:
     Example:
       trackbench suite list trackbench-road-1
     """
-    from trackbench.subjects.suite.suite import KINDS, find_suite, shipped_suites
+    from trackbench.subjects.suite.suite import find_suite, shipped_suites
 
     if named is None:
-        _print_rows((name, find_suite(name).stated.title) for name in shipped_suites())
+        for name in shipped_suites():
+            print_answer(f"{name:18}  {find_suite(name).stated.title}")
         return
     suite = find_suite(named)
-    stated, rows = suite.stated, []
+    stated = suite.stated
+    print_answer(f"{stated.id}, version {stated.version}: {stated.title}\nsha256 {suite.sha256}\n")
     for name, item in suite.scenarios.items():
         config = item.plain.config
         scenes, runs = len(config.truth.scenes()), config.monte_carlo.runs
         extent = f"{item.kind}, {counted(scenes, 'scene')} x {counted(runs, 'run')}, seed {config.monte_carlo.seed}"
-        rows.append((name, f"{extent}{', smoke' if name in stated.smoke else ''}: {config.description}"))
-    print_answer(f"{stated.id}, version {stated.version}: {stated.title}\nsha256 {suite.sha256}\n")
-    _print_rows(rows)
-    for kind in KINDS:
-        print_answer(f"\nbuilt-in trackers, {kind}: {', '.join(getattr(stated.trackers, kind)) or 'none'}")
+        print_answer(f"{name:18}  {extent}{', smoke' if name in stated.smoke else ''}: {config.description}")
+    for kind, trackers in stated.trackers.items():
+        print_answer(f"\nbuilt-in trackers, {kind}: {', '.join(trackers)}")
 
 
 @suite_command.command("run")
 @click.argument("named", metavar="ID")
 @click.argument("trackers", nargs=-1, required=True, metavar="TRACKER...")
-@click.option("--only", metavar="A,B", help="Only these scenarios: ids, single, traffic or smoke.")
-@out_option("The entry of each tracker gets a folder in it.", "entries")
+@click.option("--only", metavar="A,B", help="Only these: ids, single, traffic, smoke.")
+@out_option("Each entry gets a folder in it.", "entries")
 @workers_option
 @cluster_option
 @isolation_options
@@ -99,8 +97,8 @@ def run_command(
 ) -> None:
     """Enter trackers in a suite.
 
-    TRACKER is a YAML file that says who it is and what tracks, module:Class, or a built-in tracker of the suite. An
-    entry has its estimates in every run, and their scores. It is written whole or not at all.
+    TRACKER is a YAML file that says who it is, module:Class, or a built-in tracker of the suite. An entry is written
+    whole or not at all.
 
     \b
     Examples:
@@ -140,22 +138,6 @@ def run_command(
     raise click.exceptions.Exit(FAILED_EXPECTATION if beaten else 0)
 
 
-def _print_entry(maker: EntryMaker, folder: Path, quiet: bool) -> None:
-    """Print the scores of an entry, and what checks it."""
-    from trackbench.report.numbers import decimals
-    from trackbench.subjects.suite.page import number_with_reach
-
-    for name, result in () if quiet else maker.results.items():
-        (tracker,), path = result.summary.trackers, result.summary.headline
-        metric = tracker.metrics[path]
-        number = number_with_reach(metric, decimals([metric.value]))
-        why = result.why_unscored(tracker)
-        print_answer(f"{name:20} {result.summary.headline_name} {number} m{f'; not ranked: {why}' if why else ''}")
-    print_answer(f"{folder}/: entry.json, {counted(len(maker.results), 'scenario')}")
-    if not quiet:
-        print_answer(f"check it: trackbench suite verify {folder}")
-
-
 @suite_command.command("verify")
 @click.argument("entry", type=click.Path(path_type=Path), metavar="ENTRY")
 @suite_option
@@ -175,9 +157,8 @@ def verify_command(
 ) -> None:
     """Check an entry, and say what is taken on trust.
 
-    Every file is held against its sha256, suite, truth and scans against the suite, and the scores against the
-    estimates. Where the tracker is here, a tenth of the scenes is run again: its module may stand in ENTRY or in the
-    working directory.
+    Files, truth, scans and scores are checked; where the tracker is here (in ENTRY, the working directory or
+    installed), a tenth of the scenes is run again.
 
     \b
     Example:
@@ -198,25 +179,21 @@ def verify_command(
         values = {"entry": str(entry), "passed": not failed, "checks": [check._asdict() for check in checks]}
         print_answer(results.json_text(values), nl=False)
     else:
-        _print_checks(failed if quiet else checks)
+        for check in failed if quiet else checks:
+            print_answer(f"{check.outcome:8}  {check.what:8}  {check.text}")
         wrong = f"not verified: {counted(len(failed), 'check')} failed" if failed else "verified"
         print_answer(f"{stored.entry.name} in {stored.entry.suite.id}: {wrong}")
     raise click.exceptions.Exit(FAILED_EXPECTATION if failed else 0)
 
 
-def _print_checks(checks: Sequence[Check]) -> None:
-    for check in checks:
-        print_answer(f"{check.outcome:8}  {check.what:8}  {check.text}")
-
-
 @suite_command.command("merge")
 @click.argument("entries", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="ENTRY...")
 @suite_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write it too, as .html, .md or .json.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write it too, as .html or .json.")
 def merge_command(entries: tuple[Path, ...], suite: Path | None, out: Path | None) -> None:
-    """Compare entries, made on whatever machines.
+    """Compare entries, made on any machines.
 
-    Noise is the same in all of them, so every difference is paired. Nothing is run again; check each entry first.
+    Noise is the same, so differences are paired. Nothing is run again; verify each entry first.
 
     \b
     Example:
@@ -245,7 +222,9 @@ def merge_command(entries: tuple[Path, ...], suite: Path | None, out: Path | Non
 @click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="FOLDER")
 @suite_option
 def page_command(folder: Path, suite: Path | None) -> None:
-    """Write the page of the entries in a folder: index.html, index.md, suite.bib and CITATION.cff.
+    """Write the page of a folder of entries.
+
+    The files are index.html, index.md, suite.bib and CITATION.cff.
 
     \b
     Example:
@@ -255,7 +234,7 @@ def page_command(folder: Path, suite: Path | None) -> None:
     Exit status: 0 written, 2 bad input, 4 cannot write
     """
     from trackbench.subjects.suite.merge import merged_entries
-    from trackbench.subjects.suite.page import entries_in
+    from trackbench.subjects.suite.page import entries_in, page_files
 
     results.require_writable(folder, "FOLDER")
     files = page_files(merged_entries([*entries_in(folder)], suite), folder)
@@ -264,23 +243,13 @@ def page_command(folder: Path, suite: Path | None) -> None:
     print_answer(f"{folder}/: {', '.join(files)}")
 
 
-def page_files(merged: MergedEntries, folder: Path) -> dict[str, str]:
-    """Return the text of each file of a page, by name."""
-    from trackbench.document.html import to_html
-    from trackbench.document.markdown import to_markdown
-    from trackbench.subjects.suite.page import bibtex, citation, suite_document
-
-    document = suite_document(merged, folder)
-    return {
-        "index.html": to_html(document),
-        "index.md": to_markdown(document),
-        "suite.bib": bibtex(merged.suite),
-        "CITATION.cff": citation(merged.suite),
-    }
-
-
-def _print_rows(rows: Iterable[tuple[str, str]]) -> None:
-    kept = [*rows]
-    width = max((len(name) for name, _ in kept), default=0)
-    for name, text in kept:
-        print_answer(f"{name:{width}}  {text}")
+def _print_entry(maker: EntryMaker, folder: Path, quiet: bool) -> None:
+    """Print the scores of an entry, and what checks it."""
+    for name, result in () if quiet else maker.results.items():
+        (tracker,) = result.summary.trackers
+        why = result.why_unscored(tracker)
+        metric = tracker.metrics[result.summary.headline]
+        print_answer(f"{name:20} {result.summary.headline_name} {metric}{f'; not ranked: {why}' if why else ''}")
+    print_answer(f"{folder}/: entry.json, {counted(len(maker.results), 'scenario')}")
+    if not quiet:
+        print_answer(f"check it: trackbench suite verify {folder}")

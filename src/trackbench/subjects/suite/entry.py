@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +14,7 @@ from pydantic import AwareDatetime
 
 from trackbench.base.errors import InputError, similar_path_hint
 from trackbench.base.files import read_json
-from trackbench.results import Result
+from trackbench.results.checks import why_other_content
 from trackbench.results.folder import sha256
 from trackbench.results.metric_value import ResultModel, model_of
 from trackbench.subjects.suite.suite import Suite, find_suite
@@ -102,12 +100,6 @@ def entry_digest(values: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def this_machine(versions: dict[str, str]) -> Machine:
-    """Return what this is."""
-    processor = platform.processor() or platform.machine()
-    return Machine(system=platform.platform(), processor=processor, cores=os.cpu_count() or 1, versions=versions)
-
-
 def digests_in(folder: Path) -> dict[str, str]:
     """Return the sha256 of each file of a folder but ``entry.json``, by path."""
     files = sorted(file for file in folder.rglob("*") if file.is_file())
@@ -135,13 +127,14 @@ class StoredEntry:
         """
         return find_suite(self.suite_file or self.entry.suite.id)
 
-    def result(self, scenario: EnteredScenario) -> Result:
-        """Return the result of a scenario, from its folder.
-
-        Raises:
-            InputError: it is not there, or damaged.
-        """
-        return Result.load(self.folder / scenario.id)
+    def file_problems(self) -> list[str]:
+        """Return where a file, or ``entry.json`` itself, is not the one that was written."""
+        problems = [] if self.is_whole else [f"{ENTRY}: its values have another sha256 than it states"]
+        files = self.entry.files
+        contents = {name: why_other_content(self.folder / name, digest) for name, digest in files.items()}
+        problems += [f"{name}: {why}" for name, why in contents.items() if why is not None]
+        problems += [f"{name}: {ENTRY} does not list it" for name in sorted({*digests_in(self.folder)} - {*files})]
+        return problems
 
 
 def read_entry(place: Path, suite: Path | None = None) -> StoredEntry:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import shlex
 import shutil
 import tempfile
@@ -29,17 +31,15 @@ from trackbench.subjects.suite.entry import (
     ESTIMATES,
     EnteredScenario,
     Entry,
+    Machine,
     SuiteIdentity,
     TrackerIdentity,
     digests_in,
     entry_digest,
-    this_machine,
 )
 from trackbench.subjects.suite.scoring import (
     TOLD,
     compared_tables,
-    failure_of,
-    require_entered,
     scored_estimates,
     stated_of,
     write_estimates,
@@ -75,6 +75,7 @@ class EntryMaker:
     left_out: Collection[str] = ()
     results: dict[str, Result] = field(default_factory=dict)
     """By scenario that is done."""
+    _entered: list[EnteredScenario] = field(default_factory=list)
     _told: dict[str, dict[str, Any]] = field(default_factory=dict)
     """By kind of scenario, what a run says of the tracker."""
     _made_of: dict[str, Provenance] = field(default_factory=dict)
@@ -113,75 +114,65 @@ class EntryMaker:
                 own = Path(place) / item.id
                 own.mkdir()
                 files |= {f"{item.id}/{name}": write for name, write in self._files(item, own).items()}
-            entry = partial(self._write_entry, scenarios)
-            results.save_files({**files, ENTRY: entry}, folder, ENTRY)
+            results.save_files({**files, ENTRY: partial(self._write_entry, scenarios)}, folder, ENTRY)
 
     def _files(self, item: SuiteScenario, place: Path) -> Files:
         """Return what writes the folder of one scenario."""
         with self.listener.progress(f"truth of {item.id}", "steps") as advance:
             truths = truths_of(item.plain, advance, self.executor)
-        require_entered(item, item.why_other_truth(truths))
+        _require(item, item.why_other_truth(truths))
         tracks = self.tracker.tracks_of(item)
         if tracks is None:
             estimates = place / ESTIMATES
             entry = {self.tracker.name: self.tracker.entry(item.kind)}
             loaded = self._located(item.loaded, entry, self.tracker.folder)
             with self.listener.progress(item.id, "runs") as advance:
-                driven = run_scenario(
-                    loaded,
-                    truths,
-                    executor=self.executor,
-                    isolation=self.isolation,
-                    keeps_answers=True,
-                    progress=advance,
-                )
-            if (cause := failure_of(driven)) is not None:
-                raise TrackerFailed(f"{self.tracker.name} could not go on in {item.id}: {cause}")
-            write_estimates(driven.tables["answers"], estimates)
+                options: Any = {"isolation": self.isolation, "keeps_answers": True, "progress": advance}
+                driven = run_scenario(loaded, truths, executor=self.executor, **options)
             (tracker,) = driven.summary.trackers
+            if tracker.failed is not None:
+                raise TrackerFailed(f"{tracker.name} could not go on in {item.id}: {tracker.failed}")
+            write_estimates(driven.tables["answers"], estimates)
             self._told[item.kind] = {key: getattr(tracker, key) for key in TOLD}
         else:
             estimates = place / tracks.name
             shutil.copyfile(tracks, estimates)
         result = self._located(scored_estimates, item, self.tracker.name, estimates, truths, self.executor)
-        if (cause := failure_of(result)) is not None:
-            raise TrackerFailed(f"the estimates of {self.tracker.name} in {item.id} cannot be scored: {cause}")
-        require_entered(item, item.why_other_scans(result))
-        if not result.summary.trackers[0].paired:
+        (scored,) = result.summary.trackers
+        if scored.failed is not None:
+            raise TrackerFailed(f"the estimates of {scored.name} in {item.id} cannot be scored: {scored.failed}")
+        _require(item, item.why_other_scans(result))
+        if not scored.paired:
             message = f"the tracks of {item.id} have no column fingerprint: it goes back with them from the scans"
             raise InputError(message, file=tracks)
         result = stated_of(result, self._told.get(item.kind, {}), self.command(item.id))
         self.results[item.id] = result
+        self._entered.append(EnteredScenario(id=item.id, estimates=estimates.name, command=self.command(item.id)))
         shown, artifacts = with_artifacts(result, self.left_out)
-        return {
-            estimates.name: partial(shutil.copyfile, estimates),
-            **artifacts,
-            **compared_tables(shown).files(),
-        }
+        copied = {estimates.name: partial(shutil.copyfile, estimates)}
+        return {**copied, **artifacts, **compared_tables(shown).files()}
 
     def _write_entry(self, scenarios: list[SuiteScenario], path: Path) -> None:
         kinds = list(dict.fromkeys(item.kind for item in scenarios))
         stated, made_of = self.tracker.stated, [*self._made_of.values()]
-        is_filed = stated.tracks is not None
         tracker = TrackerIdentity(
-            name=stated.name,
-            version=stated.version,
-            licence=stated.licence,
-            source=stated.source,
-            made="tracks" if is_filed else "run here",
+            **stated.model_dump(include={"name", "version", "licence", "source"}),
+            made="run here" if stated.tracks is None else "tracks",
             options={kind: self.tracker.entry(kind) or {} for kind in kinds},
             sensors={kind: self._told.get(kind, {}).get("sensors") for kind in kinds},
             code={kind: code for kind in kinds if kind in self._made_of for code in self._made_of[kind].code.values()},
             random=any(told["random"] for told in self._told.values()),
         )
         entry = Entry(
-            suite=SuiteIdentity(id=self.suite.stated.id, version=self.suite.stated.version, sha256=self.suite.sha256),
+            suite=SuiteIdentity.model_validate(self.suite.identity),
             tracker=tracker,
-            scenarios=[
-                EnteredScenario(id=item.id, estimates=self._estimates(item), command=self.command(item.id))
-                for item in scenarios
-            ],
-            machine=this_machine(versions()),
+            scenarios=self._entered,
+            machine=Machine(
+                system=platform.platform(),
+                processor=platform.processor() or platform.machine(),
+                cores=os.cpu_count() or 1,
+                versions=versions(),
+            ),
             made_at=made_of[0].made_at if made_of else provenance_of(scenarios[0].plain).made_at,
             commit=made_of[0].commit if made_of else None,
             command=self.command(*([] if len(scenarios) == len(self.suite.scenarios) else [i.id for i in scenarios])),
@@ -191,13 +182,15 @@ class EntryMaker:
         values = entry.model_dump(mode="json")
         results.write_file(results.json_text({**values, "sha256": entry_digest(values)}), path)
 
-    def _estimates(self, item: SuiteScenario) -> str:
-        tracks = self.tracker.tracks_of(item)
-        return ESTIMATES if tracks is None else tracks.name
-
     def _located(self, call: Callable[..., Any], *arguments: Any) -> Any:
         """Call a function; an error of the scenario is one of the tracker's file."""
         try:
             return call(*arguments)
         except InputError as error:
             raise self.tracker.located(error) from None
+
+
+def _require(scenario: SuiteScenario, problem: str | None) -> None:
+    """Refuse a truth or scans that are not those of the suite."""
+    if problem is not None:
+        raise InputError(f"{scenario.id} {problem}", file=scenario.suite.path)

@@ -12,8 +12,8 @@ from trackbench.compare import Comparison, ResultSet, compare_results
 from trackbench.compare.entries import Entry as ComparedEntry
 from trackbench.results import Result
 from trackbench.results.merged import merged_result
-from trackbench.subjects.suite.entry import ENTRY, StoredEntry, read_entry
-from trackbench.subjects.suite.suite import KINDS, Kind, Suite
+from trackbench.subjects.suite.entry import StoredEntry, read_entry
+from trackbench.subjects.suite.suite import Suite
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class MergedEntries:
         merged = {}
         for name in self.suite.scenarios:
             own = {
-                str(stored.folder / name): stored.result(item)
+                str(stored.folder / name): Result.load(stored.folder / name)
                 for stored in self.entries
                 for item in stored.entry.scenarios
                 if item.id == name
@@ -53,14 +53,10 @@ class MergedEntries:
         if not several:
             raise InputError("nothing to compare: no scenario is in two entries", file=self.entries[-1].folder)
         entries = tuple(ComparedEntry(name, result) for name, result in several.items())
-        kinds = {self.kind_of(name) for name in several}
-        metrics = [getattr(self.suite.stated.metrics, kind)[0] for kind in KINDS if kind in kinds]
+        kinds = {self.suite.scenarios[name].kind for name in several}
+        metrics = [self.suite.stated.metrics[kind][0] for kind in sorted(kinds)]
         compared = compare_results([ResultSet(self.suite.stated.id, entries)], metrics=metrics)
         return compared.model_copy(update={"commands": [stored.entry.command for stored in self.entries]})
-
-    def kind_of(self, scenario: str) -> Kind:
-        """Return the kind of a scenario's trackers."""
-        return self.suite.scenarios[scenario].kind
 
 
 def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedEntries:
@@ -76,8 +72,8 @@ def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedE
     entries = [read_entry(place, suite) for place in places]
     first, named = entries[0], dict[str, Path]()
     for stored in entries:
-        if not stored.is_whole:
-            raise InputError(f"{ENTRY}: its values have another sha256 than it states", file=stored.folder)
+        for problem in stored.file_problems():
+            raise InputError(problem, file=stored.folder)
         if stored.entry.suite != first.entry.suite:
             other = f"is of {_named(stored)}, and {first.folder} of {_named(first)}"
             raise InputError(f"{other}: one suite in one version is merged", file=stored.folder, key="suite")
@@ -85,9 +81,8 @@ def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedE
             message = f"{named[stored.entry.name]} has the same name {stored.entry.name!r}; name one otherwise"
             raise InputError(message, file=stored.folder, key="tracker.name")
         named[stored.entry.name] = stored.folder
-    if first.suite.sha256 != first.entry.suite.sha256:
-        message = f"is of {_named(first)} with another file than the one here; `trackbench suite verify` says more"
-        raise InputError(message, file=first.folder, key="suite.sha256")
+    if first.suite.identity != first.entry.suite.model_dump():
+        raise InputError(f"is of {_named(first)}, not of the suite here: verify it", file=first.folder, key="suite")
     return MergedEntries(first.suite, entries)
 
 

@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import yaml
 
 from trackbench.base.errors import InputError, counted
-from trackbench.compare import Comparison
 from trackbench.document import Block, Cell, Code, Column, Document, Item, Items, Paragraph, Section, Table
+from trackbench.document.html import to_html
+from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
-from trackbench.report.numbers import decimals, reach_text, short
 from trackbench.report.pairs import group_letter, groups_of
-from trackbench.results import MetricValue, Result, TrackerResult
+from trackbench.results import Result, TrackerResult
 from trackbench.scenario.worlds import WORLDS
-from trackbench.subjects.suite.entry import ENTRY, StoredEntry
+from trackbench.subjects.suite.entry import ENTRY
 from trackbench.subjects.suite.merge import MergedEntries
 from trackbench.subjects.suite.suite import Suite
 
+#: Verdicts of a pair of which one is shown to be better by more than the margin.
+SHOWN = ("better", "worse")
 #: Files beside the page.
 RECORDING, REPORT = "recording.rrd", "report.html"
 MEANING = (
-    "Trackers that share a letter are not shown to differ by more than the margin, and a is the best. ± is half of the "
-    "95 % interval over the scenes. A name opens the entry, and the number its recording or its report."
+    "Trackers that share a letter are not shown to differ by more than the margin, and a is the best. In "
+    "brackets: the 95 % interval over the scenes. A name opens the entry, and the number its recording or its report."
 )
+
+
+def page_files(merged: MergedEntries, folder: Path) -> dict[str, str]:
+    """Return the text of each file of a page, by name."""
+    document = suite_document(merged, folder)
+    pages = {"index.html": to_html(document), "index.md": to_markdown(document)}
+    return {**pages, "suite.bib": bibtex(merged.suite), "CITATION.cff": citation(merged.suite)}
 
 
 def suite_document(merged: MergedEntries, folder: Path) -> Document:
@@ -47,21 +57,16 @@ def suite_document(merged: MergedEntries, folder: Path) -> Document:
 
 def _scenario_section(merged: MergedEntries, name: str, result: Result, folder: Path) -> Section:
     """Return the groups of verdicts of one scenario."""
-    metrics = getattr(merged.suite.stated.metrics, merged.kind_of(name))
-    letters, places = _letters(merged, name, result), {}
-    for path in metrics:
-        places[path] = decimals([_value(tracker, path) for tracker in result.summary.trackers])
-    stored = {item.entry.name: item for item in merged.entries}
+    metrics = merged.suite.stated.metrics[merged.suite.scenarios[name].kind]
+    letters, stored = _letters(merged, name, result), {item.entry.name: item for item in merged.entries}
     rows = []
     for tracker in result.summary.ranking:
-        own = result[tracker]
-        cells = [_number(own, path, places[path]) for path in metrics]
-        shown = _shown(stored[tracker], name, folder)
-        cells[0] = Cell(cells[0].text, cells[0].details, reason=result.why_unscored(own), link=shown)
-        entry = os.path.relpath(stored[tracker].folder / ENTRY, folder)
-        rows.append((Cell(letters.get(tracker, "")), Cell(tracker, own.marks, tracker=tracker, link=entry), *cells))
-    units = [_heading(path, result) for path in metrics]
-    columns = (Column("group"), Column("tracker", left=True), *(Column(unit) for unit in units))
+        own, place = result[tracker], stored[tracker].folder
+        first, *others = (_number(own, path) for path in metrics)
+        first = replace(first, reason=result.why_unscored(own), link=_shown(place / name, folder))
+        entry = Cell(tracker, own.marks, tracker=tracker, link=os.path.relpath(place / ENTRY, folder))
+        rows.append((Cell(letters.get(tracker, "")), entry, first, *others))
+    columns = (Column("group"), Column("tracker", left=True), *(Column(path.replace("_", " ")) for path in metrics))
     blocks: list[Block] = [Table(name, columns, tuple(rows))]
     published = merged.suite.scenarios[name].stated.published
     if published:
@@ -77,7 +82,12 @@ def _letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]
     scored = [tracker for tracker in result.summary.ranking if not result.why_unscored(result[tracker])]
     if len(scored) < 2:
         return {}
-    differ = _shown_pairs(merged.comparison, name, result.summary.headline)
+    differ = {
+        frozenset((item.entrant.tracker, item.against.tracker))
+        for group in merged.comparison.groups
+        for item in group.differences
+        if (item.scenario, item.metric) == (name, result.summary.headline) and item.verdict in SHOWN
+    }
     groups = groups_of(scored, lambda a, b: frozenset((a, b)) in differ)
     return {
         tracker: "".join(group_letter(number) for number, group in enumerate(groups) if tracker in group)
@@ -85,44 +95,16 @@ def _letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]
     }
 
 
-def _shown_pairs(comparison: Comparison, scenario: str, metric: str) -> set[frozenset[str]]:
-    """Return the pairs of trackers of which one is shown to be better by more than the margin."""
-    return {
-        frozenset((item.entrant.tracker, item.against.tracker))
-        for group in comparison.groups
-        for item in group.differences
-        if (item.scenario, item.metric) == (scenario, metric) and item.verdict in ("better", "worse")
-    }
-
-
-def _value(tracker: TrackerResult, path: str) -> float | None:
-    metric = tracker.metrics.get(path)
-    return None if metric is None else metric.value
-
-
-def _number(tracker: TrackerResult, path: str, places: int) -> Cell:
+def _number(tracker: TrackerResult, path: str) -> Cell:
     metric = tracker.metrics.get(path)
     if metric is None or metric.value is None:
         return Cell("n/a", reason="" if metric is None else metric.reason or "")
-    text = number_with_reach(metric, places)
-    return Cell(text if metric.verdict is None else f"{text} {metric.verdict}")
+    return Cell(str(metric) if metric.verdict is None else f"{metric} {metric.verdict}")
 
 
-def number_with_reach(metric: MetricValue, places: int) -> str:
-    """Return a value with its interval: "0.41 ±0.02", or "0.41 (0.36 to 0.52)"."""
-    reach = reach_text(metric.value, metric.ci95, places)
-    return f"{short(metric.value, places)} {f'({reach})' if ' to ' in reach else reach}".strip()
-
-
-def _heading(path: str, result: Result) -> str:
-    unit = next((each.metrics[path].unit for each in result.summary.trackers if path in each.metrics), "1")
-    words = path.replace("_", " ").replace("rmse", "RMSE").replace("gospa", "GOSPA").replace("tGOSPA", "T-GOSPA")
-    return words if unit in ("1", "") else f"{words}, {unit}"
-
-
-def _shown(stored: StoredEntry, scenario: str, folder: Path) -> str:
-    """Return the link to the recording of a scenario of an entry, else to its report; empty without either."""
-    files = (stored.folder / scenario / name for name in (RECORDING, REPORT))
+def _shown(scenario: Path, folder: Path) -> str:
+    """Return the link to the recording of an entry's scenario, else to its report; empty without either."""
+    files = (scenario / name for name in (RECORDING, REPORT))
     return next((os.path.relpath(file, folder) for file in files if file.is_file()), "")
 
 
@@ -130,10 +112,9 @@ def _entries(merged: MergedEntries, folder: Path) -> Table:
     """Return who the trackers are, and what runs and checks each."""
     rows = []
     for stored in merged.entries:
-        entry, place = stored.entry, os.path.relpath(stored.folder, folder)
-        identity = entry.tracker
-        details = [entry.command, f"trackbench suite verify {place}"]
-        name = Cell(identity.name, tuple(details), tracker=identity.name, link=f"{place}/{ENTRY}")
+        entry, identity, place = stored.entry, stored.entry.tracker, os.path.relpath(stored.folder, folder)
+        details = (entry.command, f"trackbench suite verify {place}")
+        name = Cell(identity.name, details, tracker=identity.name, link=f"{place}/{ENTRY}")
         words = [identity.version, identity.licence, identity.source, identity.made, f"{entry.made_at:%Y-%m-%d}"]
         rows.append((name, *(Cell(word or "not stated") for word in words)))
     headings = ("tracker", "version", "licence", "source", "made", "date")
@@ -143,15 +124,15 @@ def _entries(merged: MergedEntries, folder: Path) -> Table:
 def bibtex(suite: Suite) -> str:
     """Return the suite as an entry of BibTeX."""
     stated = suite.stated
-    fields: Mapping[str, str] = {
-        "title": f"{{{stated.title}}}",
-        "author": " and ".join(f"{{{name}}}" for name in stated.authors),
-        "year": stated.released[:4],
-        "version": str(stated.version),
-        "note": f"{stated.id}, sha256 {suite.sha256}",
-    }
-    lines = [f"  {key} = {{{value}}}," for key, value in fields.items()]
-    return "\n".join([f"@misc{{{stated.id},", *lines, "}"]) + "\n"
+    return f"""\
+@misc{{{stated.id},
+  title = {{{{{stated.title}}}}},
+  author = {{{" and ".join(f"{{{name}}}" for name in stated.authors)}}},
+  year = {{{stated.released[:4]}}},
+  version = {{{stated.version}}},
+  note = {{{stated.id}, sha256 {suite.sha256}}},
+}}
+"""
 
 
 def citation(suite: Suite) -> str:

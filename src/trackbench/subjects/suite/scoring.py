@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trackbench.base.errors import InputError
 from trackbench.base.execution import Executor
 from trackbench.results import Result, Tables, TrackerResult
 from trackbench.runner.run import run_scenario
@@ -69,32 +68,9 @@ def write_estimates(table: pa.Table, path: Path) -> None:
     import pyarrow.parquet as pq
 
     own = table.drop_columns(["tracker"])
+    # Words are texts, not numbers of a dictionary.
+    plain = [pa.string() if pa.types.is_dictionary(kind) else kind for kind in own.schema.types]
+    own = own.cast(pa.schema([*zip(own.column_names, plain, strict=True)]))
     numbers = [field.name for field in own.schema if pa.types.is_floating(field.type)]
-    options = {"use_dictionary": False, "column_encoding": dict.fromkeys(numbers, "BYTE_STREAM_SPLIT")}
-    pq.write_table(_plain(own), path, compression="zstd", **options)
-
-
-def _plain(table: pa.Table) -> pa.Table:
-    """Return a table whose words are texts, not numbers of a dictionary."""
-    import pyarrow as pa
-
-    fields = [
-        pa.field(field.name, pa.string()) if pa.types.is_dictionary(field.type) else field for field in table.schema
-    ]
-    return table.cast(pa.schema(fields))
-
-
-def failure_of(result: Result) -> str | None:
-    """Return why the tracker of a result could not go on; None where it could."""
-    failed = result.summary.trackers[0].failed
-    return None if failed is None else str(failed)
-
-
-def require_entered(scenario: SuiteScenario, problem: str | None) -> None:
-    """Refuse to go on with a truth or scans that are not those of the suite.
-
-    Raises:
-        InputError: there is a problem.
-    """
-    if problem is not None:
-        raise InputError(f"{scenario.id} {problem}", file=scenario.suite.path)
+    encoded: Any = dict.fromkeys(numbers, "BYTE_STREAM_SPLIT")
+    pq.write_table(own, path, compression="zstd", use_dictionary=False, column_encoding=encoded)

@@ -8,21 +8,20 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from trackbench.base.config import Config, Name, Problem
-from trackbench.base.config.messages import explain, keyed_fields
-from trackbench.base.errors import InputError, InputErrors, nearest_choices
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.files import read_text
 from trackbench.results import Result
 from trackbench.runner.assemble import scene_fingerprint
 from trackbench.scenario import Scenario
+from trackbench.scenario.config_file import read_config
 from trackbench.scenario.keys import Margin
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.shipped import find_scenario
-from trackbench.scenario.source import parse_yaml
 from trackbench.scenario.worlds import World
 from trackbench.truth import LoadedTruth
 
@@ -32,29 +31,7 @@ FOLDER = Path(__file__).parent / "suites"
 SMOKE = "smoke"
 Kind = Literal["single", "traffic"]
 KINDS: tuple[Kind, ...] = ("single", "traffic")
-C = TypeVar("C", bound=Config)
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-
-
-def read_config(kind: type[C], file: Path) -> tuple[C, str]:
-    """Return the configuration in a YAML file, and the text of the file.
-
-    Raises:
-        InputErrors: everything that is wrong in it, with line and key.
-    """
-    try:
-        text = read_text(file, "; save the file as UTF-8")
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=file) from None
-    document = parse_yaml(text, str(file))
-    if not isinstance(document.value, dict):
-        keys = ", ".join(name for name, field in kind.model_fields.items() if field.is_required())
-        raise InputError(f"is not a mapping of keys to values; the keys {keys} are needed", file=file)
-    try:
-        return kind.model_validate(document.value), text
-    except ValidationError as invalid:
-        errors = [document.error(*problem) for problem in explain(invalid, keyed_fields(kind))]
-        raise errors[0] if len(errors) == 1 else InputErrors(errors) from None
 
 
 class Published(Config):
@@ -78,20 +55,6 @@ class ScenarioEntry(Config):
     published: list[Published] = Field(default_factory=list)
 
 
-class Metrics(Config):
-    """Metrics that a page shows, by path; the first one ranks."""
-
-    single: list[str] = Field(min_length=1)
-    traffic: list[str] = Field(min_length=1)
-
-
-class SuiteTrackers(Config):
-    """Built-in trackers by name, each as a scenario has it."""
-
-    single: dict[Name, dict[str, Any]] = Field(default_factory=dict)
-    traffic: dict[Name, dict[str, Any]] = Field(default_factory=dict)
-
-
 class SuiteFile(Config):
     """What a suite states."""
 
@@ -101,11 +64,13 @@ class SuiteFile(Config):
     authors: list[str] = Field(min_length=1)
     released: str = Field(pattern=r"^\d{4}-\d{2}-\d{2}$", description="Date, such as 2026-11-30.")
     licence: str
-    metrics: Metrics
+    metrics: dict[Kind, list[str]] = Field(description="By kind, those that a page shows; the first one ranks.")
     margin: Margin = Field(description="Differences between trackers that do not matter.")
     smoke: list[str] = Field(min_length=1, description="Scenarios that take a minute together.")
     scenarios: list[ScenarioEntry] = Field(min_length=1)
-    trackers: SuiteTrackers = Field(default_factory=SuiteTrackers)
+    trackers: dict[Kind, dict[Name, dict[str, Any]]] = Field(
+        default_factory=dict, description="By kind, built-in trackers by name, as a scenario has them."
+    )
 
     def problems(self) -> Iterator[Problem]:
         ids = [item.id for item in self.scenarios]
@@ -175,6 +140,11 @@ class Suite:
     path: Path
     sha256: str
     """Of the file."""
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What an entry states of it."""
+        return {"id": self.stated.id, "version": self.stated.version, "sha256": self.sha256}
 
     @cached_property
     def scenarios(self) -> dict[str, SuiteScenario]:

@@ -12,7 +12,8 @@ from pydantic import Field
 
 from trackbench.base.config import Config, Name, Problem
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.subjects.suite.suite import KINDS, Kind, Suite, SuiteScenario, read_config
+from trackbench.scenario.config_file import read_config
+from trackbench.subjects.suite.suite import KINDS, Kind, Suite, SuiteScenario
 
 #: Endings of files of tracks.
 ENDINGS = (".parquet", ".csv")
@@ -74,9 +75,12 @@ class EnteringTracker:
             InputError: it can enter none.
         """
         if self.stated.tracks is not None:
+            folder, ids = self.folder / self.stated.tracks, chosen[0].suite.scenarios
+            for file in sorted(folder.glob("*")):
+                if file.suffix in ENDINGS and file.stem not in ids:
+                    raise InputError(f"is named as no scenario; {nearest_choices(file.stem, ids)}", file=file)
             kept = [item for item in chosen if self.tracks_of(item) is not None]
-            missing = f"no file in {self.folder / self.stated.tracks} is named as a scenario"
-            message = f"{missing}, such as {chosen[0].id}.csv"
+            message = f"there is no file of tracks in {folder}, such as {chosen[0].id}.csv"
         else:
             kept = [item for item in chosen if self.entry(item.kind) is not None]
             kinds = " and ".join(kind for kind in KINDS if self.entry(kind) is not None)
@@ -98,7 +102,7 @@ def find_tracker(named: str, suite: Suite) -> EnteringTracker:
         InputError: it is none of these, or something is wrong in the file.
     """
     built_in = suite.stated.trackers
-    if entries := {kind: entry for kind in KINDS if (entry := getattr(built_in, kind).get(named)) is not None}:
+    if entries := {kind: entries[named] for kind, entries in built_in.items() if named in entries}:
         from importlib.metadata import version
 
         identity = {"version": f"trackbench {version('trackbench')}", "licence": "MIT", "source": "trackbench"}
@@ -109,8 +113,8 @@ def find_tracker(named: str, suite: Suite) -> EnteringTracker:
         stated, _ = read_config(TrackerFile, path)
         return EnteringTracker(stated, path.resolve().parent, named, path)
     if re.fullmatch(r"[\w.]+:\w+", named):
-        name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", named.rpartition(":")[2]).lower()
+        name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", named.rpartition(":")[2].lstrip("_")).lower()[:64]
         return EnteringTracker(TrackerFile(name=name, single={"use": named}), Path.cwd(), named)
-    names = [*built_in.single, *built_in.traffic]
+    names = (name for entries in built_in.values() for name in entries)
     hint = f"{nearest_choices(named, names)}, a file such as mine.yaml, or module:Class"
     raise InputError(f"there is no tracker {named!r}; {hint}", key="TRACKER")

@@ -16,12 +16,12 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.execution import Executor
 from trackbench.driving.isolation import Isolation
 from trackbench.results import Failure, Result
-from trackbench.results.checks import ROUNDING, differing, table_difference, why_other_content
+from trackbench.results.checks import ROUNDING, differing, table_difference
 from trackbench.results.tracker_result import BEATS_BOUND
 from trackbench.runner.run import answers_of_scenes
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.suite.entry import ENTRY, EnteredScenario, StoredEntry, digests_in
+from trackbench.subjects.suite.entry import ENTRY, EnteredScenario, StoredEntry
 from trackbench.subjects.suite.scoring import rows_of_estimates, scored_estimates
 from trackbench.subjects.suite.suite import SuiteScenario
 from trackbench.truth import LoadedTruth
@@ -70,12 +70,8 @@ class Verifier:
 
     def _files(self) -> Iterator[Check]:
         """Hold each file against its digest."""
-        entry, folder = self.stored.entry, self.stored.folder
-        problems = [] if self.stored.is_whole else [f"{ENTRY}: its values have another sha256 than it states"]
-        contents = {name: why_other_content(folder / name, digest) for name, digest in entry.files.items()}
-        problems += [f"{name}: {why}" for name, why in contents.items() if why is not None]
-        problems += [f"{name}: {ENTRY} does not list it" for name in sorted({*digests_in(folder)} - {*entry.files})]
-        yield from _outcome("files", problems, f"{counted(len(entry.files), 'file')} and {ENTRY}, by sha256")
+        many = counted(len(self.stored.entry.files), "file")
+        yield from _outcome("files", self.stored.file_problems(), f"{many} and {ENTRY}, by sha256")
 
     def _suite(self) -> Iterator[Check]:
         """Hold the suite of the entry against the one here."""
@@ -85,13 +81,12 @@ class Verifier:
         except InputError as error:
             yield Check("failed", "suite", f"{ENTRY}: suite.id: {error.message}")
             return
-        here = {"id": suite.stated.id, "version": suite.stated.version, "sha256": suite.sha256}
-        problems = [
-            f"{ENTRY}: suite.{key}: {ours} in the entry, {theirs} here"
-            for key, ours, theirs in differing(stated.model_dump(), here)
-        ]
+        others = differing(stated.model_dump(), suite.identity)
+        problems = [f"{ENTRY}: suite.{key}: {ours} in the entry, {theirs} here" for key, ours, theirs in others]
         unknown = [item.id for item in self.stored.entry.scenarios if item.id not in suite.scenarios]
         problems += [f"{ENTRY}: scenarios: {suite.stated.id} has no {name}" for name in unknown]
+        files = [f"{item.id}/{item.estimates}" for item in self.stored.entry.scenarios]
+        problems += [f"{ENTRY}: files: {name} is missing" for name in files if name not in self.stored.entry.files]
         many = f"{len(self.stored.entry.scenarios)} of {counted(len(suite.scenarios), 'scenario')}"
         yield from _outcome("suite", problems, f"{suite.stated.id}, version {suite.stated.version}: {many}")
 
@@ -112,7 +107,7 @@ class Verifier:
                 continue
             file = self.stored.folder / item.id / item.estimates
             try:
-                stated = self.stored.result(item)
+                stated = Result.load(self.stored.folder / item.id)
                 found = scored_estimates(scenario, self.stored.entry.name, file, truths, self.executor)
             except InputError as error:
                 problems["scores"].append(str(error))
@@ -141,7 +136,10 @@ class Verifier:
         if tracker.random:
             yield Check("on trust", "rerun", "the tracker says that it draws random numbers, so no run comes again")
             return
-        loaded = {item.id: self._driven(scenario) for scenario, item in self._pairs}
+        loaded = {
+            item.id: scenario.loaded({tracker.name: tracker.options[scenario.kind]}, self.stored.folder)
+            for scenario, item in self._pairs
+        }
         missing, changed = set[str](), list[str]()
         for scenario, item in self._pairs:
             code = code_of_trackers(loaded[item.id])
@@ -173,29 +171,24 @@ class Verifier:
         yield from _outcome("rerun", problems, f"{many}, give the same estimates again")
 
     def _problems_again(self, name: str, loaded: Scenario, scenes: list[int]) -> list[str]:
+        import pyarrow.parquet as pq
+
         item = next(item for _, item in self._pairs if item.id == name)
         place = f"{name}/{item.estimates}: scene {', '.join(map(str, scenes))}"
         found = answers_of_scenes(loaded, self._truths[name], scenes, self.executor, self.isolation)
         if isinstance(found, Failure):
             return [f"{place}: the tracker could not go on: {found}"]
-        import pyarrow.parquet as pq
-
         table = pq.read_table(self.stored.folder / item.id / item.estimates)
         stated = table.filter(np.isin(table["scene"].to_numpy(), scenes))
         problem = table_difference(stated, found.drop_columns(["tracker"]))
         return [] if problem is None else [f"{place}: {problem}"]
 
-    def _driven(self, scenario: SuiteScenario) -> Scenario:
-        tracker = self.stored.entry.tracker
-        return scenario.loaded({tracker.name: tracker.options[scenario.kind]}, self.stored.folder)
-
     def _on_trust(self) -> Iterator[Check]:
-        tracker, machine = self.stored.entry.tracker, self.stored.entry.machine
+        tracker = self.stored.entry.tracker
         stated = [f"licence {tracker.licence or 'not stated'}", f"source {tracker.source or 'not stated'}"]
         yield Check("on trust", "identity", f"version {tracker.version or 'not stated'}, {', '.join(stated)}")
-        yield Check("on trust", "machine", f"{machine.system}, {counted(machine.cores, 'core')}")
-        pages = "pages and recordings: their sha256 alone was checked, not what they show"
-        yield Check("on trust", "pages", pages)
+        yield Check("on trust", "machine", f"what {ENTRY} says of the machine and of the time")
+        yield Check("on trust", "pages", "what reports and recordings show: their sha256 alone was checked")
 
 
 def _outcome(what: str, problems: list[str], right: str) -> Iterator[Check]:
