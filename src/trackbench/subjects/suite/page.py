@@ -23,8 +23,8 @@ from trackbench.subjects.suite.suite import Suite
 
 #: Verdicts of a pair of which one is shown to be better by more than the margin.
 SHOWN = ("better", "worse")
-#: Files beside the page.
-RECORDING, REPORT = "recording.rrd", "report.html"
+#: Files of an entry's scenario of which a page opens the first that is there.
+OPENED = ("recording.rrd", "report.html")
 MEANING = (
     "Trackers that share a letter are not shown to differ by more than the margin, and a is the best. In "
     "brackets: the 95 % interval over the scenes. A name opens the entry, and the number its recording or its report."
@@ -104,8 +104,7 @@ def _number(tracker: TrackerResult, path: str) -> Cell:
 
 def _shown(scenario: Path, folder: Path) -> str:
     """Return the link to the recording of an entry's scenario, else to its report; empty without either."""
-    files = (scenario / name for name in (RECORDING, REPORT))
-    return next((os.path.relpath(file, folder) for file in files if file.is_file()), "")
+    return next((os.path.relpath(scenario / name, folder) for name in OPENED if (scenario / name).is_file()), "")
 
 
 def _entries(merged: MergedEntries, folder: Path) -> Table:

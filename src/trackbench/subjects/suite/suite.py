@@ -27,8 +27,6 @@ from trackbench.truth import LoadedTruth
 
 #: Suites that come with the package.
 FOLDER = Path(__file__).parent / "suites"
-#: Sets of scenarios that ``--only`` may name beside the scenarios themselves.
-SMOKE = "smoke"
 Kind = Literal["single", "traffic"]
 KINDS: tuple[Kind, ...] = ("single", "traffic")
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -176,9 +174,9 @@ class Suite:
         wanted: set[str] = set()
         for name in only:
             ids = {key for key, item in self.scenarios.items() if name in (key, item.kind)}
-            ids |= {*self.stated.smoke} if name == SMOKE else set()
+            ids |= {*self.stated.smoke} if name == "smoke" else set()
             if not ids:
-                hint = nearest_choices(name, [*self.scenarios, *KINDS, SMOKE])
+                hint = nearest_choices(name, [*self.scenarios, *KINDS, "smoke"])
                 raise InputError(f"no scenario {name!r} in {self.stated.id}; {hint}", key="--only")
             wanted |= ids
         return [item for key, item in self.scenarios.items() if not only or key in wanted]

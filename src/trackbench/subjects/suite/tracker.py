@@ -83,8 +83,7 @@ class EnteringTracker:
             message = f"there is no file of tracks in {folder}, such as {chosen[0].id}.csv"
         else:
             kept = [item for item in chosen if self.entry(item.kind) is not None]
-            kinds = " and ".join(kind for kind in KINDS if self.entry(kind) is not None)
-            message = f"{self.name} has {kinds}, and the chosen scenarios are of {chosen[0].kind}; write that key too"
+            message = f"has no key {chosen[0].kind}, and the chosen scenarios are of that kind"
         if not kept:
             raise InputError(message, file=self.file or self.named)
         return kept
