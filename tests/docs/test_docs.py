@@ -133,7 +133,7 @@ def test_the_page_on_recorded_traffic_runs_as_printed(tmp_path: Path, run_page: 
 @pytest.mark.docs_pages
 def test_the_page_on_suites_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     shutil.copy(EXAMPLES / "lidar_kalman.py", tmp_path)
-    assert run_page(DOCS / "suite.md", tmp_path) == 9
+    assert run_page(DOCS / "suite.md", tmp_path) == 10
     assert (tmp_path / "entries" / "closed" / "entry.json").is_file()
 
 

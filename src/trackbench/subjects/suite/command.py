@@ -29,9 +29,7 @@ if TYPE_CHECKING:
 workers_option = click.option(
     "--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same result."
 )
-suite_option = click.option(
-    "--suite", type=click.Path(path_type=Path), metavar="FILE", help="Of a suite that does not come with trackbench."
-)
+suite_option = click.option("--suite", type=click.Path(path_type=Path), metavar="FILE", help="Of a suite of your own.")
 cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 
 
@@ -106,8 +104,7 @@ def run_command(
       trackbench suite run trackbench-road-1 ekf_cv pmb --only smoke
 
     \b
-    Exit status: 0 written, 1 a bound was beaten, 2 bad input, 3 a tracker
-    failed, 4 cannot write
+    Exit status: 1 a bound was beaten, 3 a tracker failed
     """
     from trackbench.base.execution import executor
     from trackbench.subjects.suite.entry import ENTRY
@@ -165,7 +162,7 @@ def verify_command(
       trackbench suite verify entries/mine
 
     \b
-    Exit status: 0 nothing is wrong, 1 something is, 2 bad input
+    Exit status: 1 something is wrong
     """
     from trackbench.base.execution import executor
     from trackbench.subjects.suite.entry import read_entry
@@ -182,7 +179,7 @@ def verify_command(
         for check in failed if quiet else checks:
             print_answer(f"{check.outcome:8}  {check.what:8}  {check.text}")
         wrong = f"not verified: {counted(len(failed), 'check')} failed" if failed else "verified"
-        print_answer(f"{stored.entry.name} in {stored.entry.suite.id}: {wrong}")
+        print_answer(f"{stored.entry.tracker.name} in {stored.entry.suite.id}: {wrong}")
     raise click.exceptions.Exit(FAILED_EXPECTATION if failed else 0)
 
 
@@ -198,9 +195,6 @@ def merge_command(entries: tuple[Path, ...], suite: Path | None, out: Path | Non
     \b
     Example:
       trackbench suite merge entries/mine theirs/pmb --out comparison.html
-
-    \b
-    Exit status: 0 compared, 2 bad input or not comparable, 4 cannot write
     """
     from rich.console import Console
 
@@ -229,9 +223,6 @@ def page_command(folder: Path, suite: Path | None) -> None:
     \b
     Example:
       trackbench suite page entries
-
-    \b
-    Exit status: 0 written, 2 bad input, 4 cannot write
     """
     from trackbench.subjects.suite.merge import merged_entries
     from trackbench.subjects.suite.page import entries_in, page_files

@@ -56,8 +56,6 @@ class EnteredScenario(ResultModel):
     """A scenario of an entry."""
 
     id: str
-    estimates: str
-    """File of the estimates or tracks, in the scenario's folder."""
     command: str
     """What runs it again."""
 
@@ -66,7 +64,6 @@ class Machine(ResultModel):
     """What the entry was made on."""
 
     system: str
-    processor: str
     cores: int
     versions: dict[str, str]
 
@@ -87,11 +84,6 @@ class Entry(ResultModel):
     """By path in the folder, the sha256 of each other file."""
     sha256: str
     """Of all of this but itself."""
-
-    @property
-    def name(self) -> str:
-        """Name of the tracker."""
-        return self.tracker.name
 
 
 def entry_digest(values: Mapping[str, Any]) -> str:

@@ -7,11 +7,11 @@ import platform
 import shlex
 import shutil
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trackbench import results
 from trackbench.api.plan import Listener
@@ -23,6 +23,7 @@ from trackbench.driving.isolation import Isolation
 from trackbench.results import Result
 from trackbench.results.summary import Provenance
 from trackbench.runner.assemble import versions
+from trackbench.runner.rounded_scans import rounded_fingerprints
 from trackbench.runner.run import run_scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import truths_of
@@ -40,12 +41,17 @@ from trackbench.subjects.suite.entry import (
 from trackbench.subjects.suite.scoring import (
     TOLD,
     compared_tables,
+    rows_of_estimates,
     scored_estimates,
     stated_of,
     write_estimates,
 )
-from trackbench.subjects.suite.suite import Suite, SuiteScenario
+from trackbench.subjects.suite.suite import Kind, Suite, SuiteScenario
 from trackbench.subjects.suite.tracker import EnteringTracker
+from trackbench.truth import LoadedTruth
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Files = dict[str, Callable[[Path], object]]
 
@@ -95,8 +101,10 @@ class EntryMaker:
         entering = self.tracker.scenarios(chosen)
         by_kind = {item.kind: item for item in reversed(entering)}
         for kind, item in by_kind.items() if self.tracker.stated.tracks is None else ():
-            loaded = self._located(item.loaded, {self.tracker.name: self.tracker.entry(kind)}, self.tracker.folder)
-            self._located(check_plugins, loaded, self.isolation)
+            loaded = self._located(
+                kind, item.loaded, {self.tracker.name: self.tracker.entry(kind)}, self.tracker.folder
+            )
+            self._located(kind, check_plugins, loaded, self.isolation)
             self._made_of[kind] = provenance_of(loaded)
         return entering
 
@@ -121,36 +129,43 @@ class EntryMaker:
         with self.listener.progress(f"truth of {item.id}", "steps") as advance:
             truths = truths_of(item.plain, advance, self.executor)
         _require(item, item.why_other_truth(truths))
-        tracks = self.tracker.tracks_of(item)
-        if tracks is None:
-            estimates = place / ESTIMATES
-            entry = {self.tracker.name: self.tracker.entry(item.kind)}
-            loaded = self._located(item.loaded, entry, self.tracker.folder)
-            with self.listener.progress(item.id, "runs") as advance:
-                options: Any = {"isolation": self.isolation, "keeps_answers": True, "progress": advance}
-                driven = run_scenario(loaded, truths, executor=self.executor, **options)
-            (tracker,) = driven.summary.trackers
-            if tracker.failed is not None:
-                raise TrackerFailed(f"{tracker.name} could not go on in {item.id}: {tracker.failed}")
-            write_estimates(driven.tables["answers"], estimates)
-            self._told[item.kind] = {key: getattr(tracker, key) for key in TOLD}
-        else:
-            estimates = place / tracks.name
-            shutil.copyfile(tracks, estimates)
-        result = self._located(scored_estimates, item, self.tracker.name, estimates, truths, self.executor)
+        fingerprints = rounded_fingerprints(item.plain, truths)
+        _require(item, item.why_other_scans(fingerprints))
+        estimates, tracks = place / ESTIMATES, self.tracker.tracks_of(item)
+        write_estimates(self._driven(item, truths) if tracks is None else self._filed(item, tracks, truths), estimates)
+        result = scored_estimates(item, self.tracker.name, estimates, truths, self.executor)
         (scored,) = result.summary.trackers
         if scored.failed is not None:
             raise TrackerFailed(f"the estimates of {scored.name} in {item.id} cannot be scored: {scored.failed}")
-        _require(item, item.why_other_scans(result))
-        if not scored.paired:
-            message = f"the tracks of {item.id} have no column fingerprint: it goes back with them from the scans"
-            raise InputError(message, file=tracks)
-        result = stated_of(result, self._told.get(item.kind, {}), self.command(item.id))
+        result = stated_of(result, fingerprints, self._told.get(item.kind, {}), self.command(item.id))
         self.results[item.id] = result
-        self._entered.append(EnteredScenario(id=item.id, estimates=estimates.name, command=self.command(item.id)))
+        self._entered.append(EnteredScenario(id=item.id, command=self.command(item.id)))
         shown, artifacts = with_artifacts(result, self.left_out)
-        copied = {estimates.name: partial(shutil.copyfile, estimates)}
-        return {**copied, **artifacts, **compared_tables(shown).files()}
+        return {ESTIMATES: partial(shutil.copyfile, estimates), **artifacts, **compared_tables(shown).files()}
+
+    def _driven(self, item: SuiteScenario, truths: Sequence[LoadedTruth]) -> pa.Table:
+        """Return what the tracker says in every run."""
+        loaded = self._located(
+            item.kind, item.loaded, {self.tracker.name: self.tracker.entry(item.kind)}, self.tracker.folder
+        )
+        with self.listener.progress(item.id, "runs") as advance:
+            options: Any = {"isolation": self.isolation, "keeps_answers": True, "progress": advance}
+            driven = run_scenario(loaded, truths, executor=self.executor, **options)
+        (tracker,) = driven.summary.trackers
+        if tracker.failed is not None:
+            raise TrackerFailed(f"{tracker.name} could not go on in {item.id}: {tracker.failed}")
+        self._told[item.kind] = {key: getattr(tracker, key) for key in TOLD}
+        return driven.tables["answers"]
+
+    def _filed(self, item: SuiteScenario, tracks: Path, truths: Sequence[LoadedTruth]) -> pa.Table:
+        """Return the tracks of a file, which are of the scans that they state."""
+        from pyarrow import csv, parquet
+
+        rows = rows_of_estimates(tracks)
+        if rows.fingerprint is None or rows.run is None:
+            raise InputError("there are no columns run and fingerprint, which come back from the scans", file=tracks)
+        scored_estimates(item, self.tracker.name, tracks, truths, self.executor)
+        return parquet.read_table(tracks) if tracks.suffix == ".parquet" else csv.read_csv(tracks)
 
     def _write_entry(self, scenarios: list[SuiteScenario], path: Path) -> None:
         kinds = list(dict.fromkeys(item.kind for item in scenarios))
@@ -167,12 +182,7 @@ class EntryMaker:
             suite=SuiteIdentity.model_validate(self.suite.identity),
             tracker=tracker,
             scenarios=self._entered,
-            machine=Machine(
-                system=platform.platform(),
-                processor=platform.processor() or platform.machine(),
-                cores=os.cpu_count() or 1,
-                versions=versions(),
-            ),
+            machine=Machine(system=platform.platform(), cores=os.cpu_count() or 1, versions=versions()),
             made_at=made_of[0].made_at if made_of else provenance_of(scenarios[0].plain).made_at,
             commit=made_of[0].commit if made_of else None,
             command=self.command(*([] if len(scenarios) == len(self.suite.scenarios) else [i.id for i in scenarios])),
@@ -182,12 +192,12 @@ class EntryMaker:
         values = entry.model_dump(mode="json")
         results.write_file(results.json_text({**values, "sha256": entry_digest(values)}), path)
 
-    def _located(self, call: Callable[..., Any], *arguments: Any) -> Any:
+    def _located(self, kind: Kind, call: Callable[..., Any], *arguments: Any) -> Any:
         """Call a function; an error of the scenario is one of the tracker's file."""
         try:
             return call(*arguments)
         except InputError as error:
-            raise self.tracker.located(error) from None
+            raise self.tracker.located(error, kind) from None
 
 
 def _require(scenario: SuiteScenario, problem: str | None) -> None:

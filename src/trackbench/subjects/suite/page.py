@@ -41,7 +41,7 @@ def page_files(merged: MergedEntries, folder: Path) -> dict[str, str]:
 def suite_document(merged: MergedEntries, folder: Path) -> Document:
     """Return the page of entries, whose links are relative to a folder."""
     suite = merged.suite.stated
-    names = [stored.entry.name for stored in merged.entries]
+    names = [stored.entry.tracker.name for stored in merged.entries]
     styles = tracker_styles({name: number for number, name in enumerate(names)})
     by_world: dict[str, list[Block]] = {world: [] for world in WORLDS}
     for name, result in merged.results.items():
@@ -58,7 +58,7 @@ def suite_document(merged: MergedEntries, folder: Path) -> Document:
 def _scenario_section(merged: MergedEntries, name: str, result: Result, folder: Path) -> Section:
     """Return the groups of verdicts of one scenario."""
     metrics = merged.suite.stated.metrics[merged.suite.scenarios[name].kind]
-    letters, stored = _letters(merged, name, result), {item.entry.name: item for item in merged.entries}
+    letters, stored = _letters(merged, name, result), {item.entry.tracker.name: item for item in merged.entries}
     rows = []
     for tracker in result.summary.ranking:
         own, place = result[tracker], stored[tracker].folder

@@ -50,11 +50,18 @@ def rows_of_estimates(file: Path) -> TrackRows:
     return rows
 
 
-def stated_of(result: Result, told: Mapping[str, Any], command: str) -> Result:
-    """Return a result with what its estimates do not tell of the tracker, and the command that repeats it."""
+def stated_of(result: Result, fingerprints: Sequence[str], told: Mapping[str, Any], command: str = "") -> Result:
+    """Return a result with what its estimates do not tell.
+
+    Args:
+        result: of estimates.
+        fingerprints: rounded, of the measurements of each run.
+        told: fields of the tracker.
+        command: that repeats it.
+    """
     (tracker,) = result.summary.trackers
-    stated = TrackerResult.model_validate({**tracker.model_dump(), **told})
-    return result.updated(trackers=[stated], command=command)
+    stated = TrackerResult.model_validate({**tracker.model_dump(), **told, "paired": True})
+    return result.updated(trackers=[stated], command=command, fingerprints=list(fingerprints))
 
 
 def compared_tables(result: Result) -> Result:
@@ -63,11 +70,14 @@ def compared_tables(result: Result) -> Result:
 
 
 def write_estimates(table: pa.Table, path: Path) -> None:
-    """Write the table ``answers`` of a single tracker, every number to the last bit."""
+    """Write the estimates or tracks of a single tracker, every number to the last bit.
+
+    Their scene and run say of which measurements they are: fingerprints are others on another kind of processor.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    own = table.drop_columns(["tracker"])
+    own = table.drop_columns([name for name in ("tracker", "fingerprint") if name in table.column_names])
     # Words are texts, not numbers of a dictionary.
     plain = [pa.string() if pa.types.is_dictionary(kind) else kind for kind in own.schema.types]
     own = own.cast(pa.schema([*zip(own.column_names, plain, strict=True)]))

@@ -15,7 +15,6 @@ from pydantic import Field
 from trackbench.base.config import Config, Name, Problem
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.files import read_text
-from trackbench.results import Result
 from trackbench.runner.assemble import scene_fingerprint
 from trackbench.scenario import Scenario
 from trackbench.scenario.config_file import read_config
@@ -49,7 +48,7 @@ class ScenarioEntry(Config):
     world: World | None = None
     sha256: Digest = Field(description="Of the scenario's file.")
     truth: Digest = Field(description="Of the motion in all scenes, to a millimetre at each whole second.")
-    scans: Digest = Field(description="Of the measurements in all runs.")
+    scans: Digest = Field(description="Of the measurements in all runs, to a thousandth of m, rad and m/s.")
     published: list[Published] = Field(default_factory=list)
 
 
@@ -124,10 +123,10 @@ class SuiteScenario:
         found = digest_of(scene_fingerprint(item.truth, item.measurements) for item in truths)
         return None if found == self.stated.truth else "moves otherwise here than the suite states: another simulator?"
 
-    def why_other_scans(self, result: Result) -> str | None:
-        """Say why the measurements of a result are not those of the suite; None where they are."""
-        other = digest_of(result.summary.fingerprints) != self.stated.scans
-        return "is measured otherwise than the suite states: another machine or version?" if other else None
+    def why_other_scans(self, fingerprints: Sequence[str]) -> str | None:
+        """Say why measurements, by their rounded fingerprints, are not those of the suite; None where they are."""
+        other = digest_of(fingerprints) != self.stated.scans
+        return "is measured otherwise here than the suite states: another version?" if other else None
 
 
 @dataclass(frozen=True)

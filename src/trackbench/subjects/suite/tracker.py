@@ -88,10 +88,10 @@ class EnteringTracker:
             raise InputError(message, file=self.file or self.named)
         return kept
 
-    def located(self, error: InputError) -> InputError:
+    def located(self, error: InputError, kind: Kind) -> InputError:
         """Return an error of a scenario as one of the tracker's file."""
-        key = (error.key or "").removeprefix(f"trackers.{self.name}").removeprefix(".")
-        return InputError(error.message, key=key or None, file=self.file or self.named)
+        key = f"{kind}{(error.key or '').removeprefix(f'trackers.{self.name}')}"
+        return InputError(error.message, key=key, file=self.file or self.named)
 
 
 def find_tracker(named: str, suite: Suite) -> EnteringTracker:

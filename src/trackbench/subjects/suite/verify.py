@@ -18,17 +18,20 @@ from trackbench.driving.isolation import Isolation
 from trackbench.results import Failure, Result
 from trackbench.results.checks import ROUNDING, differing, table_difference
 from trackbench.results.tracker_result import BEATS_BOUND
+from trackbench.runner.rounded_scans import rounded_fingerprints
 from trackbench.runner.run import answers_of_scenes
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.suite.entry import ENTRY, EnteredScenario, StoredEntry
-from trackbench.subjects.suite.scoring import rows_of_estimates, scored_estimates
+from trackbench.subjects.suite.entry import ENTRY, ESTIMATES, EnteredScenario, StoredEntry
+from trackbench.subjects.suite.scoring import rows_of_estimates, scored_estimates, stated_of
 from trackbench.subjects.suite.suite import SuiteScenario
 from trackbench.truth import LoadedTruth
 from trackbench.truth.tracks import TrackRows
 
 #: One of so many scenes is run again.
 ONE_OF = 10
+#: Estimates that are made again differ by less, in m and m/s, on another kind of processor.
+AGAIN = 1e-6
 #: Fields of a tracker that its estimates tell.
 SCORED = {"name", "metrics", "conditions", "health", "time_offset", "failed", "paired"}
 
@@ -85,7 +88,7 @@ class Verifier:
         problems = [f"{ENTRY}: suite.{key}: {ours} in the entry, {theirs} here" for key, ours, theirs in others]
         unknown = [item.id for item in self.stored.entry.scenarios if item.id not in suite.scenarios]
         problems += [f"{ENTRY}: scenarios: {suite.stated.id} has no {name}" for name in unknown]
-        files = [f"{item.id}/{item.estimates}" for item in self.stored.entry.scenarios]
+        files = [f"{item.id}/{ESTIMATES}" for item in self.stored.entry.scenarios]
         problems += [f"{ENTRY}: files: {name} is missing" for name in files if name not in self.stored.entry.files]
         many = f"{len(self.stored.entry.scenarios)} of {counted(len(suite.scenarios), 'scenario')}"
         yield from _outcome("suite", problems, f"{suite.stated.id}, version {suite.stated.version}: {many}")
@@ -105,21 +108,23 @@ class Verifier:
             if (why := scenario.why_other_truth(truths)) is not None:
                 problems["truth"].append(f"{item.id}: {why}")
                 continue
-            file = self.stored.folder / item.id / item.estimates
+            fingerprints = rounded_fingerprints(scenario.plain, truths)
+            if (why := scenario.why_other_scans(fingerprints)) is not None:
+                problems["scans"].append(f"{item.id}: {why}")
+                continue
+            file = self.stored.folder / item.id / ESTIMATES
             try:
                 stated = Result.load(self.stored.folder / item.id)
-                found = scored_estimates(scenario, self.stored.entry.name, file, truths, self.executor)
+                found = scored_estimates(scenario, self.stored.entry.tracker.name, file, truths, self.executor)
             except InputError as error:
                 problems["scores"].append(str(error))
                 continue
-            if (why := scenario.why_other_scans(found)) is not None:
-                problems["scans"].append(f"{item.id}: {why}")
-                continue
+            found = stated_of(found, fingerprints, {})
             problems["scores"] += [f"{item.id}/{text}" for text in _score_problems(stated, found)]
             if found.summary.trackers[0].beats_bound(found.summary.reference):
                 ratio = found.summary.trackers[0].metrics["position_over_reference"]
                 problems["bound"].append(f"{item.id}: its position RMSE {BEATS_BOUND} ({ratio} of the bound)")
-            problems["noise"] += [f"{item.id}/{item.estimates}: {text}" for text in _unmoved(rows_of_estimates(file))]
+            problems["noise"] += [f"{item.id}/{ESTIMATES}: {text}" for text in _unmoved(rows_of_estimates(file))]
         many = counted(len(self._pairs), "scenario")
         yield from _outcome("truth", problems["truth"], f"the motion of {many} is the suite's")
         yield from _outcome("scans", problems["scans"], f"the measurements of {many} are the suite's")
@@ -173,14 +178,13 @@ class Verifier:
     def _problems_again(self, name: str, loaded: Scenario, scenes: list[int]) -> list[str]:
         import pyarrow.parquet as pq
 
-        item = next(item for _, item in self._pairs if item.id == name)
-        place = f"{name}/{item.estimates}: scene {', '.join(map(str, scenes))}"
+        place = f"{name}/{ESTIMATES}: scene {', '.join(map(str, scenes))}"
         found = answers_of_scenes(loaded, self._truths[name], scenes, self.executor, self.isolation)
         if isinstance(found, Failure):
             return [f"{place}: the tracker could not go on: {found}"]
-        table = pq.read_table(self.stored.folder / item.id / item.estimates)
+        table = pq.read_table(self.stored.folder / name / ESTIMATES)
         stated = table.filter(np.isin(table["scene"].to_numpy(), scenes))
-        problem = table_difference(stated, found.drop_columns(["tracker"]))
+        problem = table_difference(stated, found.drop_columns(["tracker", "fingerprint"]), AGAIN)
         return [] if problem is None else [f"{place}: {problem}"]
 
     def _on_trust(self) -> Iterator[Check]:
