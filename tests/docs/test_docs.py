@@ -138,9 +138,7 @@ def test_the_page_on_suites_runs_as_printed(tmp_path: Path, run_page: Callable[[
 
 
 @pytest.mark.docs_pages
-def test_the_page_for_assistants_on_suites_runs_as_printed(
-    tmp_path: Path, run_page: Callable[[Path, Path], int]
-) -> None:
+def test_assistants_and_suites_run_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(DOCS / "for-assistants.md", tmp_path) == 7
     assert (tmp_path / "entries" / "alpha" / "entry.json").is_file()
 

@@ -35,12 +35,6 @@ def test_the_truth_and_the_scans_are_those_of_the_suite(name: str) -> None:
     assert item.why_other_scans(rounded_fingerprints(item.plain, truths)) is None
 
 
-def test_it_has_four_worlds_and_both_kinds() -> None:
-    assert {item.stated.world for item in ROAD.scenarios.values()} == {"ideal", "human", "typical", "recorded"}
-    assert {item.kind for item in ROAD.scenarios.values()} == {"single", "traffic"}
-    assert {ROAD.scenarios[name].kind for name in ROAD.stated.smoke} == {"single", "traffic"}
-
-
 def test_a_changed_scenario_is_refused(cli: Callable[..., Any], tmp_path: Path) -> None:
     text = (FOLDER / "trackbench-road-1.yaml").read_text(encoding="utf-8")
     first = ROAD.stated.scenarios[0].sha256

@@ -8,7 +8,7 @@ import shlex
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,11 +20,12 @@ from trackbench.api.save import with_artifacts
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.execution import Executor
 from trackbench.driving.isolation import Isolation
-from trackbench.results import Result
+from trackbench.results import Result, Tables
 from trackbench.results.summary import Provenance
 from trackbench.runner.assemble import versions
 from trackbench.runner.rounded_scans import rounded_fingerprints
 from trackbench.runner.run import run_scenario
+from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.suite.entry import (
@@ -39,14 +40,14 @@ from trackbench.subjects.suite.entry import (
     entry_digest,
 )
 from trackbench.subjects.suite.scoring import (
+    KEPT,
     TOLD,
-    compared_tables,
     rows_of_estimates,
     scored_estimates,
     stated_of,
     write_estimates,
 )
-from trackbench.subjects.suite.suite import Kind, Suite, SuiteScenario
+from trackbench.subjects.suite.suite import Suite, SuiteScenario
 from trackbench.subjects.suite.tracker import EnteringTracker
 from trackbench.truth import LoadedTruth
 
@@ -101,10 +102,7 @@ class EntryMaker:
         entering = self.tracker.scenarios(chosen)
         by_kind = {item.kind: item for item in reversed(entering)}
         for kind, item in by_kind.items() if self.tracker.stated.tracks is None else ():
-            loaded = self._located(
-                kind, item.loaded, {self.tracker.name: self.tracker.entry(kind)}, self.tracker.folder
-            )
-            self._located(kind, check_plugins, loaded, self.isolation)
+            loaded = self._loaded(item, started=True)
             self._made_of[kind] = provenance_of(loaded)
         return entering
 
@@ -141,13 +139,12 @@ class EntryMaker:
         self.results[item.id] = result
         self._entered.append(EnteredScenario(id=item.id, command=self.command(item.id)))
         shown, artifacts = with_artifacts(result, self.left_out)
-        return {ESTIMATES: partial(shutil.copyfile, estimates), **artifacts, **compared_tables(shown).files()}
+        kept = Tables({name: result.tables[name] for name in KEPT if name in result.tables})
+        return {ESTIMATES: partial(shutil.copyfile, estimates), **artifacts, **replace(shown, tables=kept).files()}
 
     def _driven(self, item: SuiteScenario, truths: Sequence[LoadedTruth]) -> pa.Table:
         """Return what the tracker says in every run."""
-        loaded = self._located(
-            item.kind, item.loaded, {self.tracker.name: self.tracker.entry(item.kind)}, self.tracker.folder
-        )
+        loaded = self._loaded(item)
         with self.listener.progress(item.id, "runs") as advance:
             options: Any = {"isolation": self.isolation, "keeps_answers": True, "progress": advance}
             driven = run_scenario(loaded, truths, executor=self.executor, **options)
@@ -192,12 +189,15 @@ class EntryMaker:
         values = entry.model_dump(mode="json")
         results.write_file(results.json_text({**values, "sha256": entry_digest(values)}), path)
 
-    def _located(self, kind: Kind, call: Callable[..., Any], *arguments: Any) -> Any:
-        """Call a function; an error of the scenario is one of the tracker's file."""
+    def _loaded(self, item: SuiteScenario, started: bool = False) -> Scenario:
+        """Return a scenario with the tracker, which may be started once; an error is one of the tracker's file."""
         try:
-            return call(*arguments)
+            loaded = item.loaded({self.tracker.name: self.tracker.entry(item.kind)}, self.tracker.folder)
+            if started:
+                check_plugins(loaded, self.isolation)
         except InputError as error:
-            raise self.tracker.located(error, kind) from None
+            raise self.tracker.located(error, item.kind) from None
+        return loaded
 
 
 def _require(scenario: SuiteScenario, problem: str | None) -> None:

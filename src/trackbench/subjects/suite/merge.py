@@ -77,10 +77,11 @@ def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedE
         if stored.entry.suite != first.entry.suite:
             other = f"is of {_named(stored)}, and {first.folder} of {_named(first)}"
             raise InputError(f"{other}: one suite in one version is merged", file=stored.folder, key="suite")
-        if stored.entry.tracker.name in named:
-            message = f"{named[stored.entry.tracker.name]} has the same name {stored.entry.tracker.name!r}; name one otherwise"
+        name = stored.entry.tracker.name
+        if name in named:
+            message = f"{named[name]} has the same name {name!r}; name one otherwise"
             raise InputError(message, file=stored.folder, key="tracker.name")
-        named[stored.entry.tracker.name] = stored.folder
+        named[name] = stored.folder
     if first.suite.identity != first.entry.suite.model_dump():
         raise InputError(f"is of {_named(first)}, not of the suite here: verify it", file=first.folder, key="suite")
     return MergedEntries(first.suite, entries)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trackbench.base.execution import Executor
-from trackbench.results import Result, Tables, TrackerResult
+from trackbench.results import Result, TrackerResult
 from trackbench.runner.run import run_scenario
 from trackbench.subjects.suite.suite import SuiteScenario
 from trackbench.truth import LoadedTruth
@@ -62,11 +61,6 @@ def stated_of(result: Result, fingerprints: Sequence[str], told: Mapping[str, An
     (tracker,) = result.summary.trackers
     stated = TrackerResult.model_validate({**tracker.model_dump(), **told, "paired": True})
     return result.updated(trackers=[stated], command=command, fingerprints=list(fingerprints))
-
-
-def compared_tables(result: Result) -> Result:
-    """Return a result with the tables alone that a comparison reads."""
-    return replace(result, tables=Tables({name: result.tables[name] for name in KEPT if name in result.tables}))
 
 
 def write_estimates(table: pa.Table, path: Path) -> None:
