@@ -34,7 +34,7 @@ class Block:
     recorded_scans: RecordedScans | None
     """Those of the recorded run, if it is in this block."""
     answers: list[Record] = field(default_factory=list)
-    """What the trackers that did not fail said in each run, where that is kept."""
+    """Answers of the trackers that did not fail, a record a run, where they are kept."""
     random: frozenset[str] = frozenset()
     """The plug-ins that say that they draw random numbers."""
 

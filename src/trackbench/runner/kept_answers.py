@@ -1,4 +1,4 @@
-"""What a tracker says in every run, as a table that ``use: tracks`` scores: the table ``answers`` of a result."""
+"""Answers of a tracker in every run: the table ``answers`` of a result, which ``use: tracks`` scores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What measurements are recognised by on any kind of processor: hashes of them to a thousandth of m, rad and m/s."""
+"""Fingerprints of measurements on any kind of processor: hashes to a thousandth of m, rad and m/s."""
 
 from __future__ import annotations
 

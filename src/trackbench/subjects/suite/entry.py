@@ -30,7 +30,7 @@ class SuiteIdentity(ResultModel):
     id: str
     version: int
     sha256: str
-    """Of the suite's file."""
+    """Digest of the suite's file."""
 
 
 class TrackerIdentity(ResultModel):
@@ -43,11 +43,11 @@ class TrackerIdentity(ResultModel):
     made: Literal["run here", "tracks"]
     """tracks: a program that is not known wrote them for exported scans."""
     options: dict[str, dict[str, Any]]
-    """By kind of scenario, its entry as a scenario has it."""
+    """Entry as a scenario has it, by kind of scenario."""
     sensors: dict[str, list[str] | None]
-    """By kind of scenario, the names of the sensors that it reads; None for all."""
+    """Names of the sensors that the tracker reads, by kind of scenario; None for all."""
     code: dict[str, str | None]
-    """By kind of scenario, the sha256 of code that is not trackbench's; None where it was not found."""
+    """Digest of code that is not trackbench's, by kind of scenario; None where it was not found."""
     random: bool
     """Whether it says that it draws random numbers."""
 
@@ -57,11 +57,11 @@ class EnteredScenario(ResultModel):
 
     id: str
     command: str
-    """What runs it again."""
+    """Command that runs the scenario again."""
 
 
 class Machine(ResultModel):
-    """What the entry was made on."""
+    """The machine that made an entry."""
 
     system: str
     cores: int
@@ -78,12 +78,12 @@ class Entry(ResultModel):
     machine: Machine
     made_at: AwareDatetime
     commit: str | None
-    """Of the repository that holds the tracker."""
+    """Commit of the repository that holds the tracker."""
     command: str
     files: dict[str, str]
-    """By path in the folder, the sha256 of each other file."""
+    """Digest of each other file, by path in the folder."""
     sha256: str
-    """Of all of this but itself."""
+    """Digest of all other values."""
 
 
 def entry_digest(values: Mapping[str, Any]) -> str:

@@ -81,16 +81,16 @@ class EntryMaker:
     listener: Listener
     left_out: Collection[str] = ()
     results: dict[str, Result] = field(default_factory=dict)
-    """By scenario that is done."""
+    """Result of each finished scenario, by id."""
     _entered: list[EnteredScenario] = field(default_factory=list)
     _told: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """By kind of scenario, what a run says of the tracker."""
+    """Fields of the tracker that a run tells, by kind of scenario."""
     _made_of: dict[str, Provenance] = field(default_factory=dict)
-    """By kind of scenario."""
+    """Code and time of the tracker, by kind of scenario."""
 
     def command(self, *only: str) -> str:
         """Return what runs some scenarios again."""
-        words = ["trackbench", "suite", "run", self.suite.stated.id, self.tracker.named]
+        words = ["trackbench", "suite", "run", self.suite.named, self.tracker.named]
         return shlex.join([*words, *(["--only", ",".join(only)] if only else [])])
 
     def check(self, chosen: list[SuiteScenario]) -> list[SuiteScenario]:

@@ -25,7 +25,7 @@ class MergedEntries:
 
     @cached_property
     def results(self) -> dict[str, Result]:
-        """By scenario in the order of the suite, the trackers of all entries that have it.
+        """Result of the trackers of all entries, by scenario in the order of the suite.
 
         Raises:
             InputError: a result is damaged, or was made of other measurements.

@@ -21,8 +21,6 @@ from trackbench.subjects.suite.entry import ENTRY
 from trackbench.subjects.suite.merge import MergedEntries
 from trackbench.subjects.suite.suite import Suite
 
-#: Verdicts of a pair of which one is shown to be better by more than the margin.
-SHOWN = ("better", "worse")
 #: Files of an entry's scenario of which a page opens the first that is there.
 OPENED = ("recording.rrd", "report.html")
 MEANING = (
@@ -66,7 +64,8 @@ def _scenario_section(merged: MergedEntries, name: str, result: Result, folder: 
         first = replace(first, reason=result.why_unscored(own), link=_shown(place / name, folder))
         entry = Cell(tracker, own.marks, tracker=tracker, link=os.path.relpath(place / ENTRY, folder))
         rows.append((Cell(letters.get(tracker, "")), entry, first, *others))
-    columns = (Column("group"), Column("tracker", left=True), *(Column(path.replace("_", " ")) for path in metrics))
+    headings = (path.upper() if path.isalpha() else path.replace("_", " ").replace("rmse", "RMSE") for path in metrics)
+    columns = (Column("group"), Column("tracker", left=True), *map(Column, headings))
     blocks: list[Block] = [Table(name, columns, tuple(rows))]
     published = merged.suite.scenarios[name].stated.published
     if published:
@@ -86,7 +85,7 @@ def _letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]
         frozenset((item.entrant.tracker, item.against.tracker))
         for group in merged.comparison.groups
         for item in group.differences
-        if (item.scenario, item.metric) == (name, result.summary.headline) and item.verdict in SHOWN
+        if (item.scenario, item.metric) == (name, result.summary.headline) and item.verdict in ("better", "worse")
     }
     groups = groups_of(scored, lambda a, b: frozenset((a, b)) in differ)
     return {

@@ -46,14 +46,14 @@ class ScenarioEntry(Config):
     id: Name
     scenario: str = Field(description="A file beside the suite's, or the name of a scenario of the package.")
     world: World | None = None
-    sha256: Digest = Field(description="Of the scenario's file.")
-    truth: Digest = Field(description="Of the motion in all scenes, to a millimetre at each whole second.")
-    scans: Digest = Field(description="Of the measurements in all runs, to a thousandth of m, rad and m/s.")
+    sha256: Digest = Field(description="Digest of the scenario's file.")
+    truth: Digest = Field(description="Digest of the motion in all scenes, to a millimetre at each whole second.")
+    scans: Digest = Field(description="Digest of the measurements in all runs, to a thousandth of m, rad and m/s.")
     published: list[Published] = Field(default_factory=list)
 
 
 class SuiteFile(Config):
-    """What a suite states."""
+    """Keys of the file of a suite."""
 
     id: Name
     version: int = Field(ge=1)
@@ -61,12 +61,12 @@ class SuiteFile(Config):
     authors: list[str] = Field(min_length=1)
     released: str = Field(pattern=r"^\d{4}-\d{2}-\d{2}$", description="Date, such as 2026-11-30.")
     licence: str
-    metrics: dict[Kind, list[str]] = Field(description="By kind, those that a page shows; the first one ranks.")
+    metrics: dict[Kind, list[str]] = Field(description="Metrics that a page shows, by kind; the first one ranks.")
     margin: Margin = Field(description="Differences between trackers that do not matter.")
     smoke: list[str] = Field(min_length=1, description="Scenarios that take a minute together.")
     scenarios: list[ScenarioEntry] = Field(min_length=1)
     trackers: dict[Kind, dict[Name, dict[str, Any]]] = Field(
-        default_factory=dict, description="By kind, built-in trackers by name, as a scenario has them."
+        default_factory=dict, description="Built-in trackers by kind and name, as a scenario has them."
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -90,7 +90,7 @@ class SuiteScenario:
 
     @property
     def id(self) -> str:
-        """Name, with the world; that of its folder in an entry."""
+        """Name with the world, which is also that of a folder in an entry."""
         return self.stated.id
 
     @cached_property
@@ -136,16 +136,18 @@ class Suite:
     stated: SuiteFile
     path: Path
     sha256: str
-    """Of the file."""
+    """Digest of the file."""
+    named: str
+    """Id or file by which the suite was named."""
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What an entry states of it."""
+        """Id, version and digest, as an entry states them."""
         return {"id": self.stated.id, "version": self.stated.version, "sha256": self.sha256}
 
     @cached_property
     def scenarios(self) -> dict[str, SuiteScenario]:
-        """By id, in the order of the file.
+        """Scenarios by id, in the order of the file.
 
         Raises:
             InputError: the file of a scenario has changed, or is not there.
@@ -201,4 +203,4 @@ def find_suite(named: str) -> Suite:
     if path is None:
         raise InputError(f"there is no suite {named!r}; {nearest_choices(named, shipped_suites())}", key="ID")
     stated, text = read_config(SuiteFile, path)
-    return Suite(stated, path, hashlib.sha256(text.encode()).hexdigest())
+    return Suite(stated, path, hashlib.sha256(text.encode()).hexdigest(), named)

@@ -1,4 +1,4 @@
-"""What enters a suite: a tracker by its name, its class or its file; or the tracks that a closed one wrote."""
+"""Trackers that enter a suite, by name, class or file; and the tracks that a closed one wrote."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class EnteringTracker:
     stated: TrackerFile
     folder: Path
     named: str
-    """As it was named on the command line."""
+    """Argument that names the tracker on the command line."""
     file: Path | None = None
-    """Its YAML file."""
+    """YAML file of the tracker."""
 
     @property
     def name(self) -> str:
-        """Name; that of its entry's folder."""
+        """Name of the tracker, and of the folder of its entry."""
         return self.stated.name
 
     def entry(self, kind: Kind) -> dict[str, Any] | None:

@@ -42,7 +42,7 @@ class Check(NamedTuple):
     outcome: Literal["checked", "failed", "on trust"]
     what: str
     text: str
-    """What was found, with the place where it failed."""
+    """Finding, with the place where the check failed."""
 
 
 @dataclass
@@ -78,13 +78,12 @@ class Verifier:
 
     def _suite(self) -> Iterator[Check]:
         """Hold the suite of the entry against the one here."""
-        stated = self.stored.entry.suite
         try:
             suite = self.stored.suite
         except InputError as error:
             yield Check("failed", "suite", f"{ENTRY}: suite.id: {error.message}")
             return
-        others = differing(stated.model_dump(), suite.identity)
+        others = differing(self.stored.entry.suite.model_dump(), suite.identity)
         problems = [f"{ENTRY}: suite.{key}: {ours} in the entry, {theirs} here" for key, ours, theirs in others]
         unknown = [item.id for item in self.stored.entry.scenarios if item.id not in suite.scenarios]
         problems += [f"{ENTRY}: scenarios: {suite.stated.id} has no {name}" for name in unknown]
