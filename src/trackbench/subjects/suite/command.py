@@ -213,7 +213,7 @@ def merge_command(entries: tuple[Path, ...], suite: Path | None, out: Path | Non
 
 
 @suite_command.command("page")
-@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="FOLDER")
+@click.argument("folder", type=click.Path(path_type=Path), metavar="FOLDER")
 @suite_option
 def page_command(folder: Path, suite: Path | None) -> None:
     """Write the page of a folder of entries.
@@ -227,7 +227,6 @@ def page_command(folder: Path, suite: Path | None) -> None:
     from trackbench.subjects.suite.merge import merged_entries
     from trackbench.subjects.suite.page import entries_in, page_files
 
-    results.require_writable(folder, "FOLDER")
     files = page_files(merged_entries([*entries_in(folder)], suite), folder)
     for name, content in files.items():
         results.write_bytes(folder / name, content.encode())

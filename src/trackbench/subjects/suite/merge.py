@@ -69,8 +69,8 @@ def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedE
     Raises:
         InputError: one is damaged or of another suite, or two have the same name.
     """
-    entries = [read_entry(place, suite) for place in places]
-    first, named = entries[0], dict[str, Path]()
+    entries, named = [read_entry(place, suite) for place in places], dict[str, Path]()
+    first = entries[0]
     for stored in entries:
         for problem in stored.file_problems():
             raise InputError(problem, file=stored.folder)

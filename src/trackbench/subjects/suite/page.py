@@ -71,7 +71,7 @@ def _scenario_section(merged: MergedEntries, name: str, result: Result, folder: 
     if published:
         printed = (Item(f"{item.metric} {item.value:g} ({item.source})", label=item.tracker) for item in published)
         blocks.append(Section("Printed by others", (Items(tuple(printed)),)))
-    commands = (f"{item.command}" for stored in merged.entries for item in stored.entry.scenarios if item.id == name)
+    commands = (item.command for stored in merged.entries for item in stored.entry.scenarios if item.id == name)
     blocks.append(Section("Commands", (Code("\n".join(commands), "sh"),), folded=True))
     return Section(f"{name}: {merged.suite.scenarios[name].plain.config.description}", tuple(blocks))
 
