@@ -130,6 +130,19 @@ def test_the_page_on_recorded_traffic_runs_as_printed(tmp_path: Path, run_page: 
     assert run_page(DOCS / "recorded-traffic.md", tmp_path) >= 4
 
 
+@pytest.mark.docs_pages
+def test_the_page_on_suites_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    shutil.copy(EXAMPLES / "lidar_kalman.py", tmp_path)
+    assert run_page(DOCS / "suite.md", tmp_path) == 10
+    assert (tmp_path / "entries" / "closed" / "entry.json").is_file()
+
+
+@pytest.mark.docs_pages
+def test_assistants_and_suites_run_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "for-assistants.md", tmp_path) == 7
+    assert (tmp_path / "entries" / "alpha" / "entry.json").is_file()
+
+
 def test_the_page_on_exports_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     shutil.copy(EXAMPLES / "nearest_cars.py", tmp_path)
     assert run_page(DOCS / "export.md", tmp_path) == 3

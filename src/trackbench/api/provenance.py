@@ -1,4 +1,4 @@
-"""When and of which code a result is made: time, git commit of the scenario, sha256 of the code of own trackers."""
+"""When and of which code a result is made: time, git commit, versions, sha256 of own trackers and of files."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
+from trackbench.base.files import read_bytes
 from trackbench.base.plugins import searched
 from trackbench.results.summary import Provenance
 from trackbench.scenario import Scenario
@@ -28,7 +29,7 @@ def provenance_of(loaded: Scenario) -> Provenance:
     """What there is to say of a scenario that is about to run."""
     made_at = datetime.now(UTC)
     commit, changed, reason = _commit(loaded.path.resolve())
-    code = _code_of_trackers(loaded)
+    code = code_of_trackers(loaded)
     return Provenance(made_at=made_at, commit=commit, changed=changed, no_commit=reason, code=code)
 
 
@@ -79,8 +80,8 @@ def _git(folder: Path, *arguments: str) -> str:
 _REFERENCE = re.compile(r"[^\W\d][\w.]*:[^\W\d][\w.]*")
 
 
-def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
-    """By name of each tracker with code that is not part of trackbench, the sha256 of that code."""
+def code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
+    """Return, by name of each tracker with code that is not part of trackbench, the sha256 of that code."""
     folder, code = loaded.folder, {}
     for name, tracker in loaded.config.trackers.items():
         references = {*_references(loaded.document.value["trackers"][name])}
@@ -119,3 +120,23 @@ def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
             places = spec.submodule_search_locations
     file = spec.origin if spec else None
     return (file, Path(file).read_bytes()) if file and Path(file).is_file() else None
+
+
+def hashes_of(loaded: Scenario) -> dict[str, str]:
+    """By name, as the scenario has it or relative to its folder, the sha256 of each file."""
+    files = sorted(dict(_named_files(loaded)).items())
+    return {name: hashlib.sha256(read_bytes(file)).hexdigest() for name, file in files}
+
+
+def _named_files(loaded: Scenario) -> Iterator[tuple[str, Path]]:
+    folder = loaded.folder
+    texts = {*texts_of(loaded.document.value), *texts_of(loaded.config.truth.model_dump(mode="json"))}
+    for text in texts:
+        path = os.path.expanduser(os.path.expandvars(text))
+        file = next((file for file in (folder / path, Path(path)) if os.path.isfile(file)), None)
+        if file is not None:
+            yield text, file
+    for top in {text.partition(":")[0].partition(".")[0] for text in texts if ":" in text}:
+        if top.isidentifier():
+            modules = [folder / f"{top}.py", *(folder / top).rglob("*.py")]
+            yield from ((str(file.relative_to(folder)), file) for file in modules if file.is_file())

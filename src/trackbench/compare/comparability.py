@@ -16,6 +16,7 @@ from trackbench.base.errors import InputError, counted
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.results.checks import differing
 from trackbench.results.scenario_summary import MetricSummary
 from trackbench.scenario.config import ScenarioConfig
 
@@ -194,7 +195,7 @@ def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
         InputError: its unit, its better direction or an option differs.
     """
     ours, theirs = _own_metric(baseline, path), _own_metric(later, path)
-    for key, before, now in differing_keys(ours, theirs) if ours and theirs else ():
+    for key, before, now in differing(ours, theirs) if ours and theirs else ():
         reason = f"another metric {path}: {key} is {_shown(now)} here and {_shown(before)} there"
         raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
 
@@ -218,7 +219,7 @@ def _places(entry: Entry) -> list[tuple[int, int]]:
 
 def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
     moved_alike = baseline.result.summary.truth.motion == later.result.summary.truth.motion != []
-    for key, ours, theirs in differing_keys(_stated(baseline.scenario), _stated(later.scenario)):
+    for key, ours, theirs in differing(_stated(baseline.scenario), _stated(later.scenario)):
         # A recording may lie in another folder.
         if not (moved_alike and key.endswith("path")):
             yield f"another scenario: {key} is {_shown(theirs)} here and {_shown(ours)} there"
@@ -248,15 +249,6 @@ def _own_metric(entry: Entry, path: str) -> dict[str, Any] | None:
         if metric.name == path:
             return {"unit": metric.unit, "better": metric.better, **metric.options}
     return None
-
-
-def differing_keys(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """The keys whose values differ, each with both values."""
-    if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
-        for key in {**ours, **theirs}:
-            yield from differing_keys(ours.get(key), theirs.get(key), f"{at}.{key}" if at else str(key))
-    elif ours != theirs:
-        yield at, ours, theirs
 
 
 def _motion(table: pa.Table) -> pa.Table | None:

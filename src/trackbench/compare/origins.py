@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from trackbench.compare.comparability import ScenarioResults, differing_keys
+from trackbench.compare.comparability import ScenarioResults
 from trackbench.compare.comparison import SetOrigin
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.results import Summary
+from trackbench.results.checks import differing
 
 
 def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequence[str] | None) -> list[SetOrigin]:
@@ -42,14 +43,14 @@ def order_notes(origins: Sequence[SetOrigin], sets: Sequence[ResultSet]) -> Iter
 
 def _changes(before: Entry, after: Entry, trackers: Sequence[str] | None) -> Iterator[str]:
     ours, theirs = before.result.summary, after.result.summary
-    yield from (f"{name} {old} to {new}" for name, old, new in differing_keys(ours.versions, theirs.versions))
-    described = [*differing_keys(_described(ours, trackers), _described(theirs, trackers))]
+    yield from (f"{name} {old} to {new}" for name, old, new in differing(ours.versions, theirs.versions))
+    described = [*differing(_described(ours, trackers), _described(theirs, trackers))]
     yield from (f"{name}: {old} to {new}" for name, old, new in described)
     a, b = ours.scenario, theirs.scenario
     if not described and (a.text, a.overrides) != (b.text, b.overrides):
         yield f"the scenario {b.name}"
     if ours.provenance and theirs.provenance:
-        code = differing_keys(ours.provenance.code, theirs.provenance.code)
+        code = differing(ours.provenance.code, theirs.provenance.code)
         yield from (f"the code of {name}" for name, _, _ in code)
         old, new = ours.provenance.commit_in_words, theirs.provenance.commit_in_words
         if old != new:

@@ -3,7 +3,6 @@
 from trackbench.results.folder import (
     EXAMINATION,
     SUMMARY,
-    Tables,
     json_text,
     require_file,
     require_replaceable,
@@ -15,6 +14,7 @@ from trackbench.results.folder import (
 from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict, by_value
 from trackbench.results.result import MOST_DRAWN, Difference, Result, difference_table, merged_places
 from trackbench.results.scenario_summary import TruthAudit, TruthSummary
+from trackbench.results.stored_tables import Tables
 from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, Summary
 from trackbench.results.tracker_result import ConditionScores, Failure, FiledRows, Health, TrackerResult
 

@@ -1,4 +1,4 @@
-"""Files and folders that are written whole or not at all, and stored tables, each read when it is first asked for."""
+"""Files and folders that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -7,18 +7,14 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pydantic_core
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
-from trackbench.base.files import require_regular
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 #: In the place of an object's name, where a detection stems from none, and where there is none.
 FALSE_ALARM, NO_OBJECT = "false alarm", ""
@@ -182,66 +178,6 @@ def _put(temporary: Path, folder: Path, mark: str) -> None:
             os.replace(aside, folder)
         raise
     shutil.rmtree(aside, ignore_errors=True)
-
-
-class Tables(Mapping[str, Any]):
-    """The tables of a result by name, each read from the folder of the run when it is first asked for.
-
-    A table is an attribute too, such as ``tables.steps``.
-    """
-
-    def __init__(self, tables: Mapping[str, pa.Table | str], folder: Path = Path()) -> None:
-        """``tables``: by name each table, or the sha256 of its file in the folder."""
-        self._tables, self._folder = dict(tables), folder
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._tables)
-
-    def __len__(self) -> int:
-        return len(self._tables)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._tables
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self]
-
-    def __getattr__(self, name: str) -> pa.Table:
-        """A table as an attribute."""
-        if name.startswith("_") or name not in self:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        return self[name]
-
-    def __getitem__(self, name: str) -> pa.Table:
-        """A table by its name.
-
-        Raises:
-            InputError: it is not in the folder or cannot be read.
-        """
-        table = self._tables[name]
-        if isinstance(table, str):
-            table = self._tables[name] = _read_table(self._folder / f"{name}.parquet", table)
-        return table
-
-    def if_there(self, name: str) -> pa.Table:
-        """A table that not every run leaves; without rows where it is not there."""
-        import pyarrow as pa
-
-        return self[name] if name in self else pa.table({})
-
-
-def _read_table(file: Path, digest: str) -> pa.Table:
-    import pyarrow.parquet as pq
-
-    try:
-        require_regular(file)
-        if sha256(file) != digest:
-            raise InputError(f"not the table that this run wrote: {SUMMARY} has another sha256 of it", file=file)
-        return pq.read_table(file)
-    except FileNotFoundError as error:
-        raise InputError(f"no {file.name} in the folder of this run", file=file.parent) from error
-    except OSError as error:
-        raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error
 
 
 def sha256(file: Path) -> str:

@@ -13,8 +13,9 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted, nearest_choices, similar_path_hint
 from trackbench.results.columns import table_of
-from trackbench.results.folder import EXAMINATION, SUMMARY, Tables, json_text, save_files, sha256, write_file
+from trackbench.results.folder import EXAMINATION, SUMMARY, json_text, save_files, sha256, write_file
 from trackbench.results.metric_value import Json, MetricValue, ResultModel, data_frame, read_model
+from trackbench.results.stored_tables import Tables
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tracker_result import BEATS_BOUND, TrackerResult
 

@@ -61,6 +61,11 @@ def log_left_to_numpy(where: str, name: str, used: EngineUsed) -> None:
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 
 
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that numbers may depend on."""
+    return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
+
+
 def assemble(
     loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[Block], command: str
 ) -> Result:
@@ -115,7 +120,7 @@ def assemble(
         ),
         seed=work.seed,
         runs=len(work.scene_of_run),
-        versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        versions=versions(),
         # Without built-in trackers, what computed the scores.
         engine=work.engine if every_engine is None else every_engine.engine,
         command=command,

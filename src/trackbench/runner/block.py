@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
+from trackbench.results.columns import Record
 from trackbench.runner.batches import Batch, batches_of
+from trackbench.runner.kept_answers import answer_records
 from trackbench.runner.recorded import OnRecordedRun, Outcome, RecordedEstimates, RecordedScans
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
@@ -31,6 +33,8 @@ class Block:
     """By built-in tracker, what computed it."""
     recorded_scans: RecordedScans | None
     """Those of the recorded run, if it is in this block."""
+    answers: list[Record] = field(default_factory=list)
+    """Answers of the trackers that did not fail, a record a run, where they are kept."""
     random: frozenset[str] = frozenset()
     """The plug-ins that say that they draw random numbers."""
 
@@ -106,7 +110,12 @@ class Blocks:
 
     def _add(self, run: TrackerRun) -> None:
         outcomes = run.close()
+        kept = {}
+        if run.answers and not isinstance(outcomes, Failure):
+            kept = answer_records(self._work, run.batch, run.name, run.answers)
         for place, piece in enumerate(run.batch.pieces):
             outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
             engine = run.engine if run.engine is None or place == 0 else run.engine._replace(again=0)
-            next(block for block in self.blocks if block.piece == piece).add(run, outcome, engine)
+            block = next(block for block in self.blocks if block.piece == piece)
+            block.add(run, outcome, engine)
+            block.answers += kept.get(piece, [])

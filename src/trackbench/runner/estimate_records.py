@@ -13,8 +13,8 @@ from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.sums import ERROR, NIS
 from trackbench.results.columns import Record, mean
 from trackbench.runner.block import Block
-from trackbench.runner.recorded import Outcome, RecordedEstimates
-from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record, state_columns
+from trackbench.runner.recorded import Outcome, RecordedEstimates, state_columns
+from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
 from trackbench.runner.work import Work
 from trackbench.trackers.config import FilterConfig, ImmConfig
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Truth
 from trackbench.runner.filed_run import NearestObject
-from trackbench.runner.filed_tracks import rows_of_run
+from trackbench.runner.filed_tracks import clock_shift, rows_of_run
 from trackbench.runner.work import Work
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
@@ -42,7 +42,7 @@ def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, 
     remarks = []
     for number, every in enumerate(files):
         rows, truth = rows_of_run(every, number, 0), work.scenes[number].truth
-        shift = float(every.start - truth.start) + config.time_offset_s
+        shift = clock_shift(every, truth, config.time_offset_s)
         doubtful = len(files) > 1 or matched_share < FEW
         why = why_nothing_matches(rows, truth, shift, work.track_score.cutoff) if doubtful else None
         where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""

@@ -12,7 +12,14 @@ from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.scorer import SceneRuns
 from trackbench.results import MetricValue
-from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
+from trackbench.runner.filed_tracks import (
+    clock_shift,
+    inside,
+    rows_of_run,
+    tracks_at_instants,
+    truth_at,
+    why_other_scans,
+)
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.truth.config.traffic import TracksConfig, files_in
@@ -219,7 +226,7 @@ class FiledHistories:
             InputError: the tracks were made of other scans.
         """
         number, truth = scene.runs.start + run, scene.truth
-        shift = float(self._rows.start - truth.start) + self._offset
+        shift = clock_shift(self._rows, truth, self._offset)
         rows = rows_of_run(self._rows, self._piece.scene, number)
         problem = why_other_scans(rows, self._measurements.digests[run].hex()[:16])
         # Without a sensor there are no scans that the tracks could have been made of.

@@ -63,10 +63,21 @@ def rows_of_files(
             if rows.run is None and (runs > 1 or not (several or apart_in_time)):
                 message = "there is no column run, and the scenario has several runs or scenes; use --runs 1, one scene"
                 raise InputError(f"{message}, or a list of files, one for each scene", file=file)
-            problem = why_no_overlap(rows, config.time_offset_s, spans[number : number + 1] if several else spans)
+            own = spans[number : number + 1] if several else spans
+            if rows.run is not None:
+                own = [(float(truth.time[0]), float(truth.time[-1])) for truth in truths]
+            problem = why_no_overlap(rows, config.time_offset_s, own)
             if problem is not None:
                 raise InputError(problem, file=file, key=f"trackers.{name}")
     return filed
+
+
+def clock_shift(rows: TrackRows, truth: Truth, offset: float) -> float:
+    """Return what is added to the times of rows, s, so that they count from the start of a truth.
+
+    The rows are of the truth's clock; those of exported scans, with a column ``run``, count from the start already.
+    """
+    return float(rows.start - (0 if rows.run is not None else truth.start)) + offset
 
 
 def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:

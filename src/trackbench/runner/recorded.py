@@ -16,6 +16,7 @@ from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.protocol import Fault, Target
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.metrics.traffic.timeline import TIMELINE, Timeline
+from trackbench.results.columns import Record
 
 
 @dataclass
@@ -127,3 +128,9 @@ class ModeSums:
         if self.recorded is not None and self._kept is not None:
             of_run = probability[:, self._kept :: target.due.shape[2]]
             self.recorded[:, instant] = np.where(target.alive[instant], of_run, np.nan)
+
+
+def state_columns(mean: Array, covariance: Array) -> Record:
+    """The columns of states ``(4, rows)`` and of the upper half of their covariances."""
+    states = dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True))
+    return states | {f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)}

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cache, partial
+from typing import TYPE_CHECKING
 
 from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
 from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.results import Result
+from trackbench.results import Failure, Result
+from trackbench.results.columns import table_of
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.loop import run_blocks
@@ -22,6 +24,9 @@ from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.truth import LoadedTruth
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +39,7 @@ def run_scenario(
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
     command: str = "",
+    keeps_answers: bool = False,
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
@@ -48,6 +54,8 @@ def run_scenario(
         isolation: how trackers that are not built in are kept apart.
         engine: what computes.
         command: what reproduces the result.
+        keeps_answers: whether the result has the table ``answers``, of all that the trackers say in every run; NumPy
+            computes then.
         progress: called with the number of runs done and of all.
         on_recorded_run: called with the recorded run while it is made; it should return at once.
 
@@ -55,9 +63,34 @@ def run_scenario(
         InputError: the engine cannot be had.
         TrackbenchError: the processes that make the runs died.
     """
-    observed = on_recorded_run is not None
-    pending = PendingRun(loaded, truths, executor or Executor(), isolation=isolation, engine=engine, observed=observed)
+    options = {"observed": on_recorded_run is not None, "keeps_answers": keeps_answers}
+    pending = PendingRun(loaded, truths, executor or Executor(), isolation, engine, **options)
     return pending.collect(lambda _: command, progress, on_recorded_run)
+
+
+def answers_of_scenes(
+    loaded: Scenario,
+    truths: Sequence[LoadedTruth],
+    scenes: Collection[int],
+    executor: Executor,
+    isolation: Isolation = ISOLATED,
+) -> pa.Table | Failure:
+    """Return the table ``answers`` of some scenes alone; the failure where a tracker cannot go on.
+
+    Args:
+        loaded: the scenario.
+        truths: those of all its scenes.
+        scenes: the numbers of those that are run.
+        executor: what makes the blocks of runs.
+        isolation: how trackers that are not built in are kept apart.
+    """
+    work = replace(work_of(loaded, truths, isolation), keeps_answers=True)
+    pieces = [piece for piece in work.pieces() if piece.scene in scenes]
+    blocks = PendingBlocks(loaded, work, pieces, executor).collect()
+    failures, _ = failures_and_outcomes(work.trackers, blocks)
+    for failure in failures.values():
+        return failure
+    return table_of([record for block in blocks for record in block.answers])
 
 
 class PendingRun:
@@ -71,6 +104,7 @@ class PendingRun:
         engine: what computes.
         observed: whether the recorded run is looked at.
         alone: whether no other scenario is run at the same time.
+        keeps_answers: as of ``run_scenario``.
     """
 
     def __init__(
@@ -83,9 +117,11 @@ class PendingRun:
         *,
         observed: bool = False,
         alone: bool = True,
+        keeps_answers: bool = False,
     ) -> None:
         self._loaded, self._truths = loaded, truths
-        self._work = work_of(loaded, truths, isolation, engine)
+        work = work_of(loaded, truths, isolation, "numpy" if keeps_answers else engine)
+        self._work = replace(work, keeps_answers=keeps_answers)
         self._begin = time.perf_counter()
         self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
 

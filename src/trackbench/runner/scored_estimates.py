@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -9,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Gaussian, Scan
-from trackbench.driving.drive import Delivery, DriveStep
+from trackbench.driving.drive import Delivery, DriveStep, deliveries
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Scorer
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.protocol import Fault
+from trackbench.runner.filed_estimates import filed_estimates
 from trackbench.runner.recorded import ModeSums, OnRecordedRun, Outcome, RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
@@ -44,7 +46,8 @@ class EstimateScoring:
     def __init__(
         self, work: Work, piece: BlockRuns, name: str, targets: Targets, observe: OnRecordedRun | None
     ) -> None:
-        config, scene = work.driven(name), work.scenes[piece.scene]
+        self._work, self._measurements = work, targets.measurements
+        config, scene = work.trackers[name], work.scenes[piece.scene]
         self._name, self._piece, self._scene, self._kept = name, piece, scene, work.recorded_in(piece)
         self._target, self._observe = targets.of(config), observe
         self._scorer = Scorer(
@@ -129,11 +132,23 @@ class EstimateScoring:
 
         Raises:
             Fault: it gave no estimate where one was due.
+            InputError: estimates that were made elsewhere are not of these scans and objects.
         """
+        if self._name in self._work.filed:
+            self._take_filed()
         outcome = Outcome(self._scorer.close(), self._recorded, self._modes)
         if outcome.scores.due.sum() > 0 and not outcome.scores.given:
             raise Fault("it gave no estimate at all", len(self._target.time) - 1, None)
         return [outcome]
+
+    def _take_filed(self) -> None:
+        """Score the estimates of a file."""
+        mean, covariance = filed_estimates(self._work, self._piece, self._name, self._measurements)
+        given = deliveries(self._measurements.scans, [], self._scene.each_measurement)
+        for instant, group in enumerate(given):
+            for place, delivery in enumerate(group):
+                estimate = Estimate(mean[:, instant].reshape(4, -1), covariance[:, :, instant].reshape(4, 4, -1))
+                self.take(DriveStep(instant, *delivery, estimate, math.nan, place == len(group) - 1))
 
     def failed(self, instant: int) -> None:
         """Tell the observer that there are no estimates from an instant on."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Scan, Truth, of_runs
+from trackbench.base.types import Scan, Truth, of_runs
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
 from trackbench.results.folder import OBSERVER
@@ -114,9 +114,3 @@ def scan_record(scan: Scan) -> dict[str, Any]:
         **dict(zip(("x_m", "y_m"), SENSOR_MODELS[scan.kind].position(scan).mean, strict=False)),
         **dict(zip(("sensor_x_m", "sensor_y_m", "sensor_yaw_rad"), scan.sensor_pose, strict=True)),
     }
-
-
-def state_columns(mean: Array, covariance: Array) -> Record:
-    """The columns of states ``(4, rows)`` and of the upper half of their covariances."""
-    states = dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True))
-    return states | {f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)}

@@ -36,6 +36,7 @@ def result_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
         **other_truth(work),
         "roads": road_records(truth),
         **dict(collected("records", work, evaluated, recorded)),
+        **({"answers": [record for block in blocks for record in block.answers]} if work.keeps_answers else {}),
     }
     return {name: table_of(parts) for name, parts in records.items()}
 

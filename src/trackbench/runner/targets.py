@@ -17,8 +17,9 @@ from trackbench.metrics.reference import BoundStart, ConditionalBound
 from trackbench.metrics.silence import measured_positions
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.work import BlockRuns, Work
+from trackbench.scenario.keys import TrackerEntry
 from trackbench.sensing.scans import Measurements
-from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.config import FilterConfig
 
 
 class Targets:
@@ -49,14 +50,14 @@ class Targets:
             for name in self._valid
         }
         self._order = {name: np.argsort(arrival, kind="stable") for name, arrival in self._arrival.items()}
-        self.scans = measurements.scans
+        self.measurements, self.scans = measurements, measurements.scans
         self.due, self.starting = self._where_due(shape)
         """``(instants, objects, runs)``"""
         self._measured: dict[frozenset[str], tuple[Iterator[Array], list[Array]]] = {}
         self._conditions: dict[frozenset[str], Classes] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
-    def of(self, tracker: FilterConfig | PluginConfig) -> Target:
+    def of(self, tracker: TrackerEntry) -> Target:
         """What a tracker is held against."""
         case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._motion.velocity_sigma)
         if case not in self._references:
@@ -65,7 +66,7 @@ class Targets:
             self._time, self.state, self._alive, self.due, self.starting, self._work.divergence, self._references[case]
         )
 
-    def measured(self, tracker: FilterConfig | PluginConfig, here: slice) -> Array:
+    def measured(self, tracker: TrackerEntry, here: slice) -> Array:
         """``(2, instants, batch)`` m, as of :func:`trackbench.metrics.silence.measured_positions` at some instants.
 
         Nothing is computed of those after them: most estimates that are missing are at the start.
@@ -79,7 +80,7 @@ class Targets:
         positions.extend(islice(coming, max(0, here.stop - len(positions))))
         return np.stack(positions[here], axis=1)
 
-    def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
+    def conditions(self, tracker: TrackerEntry) -> Classes:
         """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
         sensors = frozenset(self._valid if tracker.sensors is None else tracker.sensors)
         if sensors not in self._conditions:
@@ -168,7 +169,7 @@ def _position(scans: Sequence[Scan], placing: Collection[str], number: int) -> A
     return SENSOR_MODELS[scan.kind].position(scan).mean
 
 
-def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:
+def _start(tracker: TrackerEntry, velocity_sigma: float) -> BoundStart:
     if isinstance(tracker, FilterConfig) and tracker.initial.source == "truth":
         return BoundStart(tracker.initial.velocity_sigma_mps, tracker.initial.position_sigma_m)
     return BoundStart(velocity_sigma)

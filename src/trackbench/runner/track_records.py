@@ -16,7 +16,8 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record, mean
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
-from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record, state_columns
+from trackbench.runner.recorded import state_columns
+from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig

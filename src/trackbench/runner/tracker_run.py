@@ -68,6 +68,8 @@ class TrackerRun:
         self._began = 0.0
         self._step_by_step_until = 0
         self._of_metric: Exception | None = None
+        self.answers: list[Any] = []
+        """At each instant, where ``work`` keeps them."""
 
     @property
     def done(self) -> float:
@@ -127,6 +129,8 @@ class TrackerRun:
         instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self.tracker, Offline) else seconds
         step = DriveStep(instant, *delivery, answer, seconds, last)
+        if last and self._work.keeps_answers:
+            self.answers.append(answer)
         tells = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
         try:
             self._scoring.take(step, partial(self.tracker.predicted, self.state) if tells else None)

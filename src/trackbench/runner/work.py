@@ -151,6 +151,8 @@ class Work:
     """The block through which plug-ins are driven a second time."""
     filed: Mapping[str, Sequence[TrackRows]] = field(default_factory=dict)
     """By tracker whose tracks were made elsewhere, the rows of its file, or of a file for each scene."""
+    keeps_answers: bool = False
+    """Whether what the trackers say in every run is kept as the table ``answers``."""
     stretches: int = 0
     """Into how many stretches of time the scores of each scene, a log of one run, are cut; 0: into none."""
     counted_stretches: Sequence[tuple[int, int]] = ()

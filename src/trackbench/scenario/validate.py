@@ -165,8 +165,8 @@ def _made_elsewhere(scenario: ScenarioKeys) -> Iterator[Problem]:
             if not scenario.sensors:
                 yield Problem(("sensors",), f"missing: {name} reads them; only tracks made elsewhere need none")
                 return
-        elif scenario.sensing.identities == "known":
-            message = "tracks are scored without identities; write sensing: {identities: hidden}, and export scans anew"
+        elif scenario.sensing.identities == "known" and not scenario.sensors:
+            message = "without sensors tracks are scored without identities; write sensing: {identities: hidden}"
             yield Problem(use, message)
         elif isinstance(scenario.truth, RecordingTruth) and scenario.truth.without_truth:
             yield Problem(use, "there is no truth to score its tracks against")

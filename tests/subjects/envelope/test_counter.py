@@ -128,7 +128,7 @@ def test_its_folder_is_a_run_and_its_scenario_repeats_it(countered: Envelope, tm
     assert tb.Result.load(place)["kf"].position_rmse.value == example.result["kf"].position_rmse.value
     again = tb.run(tb.load(place / "scenario.yaml", trackers=["kf"]), workers=1)
     assert again["kf"].position_rmse.value == example.result["kf"].position_rmse.value
-    assert read_envelope(folder).claim == countered.claim
+    assert read_envelope(folder).claim.model_copy(update={"parts": None}) == countered.claim
 
 
 CAR: dict[str, Any] = {"start": {"x": 30, "y": 5, "speed_mps": 10}}

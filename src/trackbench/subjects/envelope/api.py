@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-import platform
 import shlex
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from trackbench.api.plan import Counter, Listener
+from trackbench.api.provenance import hashes_of
 from trackbench.api.result import Report
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.execution import Executor, executor
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
-from trackbench.runner.assemble import PACKAGES
+from trackbench.runner.assemble import versions
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
@@ -33,7 +32,6 @@ from trackbench.subjects.envelope.claim import (
     parts_of,
 )
 from trackbench.subjects.envelope.counter import CounterMaker
-from trackbench.subjects.envelope.files import hashes_of
 from trackbench.subjects.envelope.mapping import EnvelopeMap, TrackerCell
 from trackbench.subjects.envelope.margins import AxisMargin, margins
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
@@ -97,7 +95,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         extents=[tuple(extent) for extent in task.extents],
         seed=config.monte_carlo.seed,
         engine=made.engine,
-        versions=_versions(),
+        versions=versions(),
         command=command,
         envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
         limits=list(task.requirements),
@@ -140,12 +138,8 @@ def _value(item: CellDecision | None) -> CellValue:
 def map_signature(task: EnvelopeTask, plan: EnvelopePlan) -> str:
     """What determines the runs of a map."""
     loaded = task.loaded
-    settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], hashes_of(loaded), plan.engine, _versions()]
+    settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], hashes_of(loaded), plan.engine, versions()]
     return hashlib.sha256(json.dumps(settings).encode()).hexdigest()
-
-
-def _versions() -> dict[str, str]:
-    return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
 
 
 def command_of_envelope(loaded: Scenario, plan: EnvelopePlan) -> str:

@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
+from trackbench.results.checks import stored_table
 from trackbench.results.metric_value import ResultModel, read_model
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
@@ -141,6 +142,8 @@ class Claim(ResultModel):
     """By tracker, its place in the scenario file, from which it has its colour."""
     counter_examples: CounterExamples | None = None
     """None where none were looked for."""
+    parts: str | None = None
+    """The sha256 of the file with the values of the runs; None until it is written."""
 
     @model_validator(mode="after")
     def _whole(self) -> Claim:
@@ -260,16 +263,12 @@ def read_envelope(place: Path) -> Envelope:
     Raises:
         InputError: one is not there, damaged, or of another map.
     """
-    import pyarrow.parquet as pq
-
     folder = place if place.is_dir() else place.parent
     claim, file = read_claim(place), folder / PARTS
     try:
-        parts = pq.read_table(file)
+        parts = stored_table(file, claim.parts, CLAIM)
     except FileNotFoundError:
         raise InputError(f"there is no {PARTS} beside the claim", file=folder) from None
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from None
     if parts.schema != parts_of([]).schema or any(column.null_count for column in parts.columns):
         raise InputError("is not the table of a claim: cell, limit, part and value", file=file)
     return Envelope(claim, parts)

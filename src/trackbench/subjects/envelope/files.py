@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from trackbench import results
 from trackbench.api.save import with_artifacts
-from trackbench.base.files import read_bytes
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
-from trackbench.scenario import Scenario
-from trackbench.scenario.load import texts_of, written_with_changes
+from trackbench.results.folder import sha256
+from trackbench.scenario.load import written_with_changes
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Claim, Envelope
 from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, ShownExample
 from trackbench.subjects.envelope.report import envelope_document
@@ -57,8 +54,9 @@ def save_envelope(made: Envelope, out: Path, recording: bool = True) -> Path:
     """
     folder, document = folder_of(made.claim.scenario, out), envelope_document(made)
     files: dict[str, Callable[[Path], object]] = {
-        CLAIM: partial(results.write_file, claim_text(made.claim)),
         PARTS: partial(_write_parts, made),
+        # After the values of the runs, whose digest it has.
+        CLAIM: partial(_write_claim, made.claim),
         "envelope.html": partial(results.write_file, to_html(document)),
         "envelope.md": partial(results.write_file, to_markdown(document)),
     }
@@ -84,27 +82,11 @@ def claim_text(claim: Claim) -> str:
     return results.json_text(claim.model_dump(mode="json"))
 
 
+def _write_claim(claim: Claim, path: Path) -> None:
+    results.write_file(claim_text(claim.model_copy(update={"parts": sha256(path.with_name(PARTS))})), path)
+
+
 def _write_parts(made: Envelope, path: Path) -> None:
     import pyarrow.parquet as pq
 
     pq.write_table(made.parts, path, compression="zstd")
-
-
-def hashes_of(loaded: Scenario) -> dict[str, str]:
-    """By name, as the scenario has it or relative to its folder, the sha256 of each file."""
-    files = sorted(dict(_named(loaded)).items())
-    return {name: hashlib.sha256(read_bytes(file)).hexdigest() for name, file in files}
-
-
-def _named(loaded: Scenario) -> Iterator[tuple[str, Path]]:
-    folder = loaded.folder
-    texts = {*texts_of(loaded.document.value), *texts_of(loaded.config.truth.model_dump(mode="json"))}
-    for text in texts:
-        path = os.path.expanduser(os.path.expandvars(text))
-        file = next((file for file in (folder / path, Path(path)) if os.path.isfile(file)), None)
-        if file is not None:
-            yield text, file
-    for top in {text.partition(":")[0].partition(".")[0] for text in texts if ":" in text}:
-        if top.isidentifier():
-            modules = [folder / f"{top}.py", *(folder / top).rglob("*.py")]
-            yield from ((str(file.relative_to(folder)), file) for file in modules if file.is_file())

@@ -1,0 +1,64 @@
+"""The tables of a result, each read when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trackbench.base.errors import InputError
+from trackbench.results.checks import stored_table
+from trackbench.results.folder import SUMMARY
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+class Tables(Mapping[str, Any]):
+    """The tables of a result by name, each read from the folder of the run when it is first asked for.
+
+    A table is an attribute too, such as ``tables.steps``.
+    """
+
+    def __init__(self, tables: Mapping[str, pa.Table | str], folder: Path = Path()) -> None:
+        """``tables``: by name each table, or the sha256 of its file in the folder."""
+        self._tables, self._folder = dict(tables), folder
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._tables)
+
+    def __len__(self) -> int:
+        return len(self._tables)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._tables
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self]
+
+    def __getattr__(self, name: str) -> pa.Table:
+        """A table as an attribute."""
+        if name.startswith("_") or name not in self:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return self[name]
+
+    def __getitem__(self, name: str) -> pa.Table:
+        """A table by its name.
+
+        Raises:
+            InputError: it is not in the folder or cannot be read.
+        """
+        table = self._tables[name]
+        if isinstance(table, str):
+            file = self._folder / f"{name}.parquet"
+            try:
+                table = self._tables[name] = stored_table(file, table, SUMMARY)
+            except FileNotFoundError as error:
+                raise InputError(f"no {file.name} in the folder of this run", file=file.parent) from error
+        return table
+
+    def if_there(self, name: str) -> pa.Table:
+        """A table that not every run leaves; without rows where it is not there."""
+        import pyarrow as pa
+
+        return self[name] if name in self else pa.table({})

@@ -1,0 +1,154 @@
+"""An entry: one folder with who the tracker is, its estimates, their scores, and the digest of every file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import AwareDatetime
+
+from trackbench.base.errors import InputError, similar_path_hint
+from trackbench.base.files import read_json
+from trackbench.results.checks import why_other_content
+from trackbench.results.folder import sha256
+from trackbench.results.metric_value import ResultModel, model_of
+from trackbench.subjects.suite.suite import Suite, find_suite
+
+ENTRY, SCHEMA_VERSION = "entry.json", 1
+#: Estimates of known objects, or tracks, in every run of a scenario.
+ESTIMATES = "estimates.parquet"
+
+
+class SuiteIdentity(ResultModel):
+    """The suite that an entry is of."""
+
+    id: str
+    version: int
+    sha256: str
+    """Digest of the suite's file."""
+
+
+class TrackerIdentity(ResultModel):
+    """Who the tracker is; beside the code, all of it is what its author says."""
+
+    name: str
+    version: str
+    licence: str
+    source: str
+    made: Literal["run here", "tracks"]
+    """tracks: a program that is not known wrote them for exported scans."""
+    options: dict[str, dict[str, Any]]
+    """Entry as a scenario has it, by kind of scenario."""
+    sensors: dict[str, list[str] | None]
+    """Names of the sensors that the tracker reads, by kind of scenario; None for all."""
+    code: dict[str, str | None]
+    """Digest of code that is not trackbench's, by kind of scenario; None where it was not found."""
+    random: bool
+    """Whether it says that it draws random numbers."""
+
+
+class EnteredScenario(ResultModel):
+    """A scenario of an entry."""
+
+    id: str
+    command: str
+    """Command that runs the scenario again."""
+
+
+class Machine(ResultModel):
+    """The machine that made an entry."""
+
+    system: str
+    cores: int
+    versions: dict[str, str]
+
+
+class Entry(ResultModel):
+    """``entry.json``"""
+
+    schema_version: Literal[1] = 1
+    suite: SuiteIdentity
+    tracker: TrackerIdentity
+    scenarios: list[EnteredScenario]
+    machine: Machine
+    made_at: AwareDatetime
+    commit: str | None
+    """Commit of the repository that holds the tracker."""
+    command: str
+    files: dict[str, str]
+    """Digest of each other file, by path in the folder."""
+    sha256: str
+    """Digest of all other values."""
+
+
+def entry_digest(values: Mapping[str, Any]) -> str:
+    """Return the sha256 of the values of an entry but for that itself."""
+    content = {key: value for key, value in values.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def digests_in(folder: Path) -> dict[str, str]:
+    """Return the sha256 of each file of a folder but ``entry.json``, by path."""
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    names = {file.relative_to(folder).as_posix(): file for file in files}
+    return {name: sha256(file) for name, file in names.items() if name != ENTRY}
+
+
+@dataclass(frozen=True)
+class StoredEntry:
+    """An entry in its folder."""
+
+    entry: Entry
+    folder: Path
+    is_whole: bool
+    """Whether ``entry.json`` has the sha256 that it states."""
+    suite_file: str | None = None
+    """File of a suite that does not come with the package."""
+
+    @cached_property
+    def suite(self) -> Suite:
+        """The suite that it names.
+
+        Raises:
+            InputError: there is none of this id.
+        """
+        return find_suite(self.suite_file or self.entry.suite.id)
+
+    def file_problems(self) -> list[str]:
+        """Return where a file, or ``entry.json`` itself, is not the one that was written."""
+        problems = [] if self.is_whole else [f"{ENTRY}: its values have another sha256 than it states"]
+        files = self.entry.files
+        contents = {name: why_other_content(self.folder / name, digest) for name, digest in files.items()}
+        problems += [f"{name}: {why}" for name, why in contents.items() if why is not None]
+        problems += [f"{name}: {ENTRY} does not list it" for name in sorted({*digests_in(self.folder)} - {*files})]
+        return problems
+
+
+def read_entry(place: Path, suite: Path | None = None) -> StoredEntry:
+    """Return the entry in a folder, which its ``entry.json`` may name.
+
+    Args:
+        place: the folder.
+        suite: the file of a suite that does not come with the package.
+
+    Raises:
+        InputError: there is none, or it is none of this version.
+    """
+    if place.is_file() and place.name != ENTRY:
+        raise InputError("this is a file; name the folder of an entry", file=place)
+    file = place if place.name == ENTRY else place / ENTRY
+    try:
+        raw = read_json(file)
+    except FileNotFoundError:
+        hint = similar_path_hint(place) if not place.exists() else "; `trackbench suite run` writes one"
+        raise InputError(f"there is no {ENTRY}{hint}", file=place) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not a readable entry: {error}", file=file) from error
+    entry = model_of(Entry, raw, file, "entry of a suite", SCHEMA_VERSION)
+    is_whole = entry.sha256 == entry_digest(raw)
+    return StoredEntry(entry, file.parent, is_whole, None if suite is None else str(suite))

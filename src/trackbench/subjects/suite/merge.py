@@ -1,0 +1,92 @@
+"""Entries of one suite, made on any machines, as one comparison: their noise is the same, so verdicts are paired."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from trackbench.base.errors import InputError
+from trackbench.compare import Comparison, ResultSet, compare_results
+from trackbench.compare.entries import Entry as ComparedEntry
+from trackbench.results import Result
+from trackbench.results.merged import merged_result
+from trackbench.subjects.suite.entry import StoredEntry, read_entry
+from trackbench.subjects.suite.suite import Suite
+
+
+@dataclass(frozen=True)
+class MergedEntries:
+    """Entries of one suite."""
+
+    suite: Suite
+    entries: Sequence[StoredEntry]
+
+    @cached_property
+    def results(self) -> dict[str, Result]:
+        """Result of the trackers of all entries, by scenario in the order of the suite.
+
+        Raises:
+            InputError: a result is damaged, or was made of other measurements.
+        """
+        merged = {}
+        for name in self.suite.scenarios:
+            own = {
+                str(stored.folder / name): Result.load(stored.folder / name)
+                for stored in self.entries
+                for item in stored.entry.scenarios
+                if item.id == name
+            }
+            if own:
+                merged[name] = merged_result(own)
+        return merged
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """Every pair of trackers in every scenario that several entries have.
+
+        Raises:
+            InputError: no scenario is in two entries.
+        """
+        several = {name: result for name, result in self.results.items() if len(result.summary.trackers) > 1}
+        if not several:
+            raise InputError("nothing to compare: no scenario is in two entries", file=self.entries[-1].folder)
+        entries = tuple(ComparedEntry(name, result) for name, result in several.items())
+        kinds = {self.suite.scenarios[name].kind for name in several}
+        metrics = [self.suite.stated.metrics[kind][0] for kind in sorted(kinds)]
+        compared = compare_results([ResultSet(self.suite.stated.id, entries)], metrics=metrics)
+        return compared.model_copy(update={"commands": [stored.entry.command for stored in self.entries]})
+
+
+def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedEntries:
+    """Return entries of one suite together.
+
+    Args:
+        places: their folders.
+        suite: the file of a suite that does not come with the package.
+
+    Raises:
+        InputError: one is damaged or of another suite, or two have the same name.
+    """
+    entries, named = [read_entry(place, suite) for place in places], dict[str, Path]()
+    first = entries[0]
+    for stored in entries:
+        for problem in stored.file_problems():
+            raise InputError(problem, file=stored.folder)
+        if stored.entry.suite != first.entry.suite:
+            other = f"is of {_named(stored)}, and {first.folder} of {_named(first)}"
+            raise InputError(f"{other}: one suite in one version is merged", file=stored.folder, key="suite")
+        name = stored.entry.tracker.name
+        if name in named:
+            message = f"{named[name]} has the same name {name!r}; name one otherwise"
+            raise InputError(message, file=stored.folder, key="tracker.name")
+        named[name] = stored.folder
+    if first.suite.identity != first.entry.suite.model_dump():
+        raise InputError(f"is of {_named(first)}, not of the suite here: verify it", file=first.folder, key="suite")
+    return MergedEntries(first.suite, entries)
+
+
+def _named(stored: StoredEntry) -> str:
+    suite = stored.entry.suite
+    return f"{suite.id} version {suite.version} ({suite.sha256[:8]})"

@@ -1,0 +1,206 @@
+"""The file of a suite: its scenarios with their hashes, what is compared, and the trackers that it comes with."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from trackbench.base.config import Config, Name, Problem
+from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.files import read_text
+from trackbench.runner.assemble import scene_fingerprint
+from trackbench.scenario import Scenario
+from trackbench.scenario.config_file import read_config
+from trackbench.scenario.keys import Margin
+from trackbench.scenario.load import scenario_of
+from trackbench.scenario.shipped import find_scenario
+from trackbench.scenario.worlds import World
+from trackbench.truth import LoadedTruth
+
+#: Suites that come with the package.
+FOLDER = Path(__file__).parent / "suites"
+Kind = Literal["single", "traffic"]
+KINDS: tuple[Kind, ...] = ("single", "traffic")
+Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+class Published(Config):
+    """A number that others have printed of a scenario."""
+
+    tracker: str
+    metric: str
+    value: float
+    source: str
+
+
+class ScenarioEntry(Config):
+    """A scenario of a suite, in one world. None of it changes under its id."""
+
+    id: Name
+    scenario: str = Field(description="A file beside the suite's, or the name of a scenario of the package.")
+    world: World | None = None
+    sha256: Digest = Field(description="Digest of the scenario's file.")
+    truth: Digest = Field(description="Digest of the motion in all scenes, to a millimetre at each whole second.")
+    scans: Digest = Field(description="Digest of the measurements in all runs, to a thousandth of m, rad and m/s.")
+    published: list[Published] = Field(default_factory=list)
+
+
+class SuiteFile(Config):
+    """Keys of the file of a suite."""
+
+    id: Name
+    version: int = Field(ge=1)
+    title: str
+    authors: list[str] = Field(min_length=1)
+    released: str = Field(pattern=r"^\d{4}-\d{2}-\d{2}$", description="Date, such as 2026-11-30.")
+    licence: str
+    metrics: dict[Kind, list[str]] = Field(description="Metrics that a page shows, by kind; the first one ranks.")
+    margin: Margin = Field(description="Differences between trackers that do not matter.")
+    smoke: list[str] = Field(min_length=1, description="Scenarios that take a minute together.")
+    scenarios: list[ScenarioEntry] = Field(min_length=1)
+    trackers: dict[Kind, dict[Name, dict[str, Any]]] = Field(
+        default_factory=dict, description="Built-in trackers by kind and name, as a scenario has them."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        ids = [item.id for item in self.scenarios]
+        for index, name in enumerate(ids):
+            if name in ids[:index]:
+                yield Problem(("scenarios", index, "id"), f"{name} is there already")
+        for index, name in enumerate(self.smoke):
+            if name not in ids:
+                yield Problem(("smoke", index), f"there is no scenario {name!r}; {nearest_choices(name, ids)}")
+
+
+@dataclass(frozen=True)
+class SuiteScenario:
+    """A scenario of a suite."""
+
+    suite: Suite
+    stated: ScenarioEntry
+    file: Path
+    text: str
+
+    @property
+    def id(self) -> str:
+        """Name with the world, which is also that of a folder in an entry."""
+        return self.stated.id
+
+    @cached_property
+    def plain(self) -> Scenario:
+        """The scenario with the tracker that stands in its file."""
+        return self.loaded(None, self.file.parent)
+
+    @property
+    def kind(self) -> Kind:
+        """Whether its trackers follow single objects or traffic."""
+        return "single" if self.plain.config.sensing.identities == "known" else "traffic"
+
+    def loaded(self, trackers: Mapping[str, Any] | None, folder: Path) -> Scenario:
+        """Return the scenario with other trackers.
+
+        Args:
+            trackers: by name, as a scenario has them; None for those of the file.
+            folder: where their modules and files are looked for first.
+
+        Raises:
+            InputError: a tracker does not fit, with the key.
+        """
+        overrides = [f"world={self.stated.world}"] if self.stated.world is not None else []
+        overrides.append(f"score.margin={json.dumps(self.suite.stated.margin.model_dump())}")
+        overrides += [] if trackers is None else [f"trackers={json.dumps(trackers)}"]
+        return scenario_of(self.text, folder / self.file.name, overrides)
+
+    def why_other_truth(self, truths: Sequence[LoadedTruth]) -> str | None:
+        """Say why truths are not those of the suite; None where they are."""
+        found = digest_of(scene_fingerprint(item.truth, item.measurements) for item in truths)
+        return None if found == self.stated.truth else "moves otherwise here than the suite states: another simulator?"
+
+    def why_other_scans(self, fingerprints: Sequence[str]) -> str | None:
+        """Say why measurements, by their rounded fingerprints, are not those of the suite; None where they are."""
+        other = digest_of(fingerprints) != self.stated.scans
+        return "is measured otherwise here than the suite states: another version?" if other else None
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A suite and its file."""
+
+    stated: SuiteFile
+    path: Path
+    sha256: str
+    """Digest of the file."""
+    named: str
+    """Id or file by which the suite was named."""
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Id, version and digest, as an entry states them."""
+        return {"id": self.stated.id, "version": self.stated.version, "sha256": self.sha256}
+
+    @cached_property
+    def scenarios(self) -> dict[str, SuiteScenario]:
+        """Scenarios by id, in the order of the file.
+
+        Raises:
+            InputError: the file of a scenario has changed, or is not there.
+        """
+        made = {}
+        for number, item in enumerate(self.stated.scenarios):
+            beside = self.path.parent / item.scenario
+            file = beside if beside.is_file() else find_scenario(item.scenario)
+            text = read_text(file)
+            if hashlib.sha256(text.encode()).hexdigest() != item.sha256:
+                message = f"{file} has another sha256: a scenario never changes under its id"
+                raise InputError(message, file=self.path, key=f"scenarios.{number}.sha256")
+            made[item.id] = SuiteScenario(self, item, file, text)
+        return made
+
+    def chosen(self, only: Sequence[str]) -> list[SuiteScenario]:
+        """Return some scenarios in their order; all of no names.
+
+        Args:
+            only: ids of scenarios, kinds of trackers, or ``smoke``.
+
+        Raises:
+            InputError: there is no scenario or set of a name.
+        """
+        wanted: set[str] = set()
+        for name in only:
+            ids = {key for key, item in self.scenarios.items() if name in (key, item.kind)}
+            ids |= {*self.stated.smoke} if name == "smoke" else set()
+            if not ids:
+                hint = nearest_choices(name, [*self.scenarios, *KINDS, "smoke"])
+                raise InputError(f"no scenario {name!r} in {self.stated.id}; {hint}", key="--only")
+            wanted |= ids
+        return [item for key, item in self.scenarios.items() if not only or key in wanted]
+
+
+def digest_of(fingerprints: Iterable[str]) -> str:
+    """Return the sha256 of fingerprints together."""
+    return hashlib.sha256(" ".join(fingerprints).encode()).hexdigest()
+
+
+def shipped_suites() -> dict[str, Path]:
+    """Return the file of each suite that comes with the package, by id."""
+    return {file.stem: file for file in sorted(FOLDER.glob("*.yaml"))}
+
+
+def find_suite(named: str) -> Suite:
+    """Return the suite of an id, or of a file.
+
+    Raises:
+        InputError: there is none, or something is wrong in its file.
+    """
+    path = Path(named) if Path(named).suffix in (".yaml", ".yml") else shipped_suites().get(named)
+    if path is None:
+        raise InputError(f"there is no suite {named!r}; {nearest_choices(named, shipped_suites())}", key="ID")
+    stated, text = read_config(SuiteFile, path)
+    return Suite(stated, path, hashlib.sha256(text.encode()).hexdigest(), named)
