@@ -302,7 +302,7 @@ def test_what_has_another_place_or_name_is_told(result: tb.Result) -> None:
     with pytest.raises(TypeError, match=r"runs belongs to the scenario: run\(load\(..., runs=2\)\)"):
         tb.run("highway", runs=2)  # type: ignore[arg-type]
     with pytest.raises(AttributeError, match="did you mean 'velocity_rmse' or 'position_rmse'"):
-        result["ekf_cv"].rmse
+        _ = result["ekf_cv"].rmse
 
 
 def test_a_result_is_pickled_after_its_report_was_read(result: tb.Result) -> None:
