@@ -278,6 +278,10 @@ def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
         (lambda r: tb.compare(r, metrics=["position_rsme"]), "did you mean 'position_rmse'?"),
         (lambda r: tb.load(None), "None is no scenario; give a file, a name such as 'highway', a text or a mapping"),
         (lambda r: tb.compare(None), "None is nothing to compare; give a result, a list of results, or a folder"),
+        (lambda r: tb.compare(r, r, "ekf_cv"), "choose trackers by compare(..., trackers=['ekf_cv'])"),
+        (lambda r: tb.compare(["a", "b"]), "give each folder as an argument of its own: compare('a', 'b')"),
+        (lambda r: tb.load("highway", {"trackers.mine": dict}), "use: {'trackers.mine': {'use': dict}}"),
+        (lambda r: tb.load("highway", {"truth": {"duration_s": 5}}), "one key of it write {'truth.duration_s': 5}"),
     ],
 )
 def test_what_is_wrong_is_one_clear_exception(
@@ -292,6 +296,13 @@ def test_what_is_wrong_is_one_clear_exception(
         call(result)
     assert message in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_what_has_another_place_or_name_is_told(result: tb.Result) -> None:
+    with pytest.raises(TypeError, match=r"runs belongs to the scenario: run\(load\(..., runs=2\)\)"):
+        tb.run("highway", runs=2)  # type: ignore[arg-type]
+    with pytest.raises(AttributeError, match="did you mean 'velocity_rmse' or 'position_rmse'"):
+        _ = result["ekf_cv"].rmse
 
 
 def test_a_result_is_pickled_after_its_report_was_read(result: tb.Result) -> None:

@@ -163,7 +163,7 @@ def test_latex_is_balanced_and_escaped() -> None:
 def test_a_terminal_shows_every_cell_in_its_width(of_run: Document, width: int) -> None:
     shown = document_text(of_run, width)
     assert max(map(len, shown.splitlines())) <= max(width, max(len(c.text) for c in codes(of_run)))
-    words = set(shown.split())
+    words = {word.rstrip(";") for word in shown.split()}
     for table in of_run.tables:
         for row in table.rows:
             assert {word for cell in row for word in cell.text.split()} <= words

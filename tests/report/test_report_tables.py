@@ -37,14 +37,15 @@ def test_markdown_table(result: Result) -> None:
 def test_terminal_output_fits(result: Result, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     output = io.StringIO()
-    print_summary(result, Console(file=output, width=width))
+    print_summary(result, Console(file=output, width=width), wide=True)
     text = output.getvalue()
     assert max(len(line) for line in text.splitlines()) <= width
     assert "\x1b" not in text
     assert all(name in text for name in (*RMSE, "mine"))
     assert "0.412 ±0.008" in text
-    assert "mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):" in text
-    assert "  ekf_ctrv: turning 39.7, straight 2.9" in text
+    rows = {line.split()[0]: " ".join(line.split()) for line in reversed(text.splitlines()) if line.split()}
+    assert rows["ekf_ctrv"].startswith("ekf_ctrv 0.39 ██ +1 % not shown 4.1 too small while turning")
+    assert rows["raw"].startswith("raw 1.93 ██████▶ x5.1 worse 4.0 about right")
     assert "FAILED ekf_cv position_rmse 0.412, wanted below 0.4" in text
     assert "ekf_cv position_rmse below 0.5" not in text
     assert re.search(r"^FAILED mine: ValueError: matrix <3> is singular", text, re.MULTILINE)

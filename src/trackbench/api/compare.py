@@ -79,7 +79,14 @@ def compare(
         InputError: there is no such result, or they cannot be compared.
     """
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
-    sets = [_set(item) for item in (baseline, *others)]
+    given = (baseline, *others)
+    names = {name for item in given if isinstance(item, results.Result) for name in item}
+    for item in given:
+        if isinstance(item, str) and item in names and not Path(item).exists():
+            raise InputError(
+                f"{item!r} is a tracker of the results; choose trackers by compare(..., trackers=[{item!r}])"
+            )
+    sets = [_set(item) for item in given]
     chosen = None if trackers is None else listed(trackers)
     compared = compare_sets(sets, metrics=listed(metrics), trackers=chosen, limits=allowed)
     return ReportableComparison.model_validate(dict(compared))
@@ -93,4 +100,7 @@ def _set(results_of: Compared | Sequence[results.Result]) -> ResultSet | results
         return results_of
     if isinstance(results_of, list | tuple) and results_of and all(isinstance(x, results.Result) for x in results_of):
         return results_of
+    if isinstance(results_of, list | tuple) and results_of and all(isinstance(x, Path | str) for x in results_of):
+        folders = ", ".join(repr(str(folder)) for folder in results_of)
+        raise InputError(f"give each folder as an argument of its own: compare({folders})")
     raise InputError(f"{results_of!r} is nothing to compare; give a result, a list of results, or a folder")

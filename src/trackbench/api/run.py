@@ -89,6 +89,8 @@ def run(
         raise InputError(f'{problem} if __name__ == "__main__":')
     artifacts = {Path(file).stem: file for file, _ in offered("artifacts")}
     for name in files:
+        if name in ("runs", "seed", "scenes", "trackers", "set"):
+            raise TypeError(f"{name} belongs to the scenario: run(load(..., {name}={files[name]!r}))")
         if name not in artifacts:
             raise TypeError(f"run() got an unexpected keyword argument {name!r}")
     left_out = frozenset(artifacts[name] for name, written in files.items() if not written)

@@ -47,16 +47,29 @@ def load(
     """
     if not isinstance(scenario, Path | str | Mapping):
         raise InputError(f"{scenario!r} is no scenario; give a file, a name such as 'highway', a text or a mapping")
+    for key, value in set.items() if isinstance(set, Mapping) else ():
+        if isinstance(value, type) and key.startswith("trackers.") and key.count(".") == 1:
+            raise InputError(
+                f"a tracker's class is the value of use: {{{key!r}: {{'use': {value.__name__}}}}}", key=key
+            )
     changes = [f"{key}={_yaml(value, key)}" for key, value in set.items()] if isinstance(set, Mapping) else set
     overrides = listed(changes)
     options = {"monte_carlo.runs": runs, "monte_carlo.seed": seed, "truth.seeds": scenes}
     overrides += [f"{key}={_yaml(value, key)}" for key, value in options.items() if value is not None]
-    if isinstance(scenario, Mapping):
-        loaded = scenario_of(_yaml(scenario), AT_HAND, overrides)
-    elif isinstance(scenario, str) and "\n" in scenario:
-        loaded = scenario_of(scenario, AT_HAND, overrides)
-    else:
-        loaded = load_scenario(scenario, overrides)
+    try:
+        if isinstance(scenario, Mapping):
+            loaded = scenario_of(_yaml(scenario), AT_HAND, overrides)
+        elif isinstance(scenario, str) and "\n" in scenario:
+            loaded = scenario_of(scenario, AT_HAND, overrides)
+        else:
+            loaded = load_scenario(scenario, overrides)
+    except InputError as error:
+        for key, value in set.items() if isinstance(set, Mapping) else ():
+            if isinstance(value, Mapping) and value and str(error.file).startswith(f"--set {key}="):
+                one = {f"{key}.{name}": part for name, part in [*value.items()][:1]}
+                hint = f"a mapping replaces all of {key}; to change one key of it write {one}"
+                raise InputError(f"{error.message}; {hint}", key=error.key, file=error.file) from None
+        raise
     return loaded if trackers is None else select_trackers(loaded, listed(trackers))
 
 

@@ -78,6 +78,7 @@ beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 @junit_option("Write the expectations as JUnit XML.")
 @subject_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
+@click.option("--wide", is_flag=True, help="With velocity, reference, groups and step time.")
 @quiet_option("One line a scenario, and what failed.")
 @verbose_option
 def run_command(
@@ -96,6 +97,7 @@ def run_command(
     left_out: frozenset[str],
     junit: Path | None,
     as_json: bool,
+    wide: bool,
     quiet: bool,
     **of_subjects: Any,
 ) -> None:
@@ -110,7 +112,7 @@ def run_command(
     if worlds is not None and not in_worlds:
         raise InputError(f"name at least one of {', '.join(WORLDS)}", key="--worlds")
     loaded, unchanged = load_several(files, settings, worlds=in_worlds, **options)
-    output = RunOutput(as_json, quiet)
+    output = RunOutput(as_json, quiet, wide=wide)
     for note in unchanged:
         output.note(note)
     with executor(workers, cluster) as chosen, followers(loaded, of_subjects) as output.followers:

@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 class RunOutput(Listener):
     """Bars while work goes on, and the outcome of each scenario; with ``as_json`` neither prints to stdout."""
 
-    def __init__(self, as_json: bool, quiet: bool) -> None:
+    def __init__(self, as_json: bool, quiet: bool, *, wide: bool = False) -> None:
         self._as_json = as_json
         self._quiet = quiet
+        self._wide = wide
         self._console = Console(file=answer())
         self.followers: list[Listener] = []
         """What else is told of the runs while they go on."""
@@ -69,7 +70,7 @@ class RunOutput(Listener):
         if self._quiet:
             print_outcome(result, self._console)
             return
-        print_summary(result, self._console)
+        print_summary(result, self._console, folder, wide=self._wide)
         written = [file for file in result.summary.artifacts.values() if not file.endswith(".parquet")]
         files = f"{folder}/: {', '.join([results.SUMMARY, *written])}"
         self._console.print(Text(f"{files}\n", "dim"), soft_wrap=True)

@@ -306,22 +306,6 @@ def only_where(nees: MetricValue, most: int = 2) -> str:
     return _first(names, most)
 
 
-#: The verdicts of which a reader must know where or by how much, as a heading.
-NAMED = {
-    "mixed": "errors larger or smaller than stated, by condition (NEES, 4 expected)",
-    "heavy-tailed": "large errors more frequent than stated",
-}
-
-
-def named_verdicts(nees: Mapping[str, MetricValue]) -> Iterator[tuple[str, str, dict[str, MetricValue]]]:
-    """Each word of ``NAMED`` with its heading, and what it is said of, by name; those that are said of none are left
-    out."""
-    for word, heading in NAMED.items():
-        of = {name: metric for name, metric in nees.items() if word in (metric.verdict, metric.also)}
-        if of:
-            yield word, heading, of
-
-
 def what_is_off(nees: MetricValue, most: int = 4, word: str | None = None) -> str:
     """What is off, farthest first, and by how much: "turning 39.7, straight 2.9".
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from trackbench.document import Cell, Column, Table
 from trackbench.metrics.verdicts import MEANING, meaning, what_is_off
+from trackbench.report.covariance import verdict_in_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, rounded
 from trackbench.report.tables import innovation_columns, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.results import Result, TrackerResult
@@ -42,7 +43,9 @@ def consistency_table(result: Result) -> Table:
 
     def verdict(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")
-        return missing_cell(nees) if nees.verdict is None else Cell(nees.words, tone=tone_of(nees), chip=True)
+        if nees.verdict is None:
+            return missing_cell(nees)
+        return Cell(verdict_in_words(nees, tracker.conditions, whole=False), tone=tone_of(nees), chip=True)
 
     def off(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -11,9 +14,11 @@ from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
 from trackbench.document import Cell, Column, Table
 from trackbench.document.terminal import STYLE, print_hanging, print_table
-from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named_verdicts, what_is_off
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, joined_names, rounded, short
-from trackbench.report.pairs import Standing, standing
+from trackbench.metrics.verdicts import LEAST_COVERAGE, mean_text
+from trackbench.report.covariance import verdict_in_words
+from trackbench.report.first_screen import questions
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, rounded, short
+from trackbench.report.pairs import Pairs, Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_scenes, values_of_few_scenes
 from trackbench.report.sentences import duration, expectations_met, remarks, value_and_limit, verdict_of_run
 from trackbench.report.tables import OUTCOME_TONE, TRACKER, metric_of, tone_of
@@ -21,14 +26,13 @@ from trackbench.report.verdicts import REMARKS
 from trackbench.results import MetricValue, Result, TrackerResult
 from trackbench.results.scenario_summary import sentence_on_point
 
-#: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
+#: By kind of result the columns that ``--wide`` shows: heading, metric, significant digits, and the factor of its unit.
 COLUMNS = {
     "known identities": (
         ("position m", "position_rmse", 3, 1.0),
         ("vel. m/s", "velocity_rmse", 3, 1.0),
         ("/ref", "position_over_reference", 3, 1.0),
-        ("NEES", "nees", 3, 1.0),
-        ("diverged", "diverged_runs", 3, 1.0),
+        ("NEES", "nees", 2, 1.0),
         ("µs/step", "step_time", 2, 1.0),
     ),
     "hidden identities": (
@@ -48,95 +52,165 @@ COLUMNS = {
         ("score", "prediction_score", 3, 1.0),
     ),
 }
+#: Columns of tracks that stand beside T-GOSPA without ``--wide``.
+OF_TRACKS = COLUMNS["hidden identities"][1:3] + COLUMNS["hidden identities"][4:5]
 
 
-def summary_table(result: Result) -> Table:
-    """The scored trackers with the columns of the kind of result."""
-    kind, trackers = "known identities", result.scored
+def kind_of(result: Result) -> str:
+    """Return a key of ``COLUMNS``."""
+    if result.summary.identities == "known":
+        return "known identities"
+    return "hidden identities" if result.summary.truth.known else "no truth"
+
+
+def summary_table(result: Result, room: int = 80) -> Table:
+    """The scored trackers: error, difference to the best, and covariance or what the error consists of.
+
+    Args:
+        result: of the run, with a truth.
+        room: characters for a line, in which the words on a covariance are shortened to fit.
+    """
+    trackers, path = result.scored, result.summary.headline
+    values = [metric_of(tracker, path).value for tracker in trackers]
+    least = min((value for value in values if value), default=1.0)
+    # Three digits where two tell errors apart by 5 % alone.
+    places = decimals(values, 3 if f"{least:e}"[0] == "1" else 2)
+    heading = "error m" if path == "position_rmse" else f"{result.summary.headline_name} m"
+    columns = [
+        (TRACKER, _names(result)),
+        (Column(heading), [Cell(short(value, places)) for value in values]),
+        (Column("", left=True), [Cell(bar) for bar in bars(values)]),
+        (Column("to the best", left=True), _to_the_best(result)),
+    ]
     if result.summary.identities == "hidden":
-        kind = "hidden identities" if result.summary.truth.known else "no truth"
-    names = [Cell(tracker.name + "*" * tracker.is_reference, tracker=tracker.name) for tracker in trackers]
-    columns = [(TRACKER, names)]
-    for heading, path, digits, factor in COLUMNS[kind]:
-        columns.append(
-            (Column(heading, left=path == "nees" and kind == "known identities"), _cells(result, path, digits, factor))
-        )
-    if result.summary.truth.known and not _too_many_groups(shown := standing(result)):
-        columns.insert(2, (Column(shown.short, left=True), list(map(Cell, shown.cells))))
+        columns += [(Column(h), _cells(result, p, digits, factor)) for h, p, digits, factor in OF_TRACKS]
+    else:
+        taken = sum(max(map(len, [column.heading, *(cell.text for cell in cells)])) + 1 for column, cells in columns)
+        cells, judged = _covariances(trackers, room - taken), "covariance (NEES, 4 is right)"
+        fits = taken + len(judged) <= room
+        columns.append((Column(judged if fits else "covariance", "its NEES, 4 is right", left=True), cells))
     return Table.of_columns("summary", columns)
 
 
+def _covariances(trackers: Sequence[TrackerResult], room: int) -> list[Cell]:
+    """Mean NEES and words on each covariance, shortened where they are longer than ``room``."""
+    every = [metric_of(tracker, "nees") for tracker in trackers]
+    means = [NOT_AVAILABLE if nees.mean is None else mean_text(nees.mean) for nees in every]
+    width = max(map(len, means))
+    cells = []
+    for tracker, nees, mean in zip(trackers, every, means, strict=True):
+        text, less = (
+            f"{mean:>{width}} {verdict_in_words(nees, tracker.conditions, whole=whole)}" for whole in (True, False)
+        )
+        cells.append(Cell((text if len(text) <= room else less).rstrip(), tone=tone_of(nees)))
+    return cells
+
+
+def wide_table(result: Result) -> Table:
+    """The scored trackers with velocity, reference, groups and the time of a step, or all columns of tracks."""
+    kind = kind_of(result)
+    columns = [(TRACKER, _names(result))]
+    columns += [(Column(h), _cells(result, path, digits, factor)) for h, path, digits, factor in COLUMNS[kind]]
+    if result.summary.truth.known and not _too_many_groups(shown := standing(result)):
+        columns.insert(2, (Column(shown.short, left=True), list(map(Cell, shown.cells))))
+    return Table.of_columns("wide", columns)
+
+
+def _names(result: Result) -> list[Cell]:
+    return [Cell(tracker.name + "*" * tracker.is_reference, tracker=tracker.name) for tracker in result.scored]
+
+
+#: Blocks of the smallest error's bar, and of the longest; a longer one ends in an arrow.
+_LEAST, _MOST = 2, 6
+_EIGHTHS = " ▏▎▍▌▋▊▉"
+
+
+def bars(values: Sequence[float | None]) -> list[str]:
+    """Return a bar of each error, that of the smallest two blocks long: "██", "██▌", "██████▶"."""
+    least = min((value for value in values if value), default=1.0)
+
+    def bar(value: float | None) -> str:
+        eighths = round(8 * _LEAST * (value or 0.0) / least)
+        if eighths > 8 * _MOST:
+            return "█" * _MOST + "▶"
+        return ("█" * (eighths // 8) + _EIGHTHS[eighths % 8]).rstrip()
+
+    return list(map(bar, values))
+
+
+#: What is said of a difference to the best; "not shown": neither worse nor the same can be shown.
+_WORDS = {"worse": "worse", "equivalent": "same", "better": "better"}
+
+
+def _to_the_best(result: Result) -> list[Cell]:
+    """How much larger each error is than the best's, in per cent or times, and a word."""
+    if not result.contenders:
+        return [Cell("") for _ in result.scored]
+    best, pairs, runs = result.contenders[0], Pairs(result), result.summary.runs
+    least = metric_of(best, result.summary.headline).value or 0.0
+    cells = []
+    for tracker in result.scored:
+        value, pair = metric_of(tracker, result.summary.headline).value, pairs.get(tracker.name, best.name)
+        if number := tracker.health.diverged_runs:
+            cells.append(Cell(f"diverged {number}/{runs}", tone="bad"))
+        elif tracker is best or not value or not least:
+            cells.append(Cell("    -" if tracker is best else ""))
+        else:
+            word = _WORDS.get(pair.verdict, "not shown") if pair and not pairs.unjudged else ""
+            cells.append(Cell(f"{times(value, least):>5} {word}".rstrip(), tone="warn" if word == "worse" else ""))
+    return cells
+
+
+def times(value: float, least: float) -> str:
+    """ "+26 %", from twice as much on "x2.4", from ten times on "x12"."""
+    ratio = value / least
+    if ratio < 2:
+        return f"{100 * (ratio - 1):+.0f} %".replace("-", "\N{MINUS SIGN}")
+    return f"x{ratio:.1f}" if ratio < 10 else f"x{ratio:.0f}" if ratio < 1e4 else f"x{ratio:.0e}"
+
+
 def _cells(result: Result, path: str, digits: int, factor: float) -> list[Cell]:
-    """One metric down the column; only where identities are known is there room for an interval and a verdict."""
-    trackers, labelled = result.scored, result.summary.identities == "known"
+    """One metric down the column; the position error with its interval where identities are known."""
+    trackers = result.scored
     metrics = [metric_of(tracker, path) for tracker in trackers]
-    if path == "diverged_runs":
-        return [Cell(str(number := t.health.diverged_runs or 0), tone="bad" if number else "") for t in trackers]
     if path == "nees":
-        means = [NOT_AVAILABLE if m.mean is None else mean_text(m.mean) for m in metrics]
-        width = max(map(len, means))
-        # Both words fit 80 columns in this form; a note below has the whole one.
-        words = [m.words.replace(", heavy-tailed", "+") * labelled for m in metrics]
-        texts = [f"{mean:>{width}} {word}".rstrip() for mean, word in zip(means, words, strict=True)]
-        return [Cell(text, tone=tone_of(m)) for text, m in zip(texts, metrics, strict=True)]
+        return [Cell(NOT_AVAILABLE if m.mean is None else mean_text(m.mean), tone=tone_of(m)) for m in metrics]
     values = [None if m.value is None else factor * m.value for m in metrics]
     places = decimals(values, digits)
     # The interval of a mean that few runs decide says nothing.
     shown = [MetricValue(unit=m.unit) if t.health.diverged_runs else m for t, m in zip(trackers, metrics, strict=True)]
-    ends = intervals_in_short(shown, places) if path == "position_rmse" and labelled else [""] * len(metrics)
+    with_intervals = path == "position_rmse" and result.summary.identities == "known"
+    ends = intervals_in_short(shown, places) if with_intervals else [""] * len(metrics)
     return [Cell(f"{short(value, places)} {end}".rstrip()) for value, end in zip(values, ends, strict=True)]
 
 
-def _notes_on_tracks(result: Result) -> list[str]:
-    """What the headings mean."""
-    if not result.summary.truth.known:
-        return [
-            "There is no truth: no errors, no GOSPA, no HOTA, and no ranking; trackers stand in the scenario's order.",
-            "tracks: mean number; length: median; used: share of detections; NIS: 1 when consistent",
-            "breaks: our track ends and the sensor's own goes on; own br.: the other way round;",
-            "swaps: both go on in other pairs; each per minute. score: of predicted detections, nats",
-        ]
-    cutoff = result.summary.score.cutoff_m or 0.0
-    return [
-        f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
-        f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
-        *(values_of_few_scenes(result) or [_intervals_of_tracks(result)]),
-        *_marked(result),
-    ]
+def print_summary(result: Result, console: Console, folder: Path | None = None, *, wide: bool = False) -> None:
+    """Print who is best, the table of trackers, what a reader must know of it, what was not met, and what to do next.
 
-
-def _marked(result: Result) -> list[str]:
-    """What must be known of some trackers; those that are no competitors have a star."""
-    return [f"*: {text}" if text in (REMARKS["reference"], REMARKS["offline"]) else text for text in remarks(result)]
-
-
-def _intervals_of_tracks(result: Result) -> str:
-    """Of what the intervals speak, or why the metric that ranks has none."""
-    ranking = metric_of(result.scored[0], result.summary.headline)
-    if ranking.ci95 is None and ranking.reason:
-        return f"{result.summary.headline_name}: {ranking.reason}; the report has the intervals of other metrics"
-    return f"intervals, which the report shows: {basis_of_intervals(result)}"
-
-
-_MOST_LETTERS = 12
-
-
-def print_summary(result: Result, console: Console) -> None:
-    """The verdict, the ranked table with those that are not ranked, what it leaves out, and what was not met."""
+    Args:
+        result: of the run.
+        console: for the text.
+        folder: where the run was written; None where no command should follow.
+        wide: with velocity, reference, groups and step time in a second table.
+    """
     print_hanging(console, "", Text(verdict_of_run(result), "bold"))
-    print_hanging(console, "", Text(run_in_words(result), "dim"))
     listed = result.listed
-    if listed.scored:
-        print_table(summary_table(listed), console, gap=1)
+    if listed.scored and result.summary.truth.known:
+        print_table(summary_table(listed, console.width), console, gap=1)
+    if listed.scored and (wide or not result.summary.truth.known):
+        print_table(wide_table(listed), console, gap=1)
     _print_unranked(listed, console)
     if listed is not result:
         console.print(f"{len(result.scored) - len(listed.scored)} more: result.json", highlight=False)
-    for note in _notes(result) if listed.scored else []:
+    notes = [run_in_words(result), *_notes(result)] if listed.scored else [run_in_words(result)]
+    for note in [*notes, *(_wide_notes(result) if wide and listed.scored else [])]:
         begin = len(note) - len(note.lstrip()) + 2
         print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))
     for table in collected("tables", result):
         print_table(table, console)
     _print_missed(result, console)
+    if folder is not None:
+        _print_next(result, folder, console)
 
 
 def print_outcome(result: Result, console: Console) -> None:
@@ -171,23 +245,35 @@ def _print_missed(result: Result, console: Console) -> None:
             print_hanging(console, mark, Text(value_and_limit(item)))
 
 
+def _print_next(result: Result, folder: Path, console: Console) -> None:
+    """Print what to look at, and what to ask next, each with its file or command."""
+    steps = dict(questions(result))
+    if "recording" in result.summary.artifacts:
+        steps["The worst moment"] = (
+            f"trackbench view {shlex.quote(str(folder))}{' --worst' * result.summary.truth.known}"
+        )
+    if report := result.summary.artifacts.get("report"):
+        steps["The report"] = str(folder / report)
+    width = max(map(len, steps), default=0)
+    for what, how in steps.items():
+        console.print(Text.assemble((f"{what:<{width}}  ", "dim"), how), soft_wrap=True, highlight=False)
+
+
 def run_in_words(result: Result) -> str:
-    """What was run."""
+    """Return what was run: "100 noise draws of ONE scene (5 vehicles, 20.0 s), seed 7"."""
     summary = result.summary
-    return f"{runs_in_words(result)}, {summary.truth.vehicles}, {duration(result)}, seed {summary.seed}"
+    what = f"{summary.truth.vehicles}, {duration(result)}"
+    if summary.truth.scenes or summary.runs == 1 or (summary.truth.model_extra or {}).get("random"):
+        return f"{runs_in_words(result)} ({what}), seed {summary.seed}"
+    return f"{summary.runs} noise draws of ONE scene ({what}), seed {summary.seed}"
+
+
+_MOST_LETTERS = 12
 
 
 def _too_many_groups(shown: Standing) -> bool:
     """Whether there are so many letters that they say nothing at a glance."""
     return max(map(len, shown.cells)) > _MOST_LETTERS
-
-
-def _note_on_groups(result: Result) -> list[str]:
-    """What the letters mean."""
-    shown = standing(result)
-    if _too_many_groups(shown):
-        return [f"{shown.short}: too many groups for this table; report.html has them"]
-    return [f"{shown.short}: {shown.meaning}"] if len(result.scored) > 1 else []
 
 
 def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
@@ -198,49 +284,67 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     return [f"coverage: {', '.join(part)}{rest}"] if part else []
 
 
-def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
-    """What the verdicts on the covariances mean, but for those of which more is said; in the order of ``MEANING``."""
-    lines = []
-    for word in (word for word in MEANING if word not in NAMED):
-        by_meaning: dict[str, list[str]] = {}
-        for tracker in trackers:
-            nees = metric_of(tracker, "nees")
-            if nees.verdict == word:
-                alone = nees.model_copy(update={"also": None})
-                by_meaning.setdefault(meaning(alone, tracker.conditions), []).append(tracker.name)
-        lines += [
-            f"{word}{f' ({joined_names(names)})' * (len(by_meaning) > 1)}: {text}" for text, names in by_meaning.items()
-        ]
-    return lines
-
-
 def _notes(result: Result) -> list[str]:
-    """What the headings mean, where they say something, and what else a reader must know."""
+    """What a reader must know of the table, where there is something."""
     trackers, summary = result.scored, result.summary
-    point = [*filter(None, [sentence_on_point(summary.score.point)])]
-    if summary.identities == "hidden":
-        return [*point, *(_note_on_groups(result) if summary.truth.known else []), *_notes_on_tracks(result)]
-    assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
-    ends = intervals_in_short([metric_of(tracker, "position_rmse") for tracker in trackers], 0)
-    sign = "± or ends" if any(end[:1] not in ("±", "") for end in ends) else "±"
-    notes = [
-        *point,
-        f"/ref: times the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
-        *_note_on_groups(result),
-        *(values_of_few_scenes(result) or [f"{sign}: 95 %, {basis_of_intervals(result)}"]),
-        *(undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide) if result.differences else []),
-        *_coverage(trackers),
-        *_marked(result),
+    remarked = [
+        f"*: {text}" if text in (REMARKS["reference"], REMARKS["offline"]) else text for text in remarks(result)
     ]
-    notes += words_explained(trackers)
-    for word, heading, of in named_verdicts({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
-        # One tail, or three means, fit 80 columns.
-        most = 1 if word == "heavy-tailed" else 3
-        beside = any(nees.verdict != word for nees in of.values())
-        notes.append(f"{word}{' (+)' if beside else ''}: {heading}:")
-        notes += [f"  {name}: {what_is_off(nees, most, word)}" for name, nees in of.items()]
+    notes = [*filter(None, [sentence_on_point(summary.score.point)]), *_far(result)]
+    if not summary.truth.known:
+        return [*notes, *_NO_TRUTH, *remarked]
+    if summary.identities == "hidden":
+        notes.append(
+            f"missed, false: parts of GOSPA, m (cutoff {summary.score.cutoff_m or 0.0:g} m); "
+            "sw/min: identity switches of an object in a minute"
+        )
+    notes += [*values_of_few_scenes(result), *(_coverage(trackers) if summary.identities == "known" else []), *remarked]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
-    notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
+    return notes + [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
+
+
+_NO_TRUTH = (
+    "There is no truth: no errors, no GOSPA, no HOTA, and no ranking; trackers stand in the scenario's order.",
+    "tracks: mean number; used: share of detections; NIS: 1 when consistent;",
+    "score: of predicted detections, nats",
+)
+
+#: An error of so many times the RMSE, and so many m, went far.
+_FAR, _LEAST_FAR_M = 10.0, 2.0
+
+
+def _far(result: Result) -> list[str]:
+    """From which error a run has diverged, or the largest errors of the recorded run where none diverged."""
+    limit = result.summary.score.divergence_m
+    if any(tracker.health.diverged_runs for tracker in result.scored):
+        return [f"diverged: an error above {limit:g} m, in how many of the runs"] if limit else []
+    table = result.tables.if_there("estimates")
+    if not len(table) or result.summary.identities != "known":
+        return []
+    names, errors = table["tracker"].to_numpy(), np.where(table["due"].to_numpy() == 1, table["position_error_m"], 0.0)
+    largest = {t.name: float(np.nanmax(errors[names == t.name], initial=0.0)) for t in result.filtering}
+    far = [
+        f"{t.name} {rounded(largest[t.name], 1)} m"
+        for t in result.filtering
+        if largest[t.name] > max(_LEAST_FAR_M, _FAR * (metric_of(t, "position_rmse").value or 0.0))
+    ]
+    return [f"largest error in the recorded run: {', '.join(far)}"] if far else []
+
+
+def _wide_notes(result: Result) -> list[str]:
+    """What the headings of the wide table mean, and what its intervals rest on."""
+    trackers, summary = result.scored, result.summary
+    notes = []
+    if summary.truth.known:
+        shown = standing(result)
+        meaning = "too many groups for this table; report.html has them" if _too_many_groups(shown) else shown.meaning
+        notes += [f"{shown.short}: {meaning}"] * (len(trackers) > 1)
+    if summary.identities == "hidden":
+        return notes
+    assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
+    notes.append(f"/ref: times the {summary.held_against.label}{assumed}; ±: 95 %, {basis_of_intervals(result)}")
+    if result.differences:
+        notes += undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
     for path in ("velocity_rmse", "position_over_reference", "nees"):
         metrics = [metric_of(tracker, path) for tracker in trackers]
         reasons = {metric.reason or "not given" for metric in metrics if metric.value is None}

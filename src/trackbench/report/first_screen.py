@@ -24,8 +24,9 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.metrics.recorded_run import EstimateMoment
-from trackbench.metrics.verdicts import mean_verdict, only_where
+from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report import tables
+from trackbench.report.covariance import verdict_in_words
 from trackbench.report.figures.map import map_of_run
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.numbers import decimals, reach_text, rounded
@@ -77,26 +78,39 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
 
 def next_step(result: Result) -> tuple[str, str]:
     """Return what to do next, and the command for it; ``.`` is the folder of the run."""
-    summary, pairs = result.summary, Pairs(result)
+    if any(item.outcome == "failed" for item in result.summary.expectations):
+        inspect = "trackbench inspect . --worst 3"
+    else:
+        inspect = f"trackbench view .{' --worst' * result.summary.truth.known}"
+    return next(iter(questions(result)), (NEXT["inspect"], inspect))
+
+
+def questions(result: Result) -> Iterator[tuple[str, str]]:
+    """Yield what to ask next of a run of a scenario's file, each with its command: what is wrong with a tracker, and
+    what holds in other traffic."""
+    summary = result.summary
     words = shlex.split(summary.command)
-    scenario = words[2] if words[:2] == ["trackbench", "run"] else None
-    baselines = [tracker.name for tracker in result.scored if tracker.baseline]
+    if words[:2] != ["trackbench", "run"]:
+        return
+    if name := _worst(result):
+        yield NEXT["doctor"].format(name=name), f"trackbench doctor {shlex.quote(words[2])}#{name}"
+    if summary.truth.source == "highway-env" and not summary.truth.scenes:
+        yield NEXT["scenes"], f"{summary.command} --scenes 10"
 
-    def fault(tracker: TrackerResult) -> str:
-        if tracker.failed or tracker.health.diverged_runs:
-            return "failed" if tracker.failed else "diverged"
-        worse = (name for name in baselines if (pair := pairs.get(tracker.name, name)) and pair.verdict == "worse")
-        return next((f"is worse than {name}" for name in worse), "")
 
-    own = [tracker for tracker in summary.trackers if not (tracker.baseline or tracker.is_reference or tracker.offline)]
-    for name, what in ((tracker.name, fault(tracker)) for tracker in own if scenario):
-        if what:
-            return NEXT["doctor"].format(name=name, fault=what), f"trackbench doctor {scenario}#{name}"
-    if any(item.outcome == "failed" for item in summary.expectations):
-        return NEXT["inspect"], "trackbench inspect . --worst 3"
-    if scenario and summary.truth.source == "highway-env" and not summary.truth.scenes:
-        return NEXT["scenes"], f"{summary.command} --scenes 10"
-    return NEXT["inspect"], f"trackbench view .{' --worst' * summary.truth.known}"
+def _worst(result: Result) -> str:
+    """The tracker with the most wrong: failed, diverged, worse than a baseline, or a covariance that is off; or ""."""
+    pairs, baselines = Pairs(result), [tracker.name for tracker in result.scored if tracker.baseline]
+    own = [t for t in result.summary.trackers if not (t.baseline or t.is_reference or t.offline)]
+
+    def wrong(tracker: TrackerResult) -> int:
+        beaten = any((pair := pairs.get(tracker.name, name)) and pair.verdict == "worse" for name in baselines)
+        off = metric_of(tracker, "nees").verdict in ("optimistic", "pessimistic", "mixed", "heavy-tailed")
+        return 4 * bool(tracker.failed) or 3 * bool(tracker.health.diverged_runs) or 2 * beaten or int(off)
+
+    ranked = {name: place for place, name in enumerate(result.summary.ranking)}
+    worst = max(own, key=lambda t: (wrong(t), ranked.get(t.name, 0)), default=None)
+    return worst.name if worst is not None and wrong(worst) else ""
 
 
 #: Failed expectations on the first screen.
@@ -107,7 +121,7 @@ def at_a_glance(result: Result, every: int) -> Table:
     """The drawn trackers, best first: the metric that ranks, with a bar, and the word of the covariance's verdict; last
     those without a rank. ``every``: the number of all trackers."""
     trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
-    metrics, nees = ([metric_of(tracker, of) for tracker in trackers] for of in (path, "nees"))
+    metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals(metric.value for metric in metrics)
     failed = [Cell("failed" if tracker.failed else "not ranked", tone="bad", chip=True) for tracker in unscored]
     runs = result.summary.runs
@@ -115,7 +129,7 @@ def at_a_glance(result: Result, every: int) -> Table:
     barred = [*cells, *(Cell("") for _ in unscored)]
     columns = [
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
-        (Column("covariance", "what the NEES says, by conditions too", left=True), [*map(_judged, nees), *failed]),
+        (Column("covariance", "what the NEES says, by conditions too", left=True), [*map(_judged, trackers), *failed]),
     ]
     caption = f"The best {len(trackers)} of {every:,} trackers" if len(trackers) < len(result.scored) else ""
     return tracker_table("at-a-glance", [*trackers, *unscored], columns, caption)
@@ -132,11 +146,13 @@ def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:
     return Cell(rounded(value, places), spread, bar=(value, *(ci95 or (value, value))))
 
 
-def _judged(nees: MetricValue) -> Cell:
-    """The main word of a covariance's verdict, of tracks that of their mean NEES, and where alone it holds."""
+def _judged(tracker: TrackerResult) -> Cell:
+    """What the NEES says of a covariance; of tracks that have no verdict their mean NEES."""
+    nees = metric_of(tracker, "nees")
     if nees.value is None:
         return missing_cell(nees)
     if nees.verdict is None and nees.ci95 is None:
         return Cell(f"NEES {rounded(nees.value, 1)} ({nees.dof or 4} expected)")
-    word = nees.verdict or mean_verdict(nees.ci95, nees.dof or 4)
-    return Cell(word, tuple(filter(None, (only_where(nees, 1), nees.also))), tone_of(nees, word), chip=True)
+    judged = nees if nees.verdict else nees.model_copy(update={"verdict": mean_verdict(nees.ci95, nees.dof or 4)})
+    word, _, where = verdict_in_words(judged, tracker.conditions).partition("; ")
+    return Cell(word, (where,) if where else (), tone_of(judged), chip=True)

@@ -233,6 +233,9 @@ def _best(result: Result) -> str:
     not_better = [name for name in not_better if not result[name].health.diverged_runs] or not_better
     all_equivalent = all(verdicts[name] == "equivalent" for name in not_better)
     kind = "shown better" if not not_better else "equivalent" if all_equivalent else "not shown better"
+    alike = [best, *not_better]
+    if kind == "equivalent" and len(alike) <= NAMED:
+        kind = "best alike"
     if pairs.unjudged or not verdicts:
         kind = "not judged" if others else "alone"
     scenes = summary.truth.scenes_in_words
@@ -241,6 +244,8 @@ def _best(result: Result) -> str:
     return ANSWERS[kind].format(
         over=f"over {scenes} " if scenes else "",
         best=best,
+        names=joined_names(_marked(result, alike)),
+        errors=joined_names([_error(metric_of(result[name], summary.headline)) for name in alike]),
         what="position error" if summary.identities == "known" else summary.headline_name,
         error=_error(metric_of(contenders[0], summary.headline)),
         why=pairs.unjudged or "not compared with the others",

@@ -11,7 +11,8 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_verdict, only_where
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_verdict
+from trackbench.report.covariance import verdict_in_words
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     decimals,
@@ -79,10 +80,11 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
         return missing_cell(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
     reach = reach_text(scale * metric.value, ci95, places)
-    cell = Cell(short(scale * metric.value, places), tuple(filter(None, (metric.words, reach))))
+    words = verdict_in_words(metric)
+    cell = Cell(short(scale * metric.value, places), tuple(filter(None, (words, reach))))
     charged = metric.without_charged
-    more = (only_where(metric), "" if charged is None else f"given {short(scale * charged, places)}")
-    return replace(cell, details=(*cell.details, *filter(None, more)), tone=tone_of(metric))
+    more = () if charged is None else (f"given {short(scale * charged, places)}",)
+    return replace(cell, details=(*cell.details, *more), tone=tone_of(metric))
 
 
 def missing_cell(metric: MetricValue) -> Cell:
@@ -251,7 +253,7 @@ def innovation_columns(result: Result) -> Iterator[TableColumn]:
 def _judged(result: Result, metric: str, sensor: str) -> list[Cell]:
     """Return one metric of a sensor down a column with its verdicts alone."""
     path = f"{metric}.{sensor}"
-    words = [metric_of(tracker, path).words for tracker in result.scored]
+    words = [verdict_in_words(metric_of(tracker, path)) for tracker in result.scored]
     cells = metric_cells(result.scored, path)
     return [replace(cell, details=(word,) if word else ()) for cell, word in zip(cells, words, strict=True)]
 

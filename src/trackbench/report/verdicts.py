@@ -6,9 +6,11 @@ ANSWERS = {
     "no truth": "no truth, so {trackers} without a ranking",
     "alone": "{over}{best} has a {what} of {error}",
     "not judged": "{over}{best} has the smallest {what}, {error}; {why}",
-    "equivalent": "{over}{best} has the smallest {what}, {error}; equivalent to {whom} {within}{here}",
+    "best alike": "{over}{names} are best{here} ({what} {errors}; no difference that matters, {within})",
+    "equivalent": "{over}{best} has the smallest {what}, {error}; no difference that matters, {within}, to {whom}"
+    "{here}",
     "not shown better": "{over}{best} has the smallest {what}, {error}; not shown better than {whom}{here}",
-    "shown better": "{over}{best} has the smallest {what}, {error}; shown better than {whom}{here}",
+    "shown better": "{over}{best} is best{here}: {what} {error}, shown better than {whom}",
 }
 #: Whether the expectations are met.
 EXPECTATIONS = {
@@ -52,11 +54,11 @@ TRUTH = {
     "repaired": "The truth{where} had faults, which were repaired before anything was scored.",
     "consistent": "The truth is consistent: velocity agrees with displacement, no position jumps.",
 }
-#: What to do next, before the command for it.
+#: What to ask next, beside the command for it.
 NEXT = {
-    "doctor": "Next, {name} {fault}; to find out why:",
-    "inspect": "Next, to see where the errors are largest, in this folder:",
-    "scenes": "Next, to see whether it holds in other traffic:",
+    "doctor": "What is wrong with {name}?",
+    "inspect": "Where are the errors largest?",
+    "scenes": "The same in other traffic?",
 }
 #: Who is ahead in a comparison, and how surely.
 COMPARED = {

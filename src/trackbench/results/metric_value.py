@@ -194,11 +194,6 @@ class MetricValue(ResultModel):
     def __repr__(self) -> str:
         return f"<{self}>"
 
-    @property
-    def words(self) -> str:
-        """The verdict with what else is off: "pessimistic, heavy-tailed"; empty where there is none."""
-        return ", ".join(filter(None, (self.verdict, self.also)))
-
     @model_validator(mode="before")
     @classmethod
     def _from_mean(cls, data: Any) -> Any:

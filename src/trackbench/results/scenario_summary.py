@@ -285,6 +285,8 @@ class ScoreSummary(ResultModel):
     """Which errors count, and what is computed of them beside the built-in metrics."""
 
     settle_s: float
+    divergence_m: float | None = None
+    """A run with a larger position error has diverged."""
     point: str = "centre"
     """The point of each body that estimates are compared with."""
     min_coverage: float

@@ -180,7 +180,7 @@ class TrackerResult(ResultModel):
             metrics = self.__dict__.get("metrics", {})
             if name in metrics:
                 return metrics[name]
-            hint = nearest_choices(name, metrics)
+            hint = nearest_choices(name, filter(str.isidentifier, metrics))
             raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}; {hint}")
 
     def __dir__(self) -> list[str]:

@@ -130,6 +130,7 @@ def assemble(
         reference=reference,
         score=ScoreSummary(
             settle_s=work.settle,
+            divergence_m=scenario.score.divergence_m,
             point=scenario.score.point,
             min_coverage=work.min_coverage,
             cutoff_m=work.track_score and work.track_score.cutoff,

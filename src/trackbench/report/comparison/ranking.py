@@ -10,9 +10,10 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
-from trackbench.metrics.verdicts import mean_text, only_where
+from trackbench.metrics.verdicts import mean_text
 from trackbench.report.comparison.figures import competitors, rank_groups, ranked_label
 from trackbench.report.comparison.sentences import NAMES, ranking_answer, world_tables
+from trackbench.report.covariance import verdict_in_words
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     REACH,
@@ -169,8 +170,7 @@ def _nees(score: EntrantScore, _: int) -> Cell:
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
     assert nees.value is not None
-    details = tuple(text for text in (nees.words, only_where(nees)) if text)
-    return Cell(mean_text(nees.value), details, tone_of(nees))
+    return Cell(mean_text(nees.value), (verdict_in_words(nees),), tone_of(nees))
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:

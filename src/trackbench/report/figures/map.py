@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title, shortened_to_width
-from trackbench.document.palette import ERROR_COLOURS
+from trackbench.document.palette import LOST_COLOUR
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.report.moments import moment_text
@@ -30,7 +30,7 @@ TALLEST, STRETCHED = 400.0, 150.0
 #: The widest name of an object, points.
 NAME = 90.0
 
-_LOST, _FALSE = ERROR_COLOURS[4], "#B42D00"
+_LOST, _FALSE = LOST_COLOUR, "#B42D00"
 _Look = dict[str, Any]
 _RING: _Look = {"marker": "o", "markersize": 7, "color": _LOST, "markerfacecolor": "none", "markeredgewidth": 1.6}
 #: How each kind of event is marked, and the largest error.

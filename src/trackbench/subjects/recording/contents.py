@@ -20,7 +20,7 @@ from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
 from trackbench.subjects.recording.focus import Focus, moment_of
 from trackbench.subjects.recording.thinning import AROUND_S, MOST, WORST, instants, thinned
-from trackbench.subjects.recording.views import ErrorMap
+from trackbench.subjects.recording.views import EstimateMap
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,9 @@ class Contents:
         return [event for event in events if event.tracker in self.colours]
 
     @cached_property
-    def errors(self) -> ErrorMap | None:
-        """The map of errors; None where identities are hidden, or there are no errors."""
-        shown = [] if self.hidden else [*self.plotted]
-        return ErrorMap(self.scene, shown) or None
+    def map(self) -> EstimateMap | None:
+        """The map of estimates; None where identities are hidden, or there are none."""
+        return EstimateMap(self.scene, {} if self.hidden else self.plotted) or None
 
 
 def contents_of(result: Result) -> Contents:

@@ -51,7 +51,7 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
     return [
         *(NamedColour(name, colour) for name, colour in trackers.items()),
         *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
-        NamedColour("truth" if hidden else "truth, bounds", BOUND_COLOUR),
+        NamedColour("truth" if hidden else "truth, reference", BOUND_COLOUR),
         NamedColour("observer", OBSERVER_COLOUR),
         *(tracks if hidden else ()),
     ]
@@ -59,8 +59,7 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
 
 def entries_of(contents: Contents) -> list[NamedColour]:
     """Return the entries of the legend of a recording."""
-    shown = entries(contents.colours, list(contents.sensors), contents.hidden)
-    return [*shown, *(contents.errors.legend if contents.errors else [])]
+    return entries(contents.colours, list(contents.sensors), contents.hidden)
 
 
 def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
@@ -162,7 +161,7 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     own: list[rrb.Container] = [
         _page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles
     ]
-    own += [contents.errors.view()] if contents.errors else []
+    own += [contents.map.view()] if contents.map else []
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
     if contents.decisions.num_rows:
         own.append(rrb.Horizontal(functions.lanes_view(), name="Functions"))

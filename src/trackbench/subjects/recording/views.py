@@ -1,12 +1,11 @@
 """The views of the scene: the observer or a vehicle with its surroundings, and vehicles close up, all following.
 
-And where the errors are: the true paths of the recorded run in the colour of the position error of each contender.
+And maps of the recorded run: the estimates of each contender over the true paths.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,14 +13,14 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from trackbench.base.types import Array, Indices
-from trackbench.document.palette import ERROR_COLOURS, error_labels, error_limits
-from trackbench.document.replay import NamedColour
+from trackbench.base.types import Array
+from trackbench.document.palette import TRUTH_COLOUR
+from trackbench.report.figures.map import path_of
 from trackbench.results import Tables
-from trackbench.results.columns import Columns, split
+from trackbench.results.columns import split
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.scene import FRAMES, LABEL_COLOUR, LABELS, MEASUREMENTS, ROADS, WORLD
-from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, rgba_of
+from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba
 from trackbench.subjects.recording.tracks import trails
 
 #: How long a measurement stays in the picture, s.
@@ -169,75 +168,65 @@ def from_above(
     )
 
 
-ERRORS, FRAME = "errors", "errors_frame"
-#: Pieces of a path end this far apart at most, s.
+ESTIMATES, FRAME = "estimates_map", "map_frame"
+#: Estimates that are this far apart at most are joined, s.
 GAP_S = 3.0
 #: A map this many times as wide as high has the whole width.
 ELONGATED = 4.0
 
 
-class ErrorMap:
-    """A map for each contender.
+class EstimateMap:
+    """A map for each contender: its estimates over the true paths.
 
     Args:
         tables: of the recorded run, whose identities are known.
-        trackers: the contenders.
+        colours: by name of the contender.
     """
 
-    def __init__(self, tables: Tables, trackers: list[str]) -> None:
-        truth = {name: rows for (name,), rows in split(tables.truth, "object").items()}
-        self._pieces: dict[str, list[tuple[Array, Array]]] = {}
-        for (tracker, name), rows in split(tables.if_there("estimates"), "tracker", "object").items():
-            if tracker in trackers:
-                self._pieces.setdefault(tracker, []).append(_pieces(truth[name], rows))
-
-    @cached_property
-    def limits(self) -> Array:
-        """Between the colours, m."""
-        return error_limits([error for pieces in self._pieces.values() for _, error in pieces])
-
-    @property
-    def legend(self) -> list[NamedColour]:
-        """What the colours stand for."""
-        labels = (label.replace("under", "error <") for label in error_labels(self.limits))
-        return [NamedColour(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)]
+    def __init__(self, tables: Tables, colours: Mapping[str, str]) -> None:
+        self._colours = colours
+        self._truth = [
+            path_of(rows) for (_, role), rows in split(tables.truth, "object", "role").items() if role == "target"
+        ]
+        self._estimates: dict[str, list[Array]] = {}
+        for (tracker, _), rows in split(tables.if_there("estimates"), "tracker", "object").items():
+            if tracker in colours:
+                self._estimates.setdefault(tracker, []).extend(_strips(rows))
 
     def send(self, stream: Stream) -> None:
-        """Send the pieces of all paths, the largest errors on top."""
+        """Send the true paths, broad and grey, and the estimates of each contender, thin and in its colour."""
         stream.turn_y_down(FRAME)
-        palette = rgba_of(ERROR_COLOURS)
-        for tracker, pieces in self._pieces.items():
-            strips, error = (np.concatenate(part) for part in zip(*pieces, strict=True))
-            level: Indices = np.digitize(error, self.limits)
-            order = np.argsort(level, kind="stable")
-            lines = rr.LineStrips2D(strips[order], colors=palette[level[order]], radii=pixels(1.5), draw_order=2.0)
-            stream.static(path(ERRORS, tracker), lines)
+        broad: dict[str, Any] = {"colors": rgba(TRUTH_COLOUR), "radii": pixels(2.5), "draw_order": 1.0}
+        truth = [np.stack(of, axis=1) for of in self._truth]
+        stream.static(path(ESTIMATES, "truth"), rr.LineStrips2D(truth, **broad))
+        for tracker, strips in self._estimates.items():
+            thin: dict[str, Any] = {"colors": rgba(self._colours[tracker]), "radii": pixels(0.75), "draw_order": 2.0}
+            stream.static(path(ESTIMATES, tracker), rr.LineStrips2D(strips, **thin))
 
     def view(self) -> rrb.Container:
         """Return the maps, each in a view."""
-        at = np.concatenate([strips.reshape(-1, 2) for pieces in self._pieces.values() for strips, _ in pieces])
-        (left, low), (right, high) = at.min(axis=0) - MARGIN, at.max(axis=0) + MARGIN
+        x, y = (np.concatenate([of[axis] for of in self._truth]) for axis in (0, 1))
+        left, right, low, high = x.min() - MARGIN, x.max() + MARGIN, y.min() - MARGIN, y.max() + MARGIN
+        shown = f"+ {path(*ROADS)}", f"+ {path(ESTIMATES, 'truth')}"
         views = (
             from_above(
                 FRAME,
-                f"Position error of {tracker}",
-                [f"+ {path(*ROADS)}", f"+ {path(ERRORS, tracker)}"],
+                f"Estimates of {tracker}",
+                [*shown, f"+ {path(ESTIMATES, tracker)}"],
                 ((left, right), (-high, -low)),
                 {},
             )
-            for tracker in self._pieces
+            for tracker in self._estimates
         )
-        columns = 1 if right - left > ELONGATED * (high - low) else min(3, len(self._pieces))
-        return rrb.Grid(*views, grid_columns=columns, name="Map of errors")
+        columns = 1 if right - left > ELONGATED * (high - low) else min(3, len(self._estimates))
+        return rrb.Grid(*views, grid_columns=columns, name="Map of estimates")
 
     def __bool__(self) -> bool:
-        return bool(len(self.limits))
+        return bool(self._estimates)
 
 
-def _pieces(truth: Columns, rows: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Return the pieces from each estimate to the next, ``(pieces, 2, 2)`` m, and the larger error at their ends, m."""
-    time, error = rows["time_s"], rows["position_error_m"]
-    step = np.searchsorted(truth["time_s"], time - 1e-9)
-    at = np.stack([truth["px_m"][step], truth["py_m"][step]], axis=1)
-    joined = np.isfinite(error[1:] + error[:-1]) & (np.diff(time) <= GAP_S + 1e-9)
-    return np.stack([at[:-1], at[1:]], axis=1)[joined], np.maximum(error[1:], error[:-1])[joined]
+def _strips(rows: Mapping[str, Array]) -> list[Array]:
+    """Return the estimates of an object in pieces ``(points, 2)``, m, that end where there are none."""
+    there = np.isfinite(rows["px_m"] + rows["py_m"])
+    at, time = np.stack([rows["px_m"], rows["py_m"]], axis=1)[there], rows["time_s"][there]
+    return [strip for strip in np.split(at, np.flatnonzero(np.diff(time) > GAP_S + 1e-9) + 1) if len(strip) > 1]
