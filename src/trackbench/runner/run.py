@@ -200,6 +200,7 @@ class PendingBlocks:
             blocks += next(self._here if is_here else self._there)
             self._done += sum(len(piece.runs) for piece in group)
             self._progress(self._done, self._total)
+        blocks.sort(key=lambda block: (block.piece.scene, block.piece.runs.start))
         if any(used.differs for block in blocks for used in block.engines.values()):
             engines = [block.engines for block in blocks]
             # Blocks of many runs are large.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import groupby
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -224,9 +223,11 @@ class Work:
     def groups(self, pieces: Sequence[BlockRuns]) -> list[list[BlockRuns]]:
         """Blocks that are made at once: with hidden identities small ones of scenes whose sensors measure at the same
         times, since a built-in tracker's step takes as long for a few runs as for one; else each alone."""
+        alike: dict[Hashable, list[BlockRuns]] = {}
+        for piece in pieces:
+            alike.setdefault(self._measured_at(piece), []).append(piece)
         groups: list[list[BlockRuns]] = []
-        for _, alike in groupby(pieces, key=self._measured_at):
-            some = list(alike)
+        for some in alike.values():
             sizes = [len(self.scenes[piece.scene].truth.ids) * len(piece.runs) for piece in some]
             before, total = np.cumsum(sizes) - sizes, max(sum(sizes), 1)
             number = before * ceil(total / LARGEST_TOGETHER) // total
