@@ -37,8 +37,8 @@ COLUMNS = {
     ),
     "hidden identities": (
         ("T-GOSPA m", "tgospa", 3, 1.0),
-        ("missed", "gospa_missed", 3, 1.0),
-        ("false", "gospa_false", 3, 1.0),
+        ("missed m", "gospa_missed", 3, 1.0),
+        ("false m", "gospa_false", 3, 1.0),
         ("HOTA", "hota", 3, 1.0),
         ("sw/min", "id_switches", 2, 1.0),
         ("pos. m", "position_rmse", 3, 1.0),
