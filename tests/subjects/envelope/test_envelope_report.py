@@ -50,7 +50,7 @@ def test_a_terminal_shows_the_map_the_border_and_where_the_scenario_is() -> None
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert "Near the scenario ekf holds along q in none of its 5 cells" in text
     rows = [line.split(None, 1)[1] for line in text.splitlines() if line.startswith((" 10 ", "  1 ", "0.1 "))]
-    assert rows[:3] == ["x  x  x  x  x", "x  x [x] x  x", "#  #  x  x  x"]
+    assert [row.strip() for row in rows[:3]] == ["x  x  x  x  x", "x  x [x] x  x", "#  #  x  x  x"]
 
 
 @pytest.mark.parametrize(

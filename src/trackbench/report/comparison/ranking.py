@@ -47,7 +47,8 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
     """The answer, the ranking, a matrix for each quantity, the scenarios, and what has no score."""
     if len(competitors(comparison)) > 1:
         yield Paragraph(f"{who_is_ahead(comparison)} {certainty(comparison)}", strong=True)
-    yield Paragraph(f"{_compared(comparison)}.")
+    if any(len(names) > 1 for names in comparison.sets_of_scenes):
+        yield Paragraph(f"{_compared(comparison)}.")
     for metric in dict.fromkeys(change.metric for change in comparison.overall):
         name = NAMES.get(metric, metric)
         title = f"{name[0].upper()}{name[1:]} against {comparison.baseline}"
@@ -75,12 +76,12 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
 
 
 def _compared(comparison: Comparison) -> str:
-    """How many trackers and scenarios are compared, and which scenarios share their scenes."""
+    """How many trackers and scenarios are compared, and which of these share their scenes."""
     ranking, sets = competitors(comparison), comparison.sets_of_scenes
     text = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
     shared = [joined_names(names) for names in sets if len(names) > 1]
     together = f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share theirs, and count as one"
-    return text + together * bool(shared)
+    return text + together
 
 
 _METHOD = (

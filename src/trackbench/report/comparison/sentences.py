@@ -98,14 +98,13 @@ def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) ->
     every, names = differences_from(best, items), [item.tracker for item in competitors(comparison)]
     behind = [item for item in every if item.entrant.tracker in names] or every
     following, *others = behind
+    words = {"worse": "shown to be worse", EQUIVALENT: "no difference that matters"}
     text = COMPARED["best"].format(
         best=best,
         end="smallest" if _better_sign(comparison, items) == 1.0 else "largest",
         value=f"{short(following.reference, difference_decimals(behind))}{unit_after(following.unit)}",
         following=_changed(following.entrant.tracker, behind, following),
-        word={"worse": "shown to be worse", UNDECIDED: "not shown to be worse"}.get(
-            following.verdict, difference_word(following.verdict)
-        ),
+        word=words.get(following.verdict, "not shown to be worse"),
     )
     worse = [item for item in others if item.verdict == "worse"]
     listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
