@@ -80,12 +80,12 @@ def judged_differences(
     """Every pair of every match by every metric, and what has no value to compare.
 
     The p-values are corrected for their number, by all metrics together: in all scenarios, or within each one and its
-    worlds. Pairs that are the same in every run are not counted: they cannot be called different.
+    worlds. Of several sets, pairs that are the same in every run are not counted: they cannot be called different.
 
     Args:
         matches: what is compared.
         metrics: by which.
-        over_scenarios: whether all scenarios are corrected together.
+        over_scenarios: whether all scenarios are corrected together, as of several sets.
         limits: by metric, the percentage of the reference that the margin is not more than.
     """
     compared: list[_Uncorrected] = []
@@ -95,7 +95,7 @@ def judged_differences(
         for outcome in _compare(match, metric, (limits or {}).get(metric.path)):
             if isinstance(outcome, NotCompared):
                 missing.append(outcome)
-            elif outcome.item.identical:
+            elif over_scenarios and outcome.item.identical:
                 compared.append(outcome)
             else:
                 family = "" if over_scenarios else match.entry.result.summary.scenario.base

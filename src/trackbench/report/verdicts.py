@@ -64,8 +64,8 @@ NEXT = {
 COMPARED = {
     "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
     "worse": "Shown to be worse: {listed}.",
-    "ahead of next": "{best} is ahead over {over}: the {what} of {other}, the next, is {change}.",
-    "ahead of baseline": "{best} is ahead over {over}: its {what} is {change} than that of {other}, the baseline.",
+    "ahead of next": "{best} is ahead{by} over {over}: the {what} of {other}, the next, is {change}.",
+    "ahead of baseline": "{best} is ahead{by} over {over}: its {what} is {change} than that of {other}, the baseline.",
     "ahead by rank": "{best} is ahead over {over}: mean rank {rank}, {other} of {second}, the next.",
     "too few": "Of other scenarios nothing is shown: with {trackers} that takes {wanted} sets of scenes, here are "
     "{sets}.",

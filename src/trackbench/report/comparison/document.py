@@ -187,7 +187,7 @@ def _metric_section(
         title = "Each difference" if several else "Each pair"
         each = _differences(comparison, metric, items)
         yield Section(title, (replace(each, name=f"{each.name}-each"),), folded=True)
-    yield Paragraph(_method(items, sum(not item.identical for item in comparison.differences)))
+    yield Paragraph(_method(items, _tested(comparison)))
 
 
 def _pair(item: PairDifference) -> str:
@@ -204,6 +204,11 @@ def _how(result: ComparedResult) -> str:
     if not result.reason:
         return ""
     return f"{'unpaired' if result.shared_runs is None else 'paired'}: {result.reason}"
+
+
+def _tested(comparison: Comparison) -> int:
+    """Number of differences that are tested together; of several sets without those that are the same in every run."""
+    return sum(len(comparison.sets) == 1 or not item.identical for item in comparison.differences)
 
 
 def _method(items: Sequence[PairDifference], number: int) -> str:

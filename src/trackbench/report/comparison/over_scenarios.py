@@ -95,9 +95,12 @@ def who_is_ahead(comparison: Comparison) -> str:
         return COMPARED["ahead by rank"].format(
             best=first.tracker, over=over, rank=rank, other=rounded(second.mean_rank, 2), second=second.tracker
         )
+    # Mean ranks order the trackers, and the pooled errors may disagree.
+    is_by_rank = (change.mean_percent < 0) == (behind == other)
     text = COMPARED["ahead of baseline" if other == comparison.baseline else "ahead of next"]
     return text.format(
         best=first.tracker,
+        by=" by mean rank" * is_by_rank,
         over=over,
         what=NAMES[comparison.ranked_by],
         other=other,
