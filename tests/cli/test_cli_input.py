@@ -22,7 +22,7 @@ BAD_USAGE = [
     (["run", "tiny.yaml", "--run", "2"], "'--runs'"),
     (["report", "exm"], "exm: there is no such folder; did you mean 'exam'?"),
     (["inspect", "exa"], "exa: no such recording; did you mean 'exam'?"),
-    (["tune", "tiny.yaml"], "--trackers: name those to tune; choose from: ekf, raw"),
+    (["tune", "tiny.yaml", "--trackers", "rw"], "did you mean 'raw'"),
     (["doctor", "loop.yaml#mine"], "loop.yaml: there is no such file; `trackbench list scenarios` shows"),
     (["list", "tracker"], "'tracker' is not one of 'scenarios', 'trackers'"),
     (["list", "motion"], "'functions'. Did you mean 'motion-models'?"),

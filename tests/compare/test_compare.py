@@ -32,7 +32,7 @@ from trackbench.compare.comparability import Comparability, comparability, compa
 from trackbench.document import Paragraph
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.contrasts import paired, unpaired
-from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, holm
 from trackbench.metrics.intervals import ratio
 from trackbench.report.comparison.sentences import answer_blocks
 from trackbench.results import Result
@@ -245,10 +245,16 @@ def test_one_tracker_each_is_compared_whatever_its_name(keep: Keep) -> None:
     assert item.verdict == "worse"
 
 
-def test_p_values_are_corrected_for_all_differences_of_a_metric(keep: Keep) -> None:
+def test_p_values_are_corrected_for_the_number_of_differences_but_not_for_identical_trackers(keep: Keep) -> None:
     one = compare_results([keep(), keep(WORSE_EKF)], trackers=["ekf"])
-    two = compare_results([keep(), keep(WORSE_EKF)])
-    assert two.differences[0].p_value == pytest.approx(2 * one.differences[0].p_value)
+    beside = compare_results([keep(), keep(WORSE_EKF)])
+    assert [item.identical for item in beside.differences] == [False, True]
+    assert [item.p_value for item in beside.differences] == [one.differences[0].p_value, 1.0]
+    names = ("position_rmse", "velocity_rmse")
+    alone = [compare_results([keep(), keep(WORSE_EKF)], trackers=["ekf"], metrics=[name]) for name in names]
+    two = compare_results([keep(), keep(WORSE_EKF)], trackers=["ekf"], metrics=names)
+    expected = holm([item.differences[0].p_value for item in alone])
+    assert [item.p_value for item in two.differences] == pytest.approx(expected)
 
 
 def test_one_run_shows_no_difference(keep: Keep) -> None:
@@ -371,7 +377,7 @@ def test_folders_of_several_scenarios_are_compared_by_scenario_and_overall(versi
     # One question is asked of all scenarios, so all their differences are one family.
     alone = compare_results([find_results(path / "tiny") for path in versions], trackers=["ekf"]).differences[0]
     (both,) = [d for d in found.differences if d.scenario == "tiny" and d.entrant.tracker == "ekf"]
-    assert both.p_value >= 3 * alone.p_value
+    assert both.p_value == pytest.approx(2 * alone.p_value)
 
 
 def test_a_scenario_of_one_folder_only_is_told_and_not_passed(versions: tuple[Path, Path], tmp_path: Path) -> None:

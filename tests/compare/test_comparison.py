@@ -15,7 +15,7 @@ from trackbench.compare import Comparison, compare_results
 from trackbench.document.markdown import to_markdown
 from trackbench.report.comparison.document import comparison_document
 from trackbench.report.comparison.figures import rank_groups
-from trackbench.report.comparison.sentences import ranking_answer
+from trackbench.report.comparison.over_scenarios import who_is_ahead
 from trackbench.results import Result
 
 RUNS = 20
@@ -61,7 +61,9 @@ def runs_table(rmse: dict[str, float], tied: tuple[str, ...]) -> pa.Table:
     )
 
 
-def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), failed: bool = False) -> Result:
+def scenario(
+    name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), failed: bool = False, baseline: str | None = None
+) -> Result:
     """A result with the given errors."""
     entries = [
         {
@@ -82,6 +84,7 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
         "runs": RUNS,
         "fingerprints": [f"{name} {run}" for run in range(RUNS)],
         "truth": {**made["truth"], "motion": [name]},
+        "score": {**made["score"], "baseline": baseline},
         "trackers": [*entries, *([{**failed_tracker(), "place": len(entries)}] if failed else [])],
         "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],
         "expectations": [{**stated, "passed": True, "text": "one"}, {**stated, "passed": False, "text": "other"}],
@@ -139,15 +142,15 @@ def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
         assert 1 <= item.ci95[0] <= item.mean_rank <= item.ci95[1] <= 4
     assert compared.ranking[3].ci95 is None
     assert not any(item.shown for item in compared.rank_differences)
-    assert "Too few sets of scenes for a claim: with 4 trackers it takes 8." in markdown(compared)
+    assert "with 4 trackers that takes 8 sets of scenes, here are 4." in markdown(compared)
 
 
 @pytest.mark.parametrize(
     ("scenarios", "claim"),
     [
-        (3, "Too few sets of scenes for a claim: with 2 trackers it takes 6."),
-        (5, "Too few sets of scenes for a claim: with 2 trackers it takes 6."),
-        (6, "That lead is shown (p = 0.031)."),
+        (3, "with 2 trackers that takes 6 sets of scenes, here are 3."),
+        (5, "with 2 trackers that takes 6 sets of scenes, here are 5."),
+        (6, "mean rank is shown to be the best (sign-flip test of the ranks over the sets of scenes, p = 0.031)."),
     ],
 )
 def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, claim: str) -> None:
@@ -180,11 +183,11 @@ def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
     rmse = {"good": 0.5, "fair": 0.502, "poor": 0.9}
     found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
     assert {(item.a, item.b): item.shown for item in found.rank_differences} == {
-        ("fair", "good"): False,
-        ("fair", "poor"): True,
+        ("good", "fair"): False,
         ("good", "poor"): True,
+        ("fair", "poor"): True,
     }
-    assert [[item.tracker for item in group] for group in rank_groups(found)] == [["fair", "good"], ["poor"]]
+    assert [[item.tracker for item in group] for group in rank_groups(found)] == [["good", "fair"], ["poor"]]
 
 
 def test_one_scenario_claims_no_certainty() -> None:
@@ -195,11 +198,34 @@ def test_one_scenario_claims_no_certainty() -> None:
     assert re.search(r"poor \| good \| 0\.40.* \| worse \| \+80 \| 0\.900 \|", markdown(found).replace("**", ""))
 
 
-def test_trackers_that_share_the_best_rank_are_named() -> None:
-    found = compare_results(
-        [[scenario("one", {"good": 0.5, "fair": 0.6}), scenario("two", {"good": 0.5, "fair": 0.48})]]
-    )
-    assert ranking_answer(found) == "fair and good share the best mean rank, 1.50."
+def test_of_equal_mean_ranks_the_smaller_errors_are_ahead() -> None:
+    results = [scenario("one", {"good": 0.5, "fair": 0.6}), scenario("two", {"good": 0.5, "fair": 0.48})]
+    found = compare_results([results])
+    assert [(item.tracker, item.mean_rank) for item in found.ranking] == [("good", 1.5), ("fair", 1.5)]
+    (change,) = found.overall
+    assert (change.entrant.tracker, change.against.tracker) == ("fair", "good")
+    assert change.mean_percent == pytest.approx(100 * ((0.6 * 0.48 / 0.25) ** 0.5 - 1))
+    assert who_is_ahead(found).startswith("good is ahead over 2 scenarios: the position RMSE of fair, the next, is 7.3")
+
+
+def test_a_baseline_that_all_scenarios_state_is_what_the_others_are_held_against() -> None:
+    rmse = {"good": 0.5, "fair": 0.6, "poor": 0.9}
+    found = compare_results([[scenario(name, rmse, baseline="fair") for name in ("one", "two")]])
+    assert {item.entrant.tracker: item.against.tracker for item in found.overall} == {"good": "fair", "poor": "fair"}
+    assert "than that of fair, the baseline" in who_is_ahead(found)
+    # None was held against the best but the baseline, which is worse.
+    assert {score.entrant.tracker for score in found.scores if score.leading} == {"good"}
+
+
+def test_differences_over_scenarios_lead_the_page(compared: Comparison) -> None:
+    table = comparison_document(compared).tables[0]
+    assert [column.heading for column in table.columns] == ["scenario", "fair", "poor"]
+    rows = {row[0].text: [(cell.text, cell.details) for cell in row[1:]] for row in table.rows}
+    assert list(rows) == ["first", "second", "third", "fourth", "all 4"]
+    assert rows["first"][0] == ("+20.00", ("worse",))
+    assert rows["fourth"][0] == ("", ())
+    few = compare_results([[scenario(name, {"good": 0.5, "fair": 0.6, "poor": 0.9}) for name in ("one", "two")]])
+    assert [row[0].text for row in comparison_document(few).tables[0].rows] == ["one", "two", "all 2"]
 
 
 def test_markdown(compared: Comparison) -> None:

@@ -284,9 +284,9 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
     withheld = "smaller, but not without what is charged for missing estimates"
     for difference, passed, said in (
         (shown, True, ""),
-        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06)"),
+        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06 of the test for over the margin)"),
         (untested, False, " (difference -0.1 m, too few runs or scenes to test)"),
-        (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01)"),
+        (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01 of the test for over the margin)"),
     ):
         (judged,) = evaluated.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
         assert judged.undecided is (difference in (not_shown, untested))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from trackbench import results
-from trackbench.api.result import Report
+from trackbench.api.result import HasFigures, Report
 from trackbench.api.scenario import listed
 from trackbench.base.errors import InputError, counted
 from trackbench.compare import Limit, ResultSet, comparison, find_results
@@ -19,7 +19,7 @@ from trackbench.results.metric_value import data_frame
 Compared = results.Result | Path | str
 
 
-class ReportableComparison(comparison.Comparison):
+class ReportableComparison(HasFigures, comparison.Comparison):
     """What a comparison found. A notebook shows it as a page, ``print`` as text."""
 
     def report(self) -> Report:
@@ -27,7 +27,10 @@ class ReportableComparison(comparison.Comparison):
         return Report(comparison_document(self))
 
     def to_pandas(self) -> Any:
-        """A data frame with a row for each difference, of every group of scenarios."""
+        """A data frame with a row for each difference, of every group of scenarios.
+
+        ``p_value`` is of the hypothesis that the difference is within the margin, after Holm's correction.
+        """
         return data_frame(
             {
                 **item.model_dump(include={"scenario", "metric", "unit", "value", "reference", "difference"}),

@@ -12,22 +12,12 @@ from trackbench.document import Document, Figure
 from trackbench.document.files import document_text, files_by_ending, require_ending
 
 
-class ReportableResult(results.Result):
-    """The result of a scenario, which a notebook shows as its ranking.
-
-    ``result["ekf_cv"].position_rmse.value`` is a metric of a tracker, ``result.to_pandas("steps")`` a table.
-    """
-
-    @classmethod
-    def of(cls, result: results.Result) -> Self:
-        """The same result, as one that shows itself."""
-        return cls(result.summary, result.tables)
+class HasFigures:
+    """What a report can be made of, whose figures have names."""
 
     def report(self) -> Report:
-        """Return the report of the run, as ``trackbench run`` writes it."""
-        from trackbench.report.result import result_document
-
-        return Report(result_document(self))
+        """Return the report."""
+        raise NotImplementedError
 
     @property
     def figures(self) -> tuple[str, ...]:
@@ -44,6 +34,24 @@ class ReportableResult(results.Result):
         if name not in figures:
             raise InputError(f"no figure {name!r} in this report; {nearest_choices(name, figures)}")
         return ReportFigure(figures[name])
+
+
+class ReportableResult(HasFigures, results.Result):
+    """The result of a scenario, which a notebook shows as its ranking.
+
+    ``result["ekf_cv"].position_rmse.value`` is a metric of a tracker, ``result.to_pandas("steps")`` a table.
+    """
+
+    @classmethod
+    def of(cls, result: results.Result) -> Self:
+        """The same result, as one that shows itself."""
+        return cls(result.summary, result.tables)
+
+    def report(self) -> Report:
+        """Return the report of the run, as ``trackbench run`` writes it."""
+        from trackbench.report.result import result_document
+
+        return Report(result_document(self))
 
     def _repr_html_(self) -> str:
         import pandas

@@ -25,18 +25,20 @@ from trackbench.compare.comparison import (
     Entrant,
     EntrantScore,
     OrderInWorlds,
+    RankedTracker,
 )
 from trackbench.compare.differences import (
     Match,
     coverage_notes,
+    differences_to,
     judged_differences,
     match_within,
-    overall,
     same_tracker,
 )
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, gate_results
 from trackbench.compare.origins import order_notes, origins_of_sets
+from trackbench.compare.pooled import overall
 from trackbench.compare.ranking import Pairings, entrant_scores, ranked_trackers, sets_of_scenes
 from trackbench.metrics import Metric
 from trackbench.results import Result, merged_places
@@ -206,13 +208,21 @@ def _comparison(
     ]
     scenes = sets_of_scenes({cell.scenario: cell.entries[0].result.summary.truth.motion for cell in cells})
     order, rank_differences = ranked_trackers(scored, pairings, scenes) if pairings else ([], [])
+    baseline = _baseline(cells, chosen, order) if single and len(cells) > 1 else None
+    places = {item.tracker: place for place, item in enumerate(order)}
+    to_baseline = (
+        sorted(differences_to(baseline, differing), key=lambda item: places[item.entrant.tracker])
+        if baseline
+        else differing
+    )
     return Comparison(
         sets=sets,
         ranked_by=ranked_by,
         scenarios=[_compared(cell, matches) for cell in cells],
         scores=scored,
         differences=differing,
-        overall=overall(differing) if not single and len(cells) > 1 else [],
+        overall=overall(to_baseline, scenes) if len(cells) > 1 else [],
+        baseline=baseline,
         sets_of_scenes=scenes,
         ranking=order,
         rank_differences=rank_differences,
@@ -221,6 +231,17 @@ def _comparison(
         not_compared=missing,
         notes=[*_notes(cells, matches, chosen, single), *coverage_notes(matches, differing, compared)],
     )
+
+
+def _baseline(
+    cells: Sequence[ScenarioResults], chosen: Mapping[tuple[str, int], list[str]], order: Sequence[RankedTracker]
+) -> str | None:
+    """The tracker that the others are held against over scenarios: the stated one of all of them, else the best."""
+    stated = {cell.entries[0].result.summary.score.baseline for cell in cells}
+    name = stated.pop() if len(stated) == 1 else None
+    if name is not None and all(name in chosen[cell.scenario, 0] for cell in cells):
+        return name
+    return order[0].tracker if order else None
 
 
 def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultSet:

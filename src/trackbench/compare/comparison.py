@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field
+from scipy.special import stdtrit
 
+from trackbench.metrics.contrasts import LogRatio
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import ResultModel, read_model
@@ -19,6 +22,8 @@ TIMES = ("step_time",)
 DIGITS = 4
 
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
+#: What is said of a difference, turned round.
+_TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller": "larger"}
 
 
 class Entrant(ResultModel):
@@ -79,7 +84,8 @@ class EntrantScore(ResultModel):
     """By the metric that ranks, in a set that is compared alone: one, and one for each tracker that is shown to be
     better by more than the margin, a half for each where neither is. None without a score, and with several sets."""
     leading: bool
-    """Whether it is the best of the scenario, or was not shown to be worse than the best by more than the margin."""
+    """Whether it is the best of the scenario, or was compared with the best and not shown to be worse by more than the
+    margin."""
     failure: str = ""
     """Why there is no score."""
     reference: bool = False
@@ -127,6 +133,28 @@ class PairDifference(ResultModel):
     """With a limit: whether both are of the same recorded data, in which nothing is drawn."""
     verdict: str
     """One of :data:`trackbench.metrics.differences.VERDICTS`."""
+    scenes_ahead: tuple[int, int] | None = None
+    """Number of scenes in which the entrant is the better one of the two, and of all; None where there is one scene."""
+    log_ratio: LogRatio | None = None
+    """Logarithm of the ratio of the value to the reference, its standard error and degrees of freedom, from which
+    scenarios are pooled; None where one is not positive."""
+
+    def turned(self) -> PairDifference:
+        """Return the difference of the other one to this one."""
+        ratio, ahead = self.log_ratio, self.scenes_ahead
+        return self.model_copy(
+            update={
+                "entrant": self.against,
+                "against": self.entrant,
+                "value": self.reference,
+                "reference": self.value,
+                "difference": 0.0 - self.difference,
+                "ci95": self.ci95 and (0.0 - self.ci95[1], 0.0 - self.ci95[0]),
+                "verdict": _TURNED.get(self.verdict, self.verdict),
+                "scenes_ahead": ahead and (ahead[1] - ahead[0], ahead[1]),
+                "log_ratio": ratio and ratio._replace(value=-ratio.value),
+            }
+        )
 
     @property
     def percent(self) -> float | None:
@@ -139,6 +167,16 @@ class PairDifference(ResultModel):
         if self.ci95 is None or not self.reference:
             return None
         low, high = (100.0 * end / abs(self.reference) for end in self.ci95)
+        return low, high
+
+    @property
+    def ratio_ci95(self) -> tuple[float, float] | None:
+        """The interval of the ratio less one, in percent: also where the reference is less sure than the difference."""
+        ratio = self.log_ratio
+        if ratio is None or ratio.error is None:
+            return None
+        reach = stdtrit(ratio.freedom, 0.975) * ratio.error
+        low, high = (float(100.0 * np.expm1(ratio.value + side)) for side in (-reach, reach))
         return low, high
 
     @property
@@ -162,7 +200,7 @@ class NotCompared(ResultModel):
 
 
 class OverallChange(ResultModel):
-    """A metric of an entrant against the baseline, over all scenarios in which both have it."""
+    """A metric of an entrant against the baseline, over all scenarios in which both have it; it speaks of these."""
 
     metric: str
     entrant: Entrant
@@ -171,6 +209,9 @@ class OverallChange(ResultModel):
     """Number of scenarios by verdict."""
     mean_percent: float | None
     """The geometric mean of the ratios less one, in percent; None where a value is not positive."""
+    ci95: tuple[float, float] | None = None
+    """Of the mean, in percent: over other noise and scenes of these scenarios. None where one has no interval, and
+    where both have the same value in every run."""
 
 
 class RankedTracker(ResultModel):
@@ -180,7 +221,8 @@ class RankedTracker(ResultModel):
     scenarios: int
     mean_rank: float
     ci95: tuple[float, float] | None
-    """Of the mean rank; None where there are too few sets of scenes or trackers for one."""
+    """Of the mean rank; None where there are too few sets of scenes or trackers for one, and of one that has no width
+    or covers all ranks."""
     won: int
     """Pairings with another tracker in a scenario in which its error is shown to be smaller by more than the margin."""
     lost: int
@@ -260,7 +302,10 @@ class Comparison(ResultModel):
     differences: list[PairDifference]
     """Of one set: every pair of trackers. Of several: each entrant against the baseline."""
     overall: list[OverallChange]
-    """Of several sets."""
+    """Over several scenarios."""
+    baseline: str | None = None
+    """Of one set over several scenarios: the tracker that the others are held against in ``overall``,
+    ``score.baseline`` of all scenarios or the best."""
     sets_of_scenes: list[list[str]]
     """The scenarios in sets: those that share scenes are one, which the ranking counts once."""
     ranking: list[RankedTracker]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -11,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.compare.comparability import Comparability
-from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
+from trackbench.compare.comparison import Entrant, NotCompared, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.metrics import Metric
-from trackbench.metrics.contrasts import Contrast, paired, unpaired
+from trackbench.metrics.contrasts import Contrast, log_ratio, paired, unpaired
 from trackbench.metrics.differences import (
     MOST_PAIRED,
     UNDECIDED,
@@ -81,12 +80,12 @@ def judged_differences(
     """Every pair of every match by every metric, and what has no value to compare.
 
     The p-values are corrected for their number, by all metrics together: in all scenarios, or within each one and its
-    worlds.
+    worlds. Of several sets, pairs that are the same in every run are not counted: they cannot be called different.
 
     Args:
         matches: what is compared.
         metrics: by which.
-        over_scenarios: whether all scenarios are corrected together.
+        over_scenarios: whether all scenarios are corrected together, as of several sets.
         limits: by metric, the percentage of the reference that the margin is not more than.
     """
     compared: list[_Uncorrected] = []
@@ -96,6 +95,8 @@ def judged_differences(
         for outcome in _compare(match, metric, (limits or {}).get(metric.path)):
             if isinstance(outcome, NotCompared):
                 missing.append(outcome)
+            elif over_scenarios and outcome.item.identical:
+                compared.append(outcome)
             else:
                 family = "" if over_scenarios else match.entry.result.summary.scenario.base
                 families.setdefault(family, []).append(len(compared))
@@ -105,7 +106,7 @@ def judged_differences(
         members = [compared[place] for place in places]
         own = corrected_p_values([member.item.p_value for member in members], [member.choices for member in members])
         p_values |= dict(zip(places, own, strict=True))
-    return [each.judged(p_values[place]) for place, each in enumerate(compared)], missing
+    return [each.judged(p_values.get(place, 1.0)) for place, each in enumerate(compared)], missing
 
 
 class _Uncorrected(NamedTuple):
@@ -174,30 +175,31 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
             scenes_in_words=match.against.result.summary.truth.scenes_in_words,
             repeatable=limit is not None and shared is not None and match.entry.repeatable,
             verdict=UNDECIDED,
+            scenes_ahead=_scenes_ahead(match, pair) if metric.path == match.entry.result.summary.headline else None,
+            log_ratio=log_ratio(own, other, is_paired=shared is not None),
         )
         # The rest of rounding is another on each machine.
         update = {"difference": 0.0, "ci95": item.ci95 and (0.0, 0.0)} if item.identical else {}
         yield _Uncorrected(item.model_copy(update=update), result, metric, match.choices(metric))
 
 
-def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
-    """Each entrant against the baseline, over the scenarios."""
-    changes = []
-    for key in dict.fromkeys((item.metric, item.entrant, item.against) for item in differences):
-        own = [item for item in differences if (item.metric, item.entrant, item.against) == key]
-        ratios = [item.value / item.reference for item in own if item.reference > 0 and item.value > 0]
-        mean = math.exp(sum(map(math.log, ratios)) / len(ratios)) if len(ratios) == len(own) else None
-        verdicts = [item.verdict for item in own]
-        changes.append(
-            OverallChange(
-                metric=key[0],
-                entrant=key[1],
-                against=key[2],
-                verdicts={verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)},
-                mean_percent=None if mean is None else 100.0 * (mean - 1.0),
-            )
-        )
-    return changes
+def differences_to(baseline: str, differences: Sequence[PairDifference]) -> list[PairDifference]:
+    """Return the differences of the other trackers of one set to one of them."""
+    turned = (item.turned() if item.entrant.tracker == baseline else item for item in differences)
+    return [item for item in turned if item.against.tracker == baseline]
+
+
+def _scenes_ahead(match: Match, pair: tuple[str, str]) -> tuple[int, int] | None:
+    """Number of scenes in which the first of a pair has the smaller error, and of all that both results have."""
+    scenes, others = (entry.result.summary.truth.scenes for entry in (match.entry, match.against))
+    if len(scenes) < 2 or [scene.name for scene in scenes] != [scene.name for scene in others]:
+        return None
+    ahead = [
+        scene.error[pair[0]] < other.error.get(pair[1], np.inf)
+        for scene, other in zip(scenes, others, strict=True)
+        if pair[0] in scene.error
+    ]
+    return sum(ahead), len(scenes)
 
 
 def coverage_notes(

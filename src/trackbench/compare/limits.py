@@ -53,8 +53,8 @@ def gate_results(
     for limit in limits:
         for item in differences:
             if item.metric == limit.metric:
-                outcome, text = _outcome(item, limit, metrics[limit.metric]), _text(item, limit)
-                results.append(_result(item, limit, outcome, text))
+                outcome = _outcome(item, limit, metrics[limit.metric])
+                results.append(_result(item, limit, outcome, _text(item, limit, outcome)))
         for gap in missing:
             if gap.metric == limit.metric:
                 results.append(_result(gap, limit, "error" if gap.of_entrant else "undecided", gap.reason))
@@ -83,7 +83,7 @@ def _outcome(item: PairDifference, limit: Limit, metric: Metric) -> GateOutcome:
     return "failed" if is_broken else "undecided"
 
 
-def _text(item: PairDifference, limit: Limit) -> str:
+def _text(item: PairDifference, limit: Limit, outcome: GateOutcome) -> str:
     allowed = f"{limit.percent:g} % allowed"
     if item.identical:
         return f"the same in every run; {allowed}"
@@ -95,14 +95,17 @@ def _text(item: PairDifference, limit: Limit) -> str:
     if item.percent_ci95 is not None:
         low, high = item.percent_ci95
         reach = f" (95 %: {low:+.1f} to {high:+.1f} %)"
-    return f"{item.percent:+.1f} %{reach}, {item.verdict}; {allowed}"
+    # A word on the margin beside an open limit would answer another question.
+    word = "" if outcome == "undecided" else f", {item.verdict}"
+    return f"{item.percent:+.1f} %{reach}{word}; {allowed}"
 
 
 def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
-    """Say how many limits are kept: "1 of 3 limits kept, 1 broken, 1 undecided"."""
+    """Say what became of the limits: "2 of 2 limits kept", "1 of 3 limits broken, 1 not shown to be kept"."""
     broken, undecided = sum(item in ("failed", "error") for item in outcomes), outcomes.count("undecided")
-    rest = [f"{number} {word}" for number, word in ((broken, "broken"), (undecided, "undecided")) if number]
-    return ", ".join([f"{outcomes.count('passed')} of {counted(len(outcomes), 'limit')} kept", *rest])
+    parts = [(broken, "broken"), (undecided, "not shown to be kept")]
+    (number, word), *rest = [part for part in parts if part[0]] or [(len(outcomes), "kept")]
+    return ", ".join([f"{number} of {counted(len(outcomes), 'limit')} {word}", *(f"{n} {what}" for n, what in rest)])
 
 
 def exit_line(outcomes: Sequence[GateOutcome], status: int) -> str:

@@ -34,15 +34,21 @@ class Pairings:
 
     def __init__(self, differences: Sequence[PairDifference], metric: str) -> None:
         """``metric``: the one that trackers are ranked by."""
-        self._better: dict[tuple[str, frozenset[str]], str] = {}
+        self.metric = metric
+        self._better: dict[tuple[str, frozenset[str]], str | None] = {}
         for item in differences:
             a, b = item.entrant.tracker, item.against.tracker
-            if item.metric == metric and item.verdict in ("better", "worse"):
-                self._better[item.scenario, frozenset((a, b))] = a if item.verdict == "better" else b
+            if item.metric == metric:
+                better = {"better": a, "worse": b}.get(item.verdict)
+                self._better[item.scenario, frozenset((a, b))] = better
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
         """The better one of the two, None where none is shown to be."""
         return self._better.get((scenario, frozenset((a, b))))
+
+    def compared(self, scenario: str, a: str, b: str) -> bool:
+        """Whether the two were held against each other."""
+        return (scenario, frozenset((a, b))) in self._better
 
     def rank(self, scenario: str, name: str, names: Sequence[str]) -> float:
         """One, and one for each tracker that is better, a half for each where neither is."""
@@ -80,14 +86,19 @@ def entrant_scores(
                 metrics=metrics if has_score else {},
                 diverged_runs=(tracker.health.diverged_runs or 0) if has_score else 0,
                 rank=None if ranked is None else ranked.rank(scenario, name, contenders),
-                leading=ranked is not None
-                and name in contenders
-                and ranked.better(scenario, contenders[0], name) in (None, name),
+                leading=ranked is not None and name in contenders and _leads(name, contenders[0], scenario, ranked),
                 reference=tracker.is_reference and name not in contenders,
                 failure="" if has_score else entry.result.why_unscored(tracker),
             )
         )
     return entrants
+
+
+def _leads(name: str, best: str, scenario: str, pairings: Pairings) -> bool:
+    """Whether a tracker is the best of a scenario, or was held against the best and not shown to be worse."""
+    return name == best or (
+        pairings.compared(scenario, best, name) and pairings.better(scenario, best, name) in (None, name)
+    )
 
 
 def sets_of_scenes(scenes: Mapping[str, Sequence[str]]) -> list[list[str]]:
@@ -116,6 +127,8 @@ def ranked_trackers(
     scored: Sequence[EntrantScore], pairings: Pairings, sets: Sequence[Sequence[str]]
 ) -> tuple[list[RankedTracker], list[RankDifference]]:
     """Every tracker of one set of results, by mean rank, and which of the mean ranks are shown to differ.
+
+    Of equal mean ranks that with the smaller geometric mean of the errors is first.
 
     References stand after the others, which are ranked without them. Trackers without a score in a scenario share its
     last places. Where a scenario lacks some trackers, the rank is scaled to the whole field. The rank in a set of
@@ -164,7 +177,7 @@ def _ranking(
                 tracker=name,
                 scenarios=len(own),
                 mean_rank=float(own_ranks.mean()),
-                ci95=mean_rank_interval(own_ranks, len(names)),
+                ci95=_telling(mean_rank_interval(own_ranks, len(names)), len(names)),
                 won=outcomes.count("won"),
                 lost=outcomes.count("lost"),
                 tied=outcomes.count("tied"),
@@ -174,11 +187,29 @@ def _ranking(
                 failed_scenarios=sum(score.rank is None for score in own),
             )
         )
-    ranked.sort(key=lambda item: (item.mean_rank, item.tracker))
+    sizes = _relative_errors([*by_scenario.values()], pairings.metric)
+    ranked.sort(key=lambda item: (round(item.mean_rank, 9), sizes.get(item.tracker, 0.0), item.tracker))
     order = [item.tracker for item in ranked]
     if len(ranks) < 2:
         return ranked, []
     return ranked, _rank_differences(order, [*by_scenario.values()], member_of, pairings)
+
+
+def _relative_errors(scenarios: Sequence[dict[str, EntrantScore]], metric: str) -> dict[str, float]:
+    """By tracker, the mean over its scenarios of the logarithm of its error over the scenario's geometric mean."""
+    own: dict[str, list[float]] = {}
+    for scores in scenarios:
+        logarithms = {
+            name: np.log(value) for name, score in scores.items() if (value := score.value(metric) or 0.0) > 0
+        }
+        for name, logarithm in logarithms.items():
+            own.setdefault(name, []).append(logarithm - np.mean([*logarithms.values()]))
+    return {name: float(np.mean(values)) for name, values in own.items()}
+
+
+def _telling(interval: tuple[float, float] | None, trackers: int) -> tuple[float, float] | None:
+    """Return an interval of a mean rank that has a width and leaves out some ranks, else None."""
+    return interval if interval and interval[0] < interval[1] and interval != (1.0, trackers) else None
 
 
 def _by_set(values: Array, member_of: Indices) -> Array:

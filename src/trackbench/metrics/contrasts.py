@@ -129,6 +129,38 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     return _tested(a.value, np.array([b.value]), errors, freedom, margins, varies, allowed)[0]
 
 
+class LogRatio(NamedTuple):
+    """The logarithm of the ratio of two positive values."""
+
+    value: float
+    error: float | None
+    """Its standard error; None where the runs, scenes or stretches are too few or tell nothing."""
+    freedom: int
+    """Degrees of freedom of the error."""
+
+
+def log_ratio(a: Interval, b: Interval, *, is_paired: bool) -> LogRatio | None:
+    """Return the logarithm of ``a / b``; None where either is not positive.
+
+    Args:
+        a: the one value.
+        b: the other.
+        is_paired: whether both come from the same runs.
+    """
+    if min(a.value, b.value) <= 0:
+        return None
+    value, freedom = float(np.log(a.value / b.value)), min(len(a.influence), len(b.influence)) - 1
+    too_few = a.of_stretches and a.parts.number < FEWEST_STRETCHES
+    if a.error is None or b.error is None or too_few or (a.constant and b.constant):
+        return LogRatio(value, None, freedom)
+    error = float(np.hypot(a.error / a.value, b.error / b.value))
+    if is_paired:
+        apart = a.corrected / a.value - b.corrected / b.value
+        error = float(standard_errors(apart[None], a.in_time or a.of_stretches)[0])
+    unseen = _allowed(a, b)[0] / min(a.value, b.value) if error > ROUNDING else 0.0
+    return LogRatio(value, a.parts.stretch.difference * error + unseen / stdtrit(freedom, 0.975), freedom)
+
+
 def _allowed(a: Interval, b: Interval) -> tuple[float, float]:
     """Return what a difference of two errors allows for scenes that were not drawn: in its interval, and in a verdict.
 

@@ -18,7 +18,7 @@ from trackbench.metrics.verdicts import LEAST_COVERAGE, mean_text
 from trackbench.report.covariance import verdict_in_words
 from trackbench.report.first_screen import questions
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, rounded, short
-from trackbench.report.pairs import Pairs, Standing, standing
+from trackbench.report.pairs import Pairs, Standing, difference_word, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_scenes, values_of_few_scenes
 from trackbench.report.sentences import duration, expectations_met, remarks, value_and_limit, verdict_of_run
 from trackbench.report.tables import OUTCOME_TONE, TRACKER, metric_of, tone_of
@@ -37,8 +37,8 @@ COLUMNS = {
     ),
     "hidden identities": (
         ("T-GOSPA m", "tgospa", 3, 1.0),
-        ("missed", "gospa_missed", 3, 1.0),
-        ("false", "gospa_false", 3, 1.0),
+        ("missed m", "gospa_missed", 3, 1.0),
+        ("false m", "gospa_false", 3, 1.0),
         ("HOTA", "hota", 3, 1.0),
         ("sw/min", "id_switches", 2, 1.0),
         ("pos. m", "position_rmse", 3, 1.0),
@@ -138,10 +138,6 @@ def bars(values: Sequence[float | None]) -> list[str]:
     return list(map(bar, values))
 
 
-#: What is said of a difference to the best; "not shown": neither worse nor the same can be shown.
-_WORDS = {"worse": "worse", "equivalent": "same", "better": "better"}
-
-
 def _to_the_best(result: Result) -> list[Cell]:
     """How much larger each error is than the best's, in per cent or times, and a word."""
     if not result.contenders:
@@ -156,7 +152,7 @@ def _to_the_best(result: Result) -> list[Cell]:
         elif tracker is best or not value or not least:
             cells.append(Cell("    -" if tracker is best else ""))
         else:
-            word = _WORDS.get(pair.verdict, "not shown") if pair and not pairs.unjudged else ""
+            word = difference_word(pair.verdict) if pair and not pairs.unjudged else ""
             cells.append(Cell(f"{times(value, least):>5} {word}".rstrip(), tone="warn" if word == "worse" else ""))
     return cells
 

@@ -82,7 +82,7 @@ def _limit_case(limit: GateResult) -> Case:
     name = f"{limit.entrant.tracker} {limit.metric} not worse by more than {limit.percent:g} %"
     outcome, message = limit.outcome, limit.text
     if outcome == "undecided":
-        outcome, message = "failed", f"undecided: {message}"
+        outcome, message = "failed", f"not shown to be kept: {message}"
     return Case(name, f"{limit.scenario}.{limit.entrant.tracker}", outcome, message)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from string import ascii_lowercase
 
-from trackbench.metrics.differences import size
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, size
 from trackbench.report.numbers import margin_words
 from trackbench.results import Result
 
@@ -32,6 +32,11 @@ def group_letter(number: int) -> str:
     """ "a" to "z", then "aa", "ab" and so on, of the groups from 0 on."""
     before, last = divmod(number, len(ascii_lowercase))
     return (group_letter(before - 1) if before else "") + ascii_lowercase[last]
+
+
+def difference_word(verdict: str) -> str:
+    """Return what is said of a difference, such as "same"; "not shown": neither worse nor the same can be shown."""
+    return {EQUIVALENT: "same", UNDECIDED: "not shown"}.get(verdict, verdict)
 
 
 @dataclass(frozen=True)

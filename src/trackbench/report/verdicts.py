@@ -64,8 +64,15 @@ NEXT = {
 COMPARED = {
     "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
     "worse": "Shown to be worse: {listed}.",
-    "shared": "{names} share the best mean rank, {rank}.",
-    "ahead": "{best} has the best mean rank, {rank} against {other} of {second}.",
-    "too few": "Too few sets of scenes for a claim: with {trackers} it takes {wanted}.",
-    "lead": "That lead is {shown} (p = {p_value}).",
+    "ahead of next": "{best} is ahead{by} over {over}: the {what} of {other}, the next, is {change}.",
+    "ahead of baseline": "{best} is ahead{by} over {over}: its {what} is {change} than that of {other}, the baseline.",
+    "ahead by rank": "{best} is ahead over {over}: mean rank {rank}, {other} of {second}, the next.",
+    "too few": "Of other scenarios nothing is shown: with {trackers} that takes {wanted} sets of scenes, here are "
+    "{sets}.",
+    "lead": "In other scenarios like these its mean rank is {shown} to be the best (sign-flip test of the ranks over "
+    "the sets of scenes, p = {p_value}).",
+    "pooled": "In %, with the 95 % interval of each alone; {over}: geometric mean of the ratios in these scenarios",
+    "words": "{over} speaks of these scenarios, not of others. Worse, better: by over the margin, at 5 % for all pairs "
+    "of {family} together (Holm), for which the intervals are not corrected; same: within the margin; not shown: "
+    "neither.",
 }

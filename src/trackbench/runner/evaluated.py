@@ -136,7 +136,11 @@ def _not_better(tracker: str, difference: Difference | None) -> str:
     if difference.turned:
         word = f"{size(value)}, but not without what is charged for missing estimates"
     untested = difference.ci95 is None and difference.p_value == 1
-    tested = "too few runs or scenes to test" if untested else f"{word}, p = {difference.p_value:.2g}"
+    tested = (
+        "too few runs or scenes to test"
+        if untested
+        else f"{word}, p = {difference.p_value:.2g} of the test for over the margin"
+    )
     return f" (difference {value:+.3g} {difference.unit}, {tested})"
 
 

@@ -43,6 +43,16 @@ def made(*axes, trackers=("ekf",), **more):
     return envelope_of(claim_of(ways, {name: TRACKERS[name] for name in trackers}, **more))
 
 
+def test_a_terminal_shows_the_map_the_border_and_where_the_scenario_is() -> None:
+    envelope = made(*"qr")
+    console = Console(file=io.StringIO(), width=80)
+    print_document(envelope_summary(envelope), console)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "Near the scenario ekf holds along q in none of its 5 cells" in text
+    rows = [line.split(None, 1)[1] for line in text.splitlines() if line.startswith((" 10 ", "  1 ", "0.1 "))]
+    assert [row.strip() for row in rows[:3]] == ["x  x  x  x  x", "x  x [x] x  x", "#  #  x  x  x"]
+
+
 @pytest.mark.parametrize(
     ("axes", "trackers", "figures"),
     [

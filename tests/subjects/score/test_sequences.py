@@ -97,8 +97,8 @@ def five(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_each_tracker_is_a_folder_and_the_scenario_runs_again(five: Path, cli) -> None:
     done = cli("score", "a", "b", "--truth", "gt", "--gate", "gospa:2%", "--no-recording")
     assert done.status == 1
-    assert "gt: over 5 sequences a has the smallest T-GOSPA" in done.out
-    assert done.err.splitlines()[-1] == "0 of 1 limit kept, 1 broken: exit status 1 (0: all shown kept)"
+    assert "gt: over 5 sequences a is best: T-GOSPA" in done.out
+    assert done.err.splitlines()[-1] == "1 of 1 limit broken: exit status 1 (0: all shown kept)"
     again = cli("run", "results/gt.yaml", "--no-recording", "--out", "again", "--quiet")
     assert again.status == 0
     same = cli("compare", "results/gt", "again/gt", "--fail-on-regression", "gospa:0", "--quiet")

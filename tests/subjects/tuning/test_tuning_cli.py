@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from tests.support.places import DOCS
 
 from trackbench.scenario import load_scenario
@@ -81,6 +82,18 @@ def test_a_tracker_is_tuned_on_some_noise_and_tried_on_other(cli: Cli, tmp_path:
     assert cli("check", "out/tuned.yaml").status == 0
 
 
+def test_the_only_tracker_with_options_is_tuned_into_a_folder(cli: Cli, tmp_path: Path) -> None:
+    text = (tmp_path / "own.yaml").read_text(encoding="utf-8")
+    only = yaml.safe_load(text)
+    only["trackers"] = {"raw": {"use": "raw"}, "kf": only["trackers"]["kf"]}
+    only.pop("expect", None)
+    (tmp_path / "one.yaml").write_text(yaml.safe_dump(only), encoding="utf-8")
+    done = cli("tune", "one.yaml", "--trials", "8", "--out", "folder")
+    assert done.status == 0, done.err
+    assert done.out.startswith("Tuning of kf: position RMSE ")
+    assert (tmp_path / "folder" / "tuned.yaml").is_file()
+
+
 def test_a_gain_that_is_noise_is_said_to_be(cli: Cli) -> None:
     near = ("--set", "trackers.ekf.acceleration_sigma_mps2=2.2")
     done = cli("tune", "own.yaml", "--trackers", "ekf", "--trials", "16", "--seed", "3", "--json", *near)
@@ -120,7 +133,8 @@ def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> No
         (("--trackers", "kf", "--objective", "position_rms"), "did you mean 'position_rmse'"),
         (("--trackers", "kf", "--train-scenes", "3"), "own has one scene"),
         (("--trackers", "kf", "--out", "own.yaml"), "not overwritten"),
-        (("--trackers", "kf", "--out", "folder"), ".yaml"),
+        (("--trackers", "kf", "--out", "folder.json"), ".yaml"),
+        ((), "name those to tune; choose from: "),
     ],
 )
 def test_bad_input_is_one_message(cli: Cli, arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, PairDifference
-from trackbench.compare.comparison import ComparedResult, OverallChange
+from trackbench.compare.comparison import ComparedResult
 from trackbench.document import (
     Block,
     Cell,
@@ -22,15 +22,14 @@ from trackbench.document import (
     Row,
     Section,
     Table,
-    Tone,
     named_apart,
 )
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
 from trackbench.document.palette import Styles, tracker_styles
-from trackbench.metrics.differences import VERDICTS
 from trackbench.report.comparison import ranking
 from trackbench.report.comparison.figures import difference_figure
+from trackbench.report.comparison.over_scenarios import TONES, scenario_table
 from trackbench.report.comparison.over_time import (
     course_figure,
     first_shown_in_words,
@@ -49,6 +48,7 @@ from trackbench.report.comparison.sentences import (
     set_letter,
 )
 from trackbench.report.numbers import half_width, short
+from trackbench.report.pairs import difference_word
 from trackbench.report.scenes import parts_in_words, undrawn_scenes
 from trackbench.report.tables import unit_after_heading
 from trackbench.results import json_text
@@ -153,9 +153,6 @@ def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
     return pages
 
 
-TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
-
-
 def difference_blocks(comparison: Comparison, styles: Styles) -> Iterator[Block]:
     """What became of the limits, the answer, the differences by metric, and the results."""
     yield from answer_blocks(comparison)
@@ -174,7 +171,7 @@ def _metric_section(
     best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
     shown = differences_from(best, items) if best else sorted(items, key=lambda item: item.identical)
     if several:
-        yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
+        yield scenario_table(comparison, metric)
     else:
         yield _differences(comparison, metric, shown)
     if is_over_time(comparison):
@@ -190,7 +187,7 @@ def _metric_section(
         title = "Each difference" if several else "Each pair"
         each = _differences(comparison, metric, items)
         yield Section(title, (replace(each, name=f"{each.name}-each"),), folded=True)
-    yield Paragraph(_method(items, len(comparison.differences)))
+    yield Paragraph(_method(items, _tested(comparison)))
 
 
 def _pair(item: PairDifference) -> str:
@@ -209,17 +206,22 @@ def _how(result: ComparedResult) -> str:
     return f"{'unpaired' if result.shared_runs is None else 'paired'}: {result.reason}"
 
 
+def _tested(comparison: Comparison) -> int:
+    """Number of differences that are tested together; of several sets without those that are the same in every run."""
+    return sum(len(comparison.sets) == 1 or not item.identical for item in comparison.differences)
+
+
 def _method(items: Sequence[PairDifference], number: int) -> str:
-    """How differences of a metric are judged; ``number``: of the differences by all metrics."""
+    """How differences of a metric are judged; ``number``: of those by all metrics that are tested together."""
     ways = [
         f"paired over {parts}"
         for parts in sorted({_parts(item, item.paired_runs) for item in items if item.paired_runs})
     ]
     ways += ["unpaired (Welch's test)"] * any(item.paired_runs is None for item in items)
-    corrected = f" for {number} differences (Holm)" * (number > 1)
+    corrected = f" for {number} differences together (Holm), and ± is the 95 % interval of each alone" * (number > 1)
     fewest, few_decide = min(item.scenes for item in items), any(item.few_scenes_decide for item in items)
     undrawn = "".join(f" {sentence}." for sentence in undrawn_scenes(fewest, few_decide))
-    return f"Differences are {' or '.join(ways)}, judged at 5 %{corrected}; equivalent: within the margin.{undrawn}"
+    return f"Differences are {' or '.join(ways)}, judged at 5 %{corrected}; same: within the margin.{undrawn}"
 
 
 def _parts(item: PairDifference, runs: int) -> str:
@@ -246,7 +248,7 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
         (Column("difference"), [Cell(with_reach(item)) for item in items]),
         (
             Column("verdict", left=True),
-            [Cell(item.verdict, tone=TONES.get(item.verdict, ""), chip=True) for item in items],
+            [Cell(difference_word(item.verdict), tone=TONES.get(item.verdict, ""), chip=True) for item in items],
         ),
         (Column("%", "of the value that it is held against"), [Cell(in_percent(item.percent)) for item in items]),
         (Column("value"), [Cell(short(item.value, digits)) for item in items]),
@@ -258,29 +260,12 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
     return Table.of_columns(f"differences-{metric.replace('.', '-')}", columns)
 
 
-def _name_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
+def _name_cell(comparison: Comparison, item: PairDifference) -> Cell:
     return Cell(entrant_name(comparison, item.entrant), tracker=item.entrant.tracker)
 
 
-def _against_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
+def _against_cell(comparison: Comparison, item: PairDifference) -> Cell:
     return Cell(entrant_name(comparison, item.against, item.entrant))
-
-
-def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
-    """Each entrant over all scenarios: in how many it is better, and the mean change."""
-    mean = "geometric mean over the scenarios of the value over that which it is held against, less one"
-    columns = [
-        (Column("tracker", left=True), [_name_cell(comparison, item) for item in items]),
-        (Column("against"), [_against_cell(comparison, item) for item in items]),
-        *(
-            (Column(verdict, "scenarios"), [Cell(str(item.verdicts.get(verdict, 0))) for item in items])
-            for verdict in VERDICTS
-            if any(verdict in item.verdicts for item in items)
-        ),
-        (Column("mean %", mean), [Cell(in_percent(item.mean_percent)) for item in items]),
-    ]
-    caption = "Number of scenarios by verdict, and the mean change"
-    return Table.of_columns(f"overall-{items[0].metric.replace('.', '-')}", columns, caption)
 
 
 def _results(comparison: Comparison) -> Items:

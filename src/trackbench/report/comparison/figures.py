@@ -38,6 +38,10 @@ def difference_figure(
         side + way * 0.06 * (max(high, 0.0) - min(low, 0.0)) for side, way in ((min(low, 0.0), -1), (max(high, 0.0), 1))
     )
     what = f"{metric} minus that of {best}" if best else f"difference in {metric}"
+    has_intervals, cut = any(item.ci95 for item in items), any(not low <= value <= high for _, value, *_ in drawn)
+    caption = f"Dots: {what}{'; bars: their 95 % intervals' * has_intervals}."
+    caption += " What is far out is cut off at the edge, with its value." * cut
+    caption += " What is the same in every run is left out." * (len(drawn) < len(items))
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=f"{what}{unit}")
@@ -58,8 +62,7 @@ def difference_figure(
     return Figure(
         name=f"differences-{metric.replace('.', '-')}",
         title=f"Differences in {metric}{unit}",
-        caption=f"Dots: {what}; bars: their 95 % intervals. What is far out is cut off at the edge, with its value; "
-        "what is the same in every run is left out.",
+        caption=caption,
         alternative=f"{what}{unit}: " + ", ".join(f"{label} {value:+.3g}" for label, value, *_ in drawn),
         paint=paint,
         height=50 + _ROW * len(drawn),

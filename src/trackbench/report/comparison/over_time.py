@@ -84,7 +84,8 @@ def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDiffe
     return tracker_figure(
         f"over-time-{metric.replace('.', '-')}",
         f"{metric} over the results",
-        "Bars: 95 % intervals. Rings: where a difference from the first result is first shown."
+        "Bars: 95 % intervals."
+        + " Rings: where a difference from the first result is first shown." * any(rings.values())
         + (f" Cut off above: {joined_names(cut)}." if cut else ""),
         f"{metric} of each tracker over the results",
         paint,

@@ -12,11 +12,11 @@ from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.verdicts import mean_text
 from trackbench.report.comparison.figures import competitors, rank_groups, ranked_label
-from trackbench.report.comparison.sentences import NAMES, ranking_answer, world_tables
+from trackbench.report.comparison.over_scenarios import scenario_table, who_is_ahead
+from trackbench.report.comparison.sentences import NAMES, certainty, world_tables
 from trackbench.report.covariance import verdict_in_words
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
-    REACH,
     decimals,
     interval_text,
     joined_names,
@@ -26,10 +26,8 @@ from trackbench.report.numbers import (
 )
 from trackbench.report.pairs import group_letter
 from trackbench.report.tables import tone_of
+from trackbench.report.verdicts import COMPARED
 
-_RANKED = (
-    f"With {REACH}. Bold: the best of the scenario, and every tracker that is not shown to be worse by over the margin."
-)
 _ToCell = Callable[[EntrantScore, int], Cell]
 #: Title and metric of each matrix, where identities are known and where they are hidden.
 _OF_ESTIMATES = {
@@ -47,11 +45,17 @@ _OF_TRACKS = {
 
 def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
     """The answer, the ranking, a matrix for each quantity, the scenarios, and what has no score."""
-    if answer := ranking_answer(comparison):
-        yield Paragraph(answer, strong=True)
-    yield Paragraph(f"{_compared(comparison)}.")
+    if len(competitors(comparison)) > 1:
+        yield Paragraph(f"{who_is_ahead(comparison)} {certainty(comparison)}", strong=True)
+    if any(len(names) > 1 for names in comparison.sets_of_scenes):
+        yield Paragraph(f"{_compared(comparison)}.")
+    for metric in dict.fromkeys(change.metric for change in comparison.overall):
+        name = NAMES.get(metric, metric)
+        title = f"{name[0].upper()}{name[1:]} against {comparison.baseline}"
+        words = COMPARED["words"].format(over=f"All {len(comparison.scenarios)}", family="a scenario")
+        yield Section(title, (scenario_table(comparison, metric), Paragraph(words)))
     method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(_letters(comparison)))
-    yield Section("Overall", (_overall(comparison), method))
+    yield Section("Mean ranks", (_overall(comparison), method))
     if comparison.worlds:
         yield Section("In which worlds does it hold?", tuple(world_tables(comparison)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
@@ -60,7 +64,7 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
         ranked = metric == comparison.ranked_by
         cell = _ranked(metric) if ranked else _nees if metric == "nees" else _plain(metric)
         table = _matrix(comparison, links, metric.replace("_", "-"), metric, cell)
-        yield Section(title, (table, *([Paragraph(_RANKED)] if ranked else [])))
+        yield Section(title, (table, *([Paragraph(_ranked_note(table))] if ranked else [])))
     yield Section("Scenarios", (_scenarios(comparison, links),))
     failures = [
         Item(f"in {score.scenario}: {score.failure}", label=score.entrant.tracker, tone="bad")
@@ -72,12 +76,12 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
 
 
 def _compared(comparison: Comparison) -> str:
-    """How many trackers and scenarios are compared, and which scenarios share their scenes."""
+    """How many trackers and scenarios are compared, and which of these share their scenes."""
     ranking, sets = competitors(comparison), comparison.sets_of_scenes
     text = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
     shared = [joined_names(names) for names in sets if len(names) > 1]
     together = f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share theirs, and count as one"
-    return text + together * bool(shared)
+    return text + together
 
 
 _METHOD = (
@@ -98,7 +102,7 @@ def _overall(comparison: Comparison) -> Table:
     texts = {
         "group": _letters(comparison),
         "mean rank": [rounded(item.mean_rank, 2) for item in items],
-        "95 % interval": [interval_text(item.ci95, 2) or NOT_AVAILABLE for item in items],
+        "95 % interval": [interval_text(item.ci95, 2) for item in items],
         "won": [str(item.won) for item in items],
         "lost": [str(item.lost) for item in items],
         "tied": [str(item.tied) for item in items],
@@ -163,6 +167,15 @@ def _ranked(metric: str) -> _ToCell:
         return replace(plain, details=(*plain.details, *diverged), strong=score.leading)
 
     return cell
+
+
+def _ranked_note(table: Table) -> str:
+    """What is beside the values of a table, and what is bold in it."""
+    details = [detail for row in table.rows for cell in row for detail in cell.details]
+    halves, ends = any(detail.startswith("±") for detail in details), any(" to " in detail for detail in details)
+    beside = " or ".join(["half of its 95 % interval"] * halves + ["its ends"] * ends)
+    with_beside = f"With {beside}. " * bool(beside)
+    return f"{with_beside}Bold: the best of the scenario, and every tracker not shown to be worse than it."
 
 
 def _nees(score: EntrantScore, _: int) -> Cell:

@@ -6,20 +6,20 @@ from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
+from trackbench.compare.differences import differences_to
 from trackbench.compare.limits import limits_in_words
 from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import competitors
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined_names, rounded, short, signed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, rounded, short, signed
+from trackbench.report.pairs import difference_word
 from trackbench.report.verdicts import COMPARED
 from trackbench.results.tracker_result import BEATS_BOUND
 from trackbench.scenario.worlds import MEANING
 
 #: The metrics that rank, in words.
 NAMES = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
-#: Turned round, what is said of a difference.
-_TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller": "larger"}
 #: Differences of one verdict that are listed.
 LISTED = 3
 
@@ -30,7 +30,7 @@ def gate_items(comparison: Comparison) -> tuple[Item, ...]:
     return tuple(
         Item(
             f"{place}{{1}}, {{0.metric}}: {{0.text}}".format(item, entrant_name(comparison, item.entrant)),
-            label=item.outcome.upper(),
+            label="NOT SHOWN TO BE KEPT" if item.outcome == "undecided" else item.outcome.upper(),
             tone="warn" if item.outcome == "undecided" else "bad",
         )
         for item in sorted(comparison.gates, key=lambda item: item.outcome == "undecided")
@@ -90,22 +90,7 @@ def _better_sign(comparison: Comparison, items: Sequence[PairDifference]) -> flo
 
 def differences_from(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
     """The other trackers held against this one, the nearest first."""
-    turned = [item if item.against.tracker == best else _turned(item) for item in items]
-    return sorted((item for item in turned if item.against.tracker == best), key=lambda item: abs(item.difference))
-
-
-def _turned(item: PairDifference) -> PairDifference:
-    return item.model_copy(
-        update={
-            "entrant": item.against,
-            "against": item.entrant,
-            "value": item.reference,
-            "reference": item.value,
-            "difference": 0.0 - item.difference,
-            "ci95": item.ci95 and (0.0 - item.ci95[1], 0.0 - item.ci95[0]),
-            "verdict": _TURNED.get(item.verdict, item.verdict),
-        }
-    )
+    return sorted(differences_to(best, items), key=lambda item: abs(item.difference))
 
 
 def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) -> str:
@@ -113,13 +98,13 @@ def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) ->
     every, names = differences_from(best, items), [item.tracker for item in competitors(comparison)]
     behind = [item for item in every if item.entrant.tracker in names] or every
     following, *others = behind
-    words = {"worse": "shown to be worse", EQUIVALENT: "equivalent"}
+    words = {"worse": "shown to be worse", EQUIVALENT: "no difference that matters"}
     text = COMPARED["best"].format(
         best=best,
         end="smallest" if _better_sign(comparison, items) == 1.0 else "largest",
         value=f"{short(following.reference, difference_decimals(behind))}{unit_after(following.unit)}",
         following=_changed(following.entrant.tracker, behind, following),
-        word=words.get(following.verdict, "which of the two is better is undecided"),
+        word=words.get(following.verdict, "not shown to be worse"),
     )
     worse = [item for item in others if item.verdict == "worse"]
     listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
@@ -129,7 +114,7 @@ def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) ->
 def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
     """What has become worse, better or neither, the largest changes first."""
     parts = []
-    for verdict in sorted(VERDICTS, key=[*_TURNED, UNDECIDED, EQUIVALENT].index):
+    for verdict in sorted(VERDICTS, key=["worse", "better", "larger", "smaller", UNDECIDED, EQUIVALENT].index):
         own = sorted((item for item in items if item.verdict == verdict), key=lambda item: -abs(item.percent or 0.0))
         listed = ", ".join(
             _changed(difference_subject(comparison, item), items, item) for item in own[:LISTED]
@@ -138,7 +123,7 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
             same = sum(item.identical for item in own)
             number = "" if same == len(own) else f"{same} "
             listed = f"{len(own)}{f' ({number}the same in every run)' if same else ''}"
-        parts += [f"{verdict}: {listed}"] if own else []
+        parts += [f"{difference_word(verdict)}: {listed}"] if own else []
     return f"{'; '.join(parts)}."
 
 
@@ -194,26 +179,13 @@ def set_letter(number: int) -> str:
     return chr(ord("A") + number) if number < 26 else str(number + 1)
 
 
-def ranking_answer(comparison: Comparison) -> str:
-    """Who is ahead over the scenarios, by how much, and how certain that is; empty of one tracker."""
-    ranking = competitors(comparison)
-    if len(ranking) < 2:
-        return ""
-    first, second = ranking[:2]
-    rank, other = rounded(first.mean_rank, 2), rounded(second.mean_rank, 2)
-    if first.mean_rank == second.mean_rank:
-        names = joined_names([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
-        return COMPARED["shared"].format(names=names, rank=rank)
-    ahead = COMPARED["ahead"].format(best=first.tracker, rank=rank, other=other, second=second.tracker)
-    return f"{ahead} {_certainty(comparison)}"
-
-
-def _certainty(comparison: Comparison) -> str:
-    """Whether the lead of the first is shown."""
+def certainty(comparison: Comparison) -> str:
+    """Say whether the lead of the first in the ranking is shown of other scenarios."""
     ranking = competitors(comparison)
     wanted = fewest_sets(len(ranking))
     if len(comparison.sets_of_scenes) < wanted:
-        return COMPARED["too few"].format(trackers=counted(len(ranking), "tracker"), wanted=wanted)
+        sets = len(comparison.sets_of_scenes)
+        return COMPARED["too few"].format(trackers=counted(len(ranking), "tracker"), wanted=wanted, sets=sets)
     first = ranking[0].tracker
     rivals = [item for item in comparison.rank_differences if first in (item.a, item.b)]
     shown = "shown" if all(item.shown for item in rivals) else "not shown"

@@ -26,6 +26,7 @@ from trackbench.document.palette import tracker_styles
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, Envelope, State, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_section
 from trackbench.subjects.envelope.margins import holding, margins, place_of_line, undecided
+from trackbench.subjects.envelope.text_map import map_blocks
 
 TONES: dict[State, Tone] = {"holds": "good", "fails": "bad", "undecided": "warn"}
 
@@ -126,7 +127,8 @@ def envelope_document(made: Envelope) -> Document:
 def envelope_summary(made: Envelope) -> Document:
     """Return what the terminal shows."""
     claim = made.claim
-    blocks = (*_headline(claim), *margins_tables(claim), *counter_section(claim))
+    maps = [block for tracker in claim.trackers for block in map_blocks(claim, tracker)]
+    blocks = (*_headline(claim), *maps, *margins_tables(claim), *counter_section(claim))
     return Document("envelope", f"Operating envelope of {claim.scenario}", blocks)
 
 

@@ -63,6 +63,19 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
 
 
+def pasted(loaded: Scenario, findings: Iterable[LogFinding]) -> str:
+    """The findings as a block of the scenario's YAML: whole sensors, and what else changes; empty without changes."""
+    tree, block = copy.deepcopy(loaded.document.value), dict[str, Any]()
+    for key, value in [item for finding in findings for item in finding.changes.items()]:
+        set_value(tree, key, value)
+        parts = key.split(".")
+        if parts[0] == "sensors":
+            set_value(block, ".".join(parts[:2]), tree["sensors"][parts[1]])
+        else:
+            set_value(block, key, value)
+    return yaml.safe_dump(block, sort_keys=False, allow_unicode=True, width=78) if block else ""
+
+
 def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
     """Audit one sensor by its measurements within the time of the truth and the times when it looked."""
     if len(log.log.time) < FEWEST_ROWS:

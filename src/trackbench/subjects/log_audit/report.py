@@ -10,7 +10,7 @@ from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Code, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.report.numbers import NOT_AVAILABLE
-from trackbench.subjects.log_audit.audit import LogAudit, corrected
+from trackbench.subjects.log_audit.audit import LogAudit, corrected, pasted
 from trackbench.subjects.log_audit.figures import band_figures
 from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, quantity_text, spelt
 from trackbench.subjects.log_audit.noise import GATE_M
@@ -48,6 +48,8 @@ def log_audit_summary(audit: LogAudit) -> Document:
     blocks: list[Block] = [*_verdict(audit)]
     if items:
         blocks.append(Section("Findings", (Items(items, numbered=True),)))
+        if (block := pasted(audit.scenario, audit.findings)) and not audit.unexplained:
+            blocks.append(Section("To paste into the scenario", (Code(block, "yaml"),)))
     detections = [rates_table(audit)]
     if any(item.unlabelled for item in audit.sensors.values()):
         detections.append(unlabelled_table(audit))

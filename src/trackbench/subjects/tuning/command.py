@@ -9,7 +9,6 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.api.scenario import load_several
-from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.execution import executor
 from trackbench.cli.answer import answer, print_answer
 from trackbench.cli.options import (
@@ -28,7 +27,7 @@ from trackbench.scenario.shipped import files_of_scenarios
 
 @click.command("tune")
 @scenarios_argument
-@click.option("--trackers", metavar="A,B", help="Tune these.")
+@click.option("--trackers", metavar="A,B", help="Tune these.  [the only one with options]")
 @click.option(
     "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
 )
@@ -51,8 +50,8 @@ from trackbench.scenario.shipped import files_of_scenarios
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="The scenario with the found values.  [tuned.yaml; for several the folder tuned]",
+    metavar="PATH",
+    help="File of the scenario with the found values, or a folder.  [tuned.yaml; for several the folder tuned]",
 )
 @click.option("--workers", type=WORKERS, metavar="N", default=1, help="Processes; same result.")
 @engine_option
@@ -85,7 +84,7 @@ def tune_command(
 
     \b
     Examples:
-      trackbench tune highway --trackers ukf_ctrv --out tuned.yaml
+      trackbench tune highway --trackers ukf_ctrv --out tuned
       trackbench tune u_turn racetrack --trackers ekf_cv --storage study.db
 
     \b
@@ -96,15 +95,17 @@ def tune_command(
     from trackbench.subjects.tuning.files import default_out, require_tuning_files, save_tuning, tuning_content
     from trackbench.subjects.tuning.held_out import Split
     from trackbench.subjects.tuning.objectives import objective_of
+    from trackbench.subjects.tuning.parameters import only_tunable
     from trackbench.subjects.tuning.report import tuning_headline, tuning_summary
+    from trackbench.subjects.tuning.study import require_optuna
 
+    require_optuna()
     loaded, notes = load_several(files_of_scenarios(scenarios), settings)
-    if trackers is None:
-        there = nearest_choices("", (name for scenario in loaded for name in scenario.config.trackers))
-        raise InputError(f"name those to tune; {there}", key="--trackers")
     plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, Split(**split), isolation, engine)
-    names = names_in(trackers)
+    names = names_in(trackers) if trackers else [only_tunable(loaded)]
     out = out or default_out(loaded)
+    if len(loaded) == 1 and not out.suffix:
+        out /= default_out(loaded)
     require_tuning_files(out, loaded)
     output = RunOutput(as_json, quiet)
     for note in notes:

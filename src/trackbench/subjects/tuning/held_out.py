@@ -147,7 +147,7 @@ class MeasureComparison:
     difference: Contrast
     """Tuned minus start."""
     p_value: float
-    """p-value, corrected for the number of scenarios."""
+    """Of the hypothesis that the difference is within the margin, corrected for the number of scenarios."""
     verdict: str
     """Verdict on the tuned values: better, worse, larger, smaller, equivalent or undecided."""
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from inspect import signature
 from typing import Any, Literal
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, nearest_choices
 from trackbench.scenario import Scenario
 from trackbench.scenario.source import parse_yaml
 from trackbench.subjects.tuning.entry import STAYS, current, problem_with
@@ -151,6 +151,25 @@ def require_tunable(loaded: Scenario, tracker: str) -> None:
     use = entry.reference if isinstance(entry, PluginConfig) else ""
     if built_in(use) and not signature(TRACKERS[use]).parameters:
         raise InputError(f"{tracker} has no options: there is nothing to tune", key="--trackers", file=loaded.path)
+
+
+def only_tunable(scenarios: Sequence[Scenario]) -> str:
+    """Return the only tracker of some scenarios that has options.
+
+    Raises:
+        InputError: there is none, or more than one.
+    """
+    names = []
+    for name in dict.fromkeys(name for item in scenarios for name in item.config.trackers):
+        try:
+            for item in scenarios:
+                require_tunable(item, name)
+        except (InputError, KeyError):
+            continue
+        names.append(name)
+    if len(names) != 1:
+        raise InputError(f"name those to tune; {nearest_choices('', names)}", key="--trackers")
+    return names[0]
 
 
 def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
-from trackbench.report.numbers import joined_names
+from trackbench.report.numbers import joined_names, rounded
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.held_out import MeasureComparison
@@ -33,6 +33,9 @@ def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
     if not compared:
         return tuning.held_out.failed or "nothing to compare", "bad"
     values, verdicts = _values(compared), [item.verdict for item in compared]
+    errors = tuning.held_out.of("position_rmse")
+    if errors and tuning.objective.measure == "log_likelihood":
+        values = f"{_values(errors)}; {values}"
     if tuning.best.values == tuning.start:
         return f"{values}: the start's values are the best that were found", "good"
     if not any(tuning.apart):
@@ -63,7 +66,7 @@ def _pair(tuned: float, start: float, unit: str = "") -> str:
     """Return two values with the same decimals, at most four: the smaller one has four digits."""
     least = min((abs(value) for value in (tuned, start) if value), default=1.0)
     places = min(4, max(0, 3 - math.floor(math.log10(least))))
-    return f"{tuned:.{places}f}{unit}, start {start:.{places}f}{unit}".replace("-", "\N{MINUS SIGN}")
+    return f"{rounded(start, places)} -> {rounded(tuned, places)}{unit}"
 
 
 def _percent(change: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.report.numbers import decimals, interval_text, joined_names, rounded, signed
+from trackbench.report.pairs import difference_word
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.parameters import Parameter, option_text
@@ -39,7 +40,10 @@ def held_out_table(item: Tuning, name: str = "") -> Table:
         (Column("start"), [Cell(rounded(row.start.value, _places(row))) for row in rows]),
         (Column("tuned"), [Cell(rounded(row.tuned.value, _places(row))) for row in rows]),
         (Column("difference", "With its 95 % interval, from the same runs."), [_difference(row) for row in rows]),
-        (Column("verdict", left=True), [Cell(row.verdict, tone=_TONES.get(row.verdict, "")) for row in rows]),
+        (
+            Column("verdict", left=True),
+            [Cell(difference_word(row.verdict), tone=_TONES.get(row.verdict, "")) for row in rows],
+        ),
     ]
     others = joined_names(list(dict.fromkeys(filter(None, item.apart))))
     return Table.of_columns(f"{name}held-out", columns, f"On {others or 'the measurements that it was tuned on'}")

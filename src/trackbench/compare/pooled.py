@@ -1,0 +1,76 @@
+"""Differences to a baseline pooled over scenarios: the geometric mean of the ratios, with its interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import stdtrit
+
+from trackbench.compare.comparison import OverallChange, PairDifference
+from trackbench.metrics.contrasts import LogRatio
+
+
+def overall(differences: Sequence[PairDifference], sets: Sequence[Sequence[str]]) -> list[OverallChange]:
+    """Return each entrant against the baseline, over the scenarios.
+
+    Args:
+        differences: to the baseline.
+        sets: the scenarios that share scenes, see :func:`trackbench.compare.ranking.sets_of_scenes`.
+    """
+    number = {scenario: number for number, members in enumerate(sets) for scenario in members}
+    changes = []
+    for key in dict.fromkeys((item.metric, item.entrant, item.against) for item in differences):
+        own = [item for item in differences if (item.metric, item.entrant, item.against) == key]
+        verdicts = [item.verdict for item in own]
+        # What is the same in every run is so in other runs.
+        ratios = [LogRatio(0.0, 0.0, 1) if item.identical else item.log_ratio for item in own]
+        positive = [ratio for ratio in ratios if ratio is not None]
+        mean, reach = (
+            pooled(positive, [number[item.scenario] for item in own]) if len(positive) == len(own) else (None, None)
+        )
+        changes.append(
+            OverallChange(
+                metric=key[0],
+                entrant=key[1],
+                against=key[2],
+                verdicts={verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)},
+                mean_percent=None if mean is None else _percent(mean),
+                ci95=(_percent(mean - reach), _percent(mean + reach)) if mean is not None and reach else None,
+            )
+        )
+    return changes
+
+
+def pooled(ratios: Sequence[LogRatio], sets: Sequence[int]) -> tuple[float, float | None]:
+    """Return the mean of logarithms of ratios, one of each scenario, and half of its 95 % interval.
+
+    The scenarios are fixed: their ratios may differ, and the interval is over other noise and scenes of each. Errors
+    of scenarios that share scenes are added as if they were one and the same, the others are independent. Source of the
+    degrees of freedom: Satterthwaite (1946), "An approximate distribution of estimates of variance components".
+    ``benchmarks/calibration/pooled.py`` measures it. With squared errors of single runs that differ by a factor of e,
+    one standard deviation, 13 scenarios of 20 runs cover 92 %.
+
+    Args:
+        ratios: of the scenarios.
+        sets: ``(scenarios,)`` number of the set of scenes that each belongs to.
+    """
+    mean = float(np.mean([ratio.value for ratio in ratios]))
+    errors: dict[int, float] = {}
+    freedoms: dict[int, int] = {}
+    for ratio, group in zip(ratios, sets, strict=True):
+        if ratio.error is None:
+            return mean, None
+        errors[group] = errors.get(group, 0.0) + ratio.error
+        if ratio.error > 0:
+            freedoms[group] = min(ratio.freedom, freedoms.get(group, ratio.freedom))
+    squares = {group: errors[group] ** 2 for group in freedoms}
+    total = sum(squares.values())
+    if not total:
+        return mean, 0.0
+    freedom = total**2 / sum(square**2 / freedoms[group] for group, square in squares.items())
+    return mean, float(stdtrit(freedom, 0.975) * np.sqrt(total) / len(ratios))
+
+
+def _percent(logarithm: float) -> float:
+    return float(100.0 * np.expm1(logarithm))

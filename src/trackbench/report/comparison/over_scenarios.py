@@ -1,0 +1,124 @@
+"""Differences to the baseline over scenarios: a table with a pooled line, and the sentence on who is ahead."""
+
+from __future__ import annotations
+
+from trackbench.base.errors import counted
+from trackbench.compare import Comparison, Entrant, PairDifference
+from trackbench.compare.comparison import OverallChange
+from trackbench.document import Cell, Column, Table, Tone
+from trackbench.report.comparison.figures import competitors, ranked_label
+from trackbench.report.comparison.sentences import NAMES, entrant_name
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, reach_text, rounded, signed
+from trackbench.report.pairs import difference_word
+from trackbench.report.verdicts import COMPARED
+
+TONES: dict[str, Tone] = {"better": "good", "worse": "bad"}
+
+
+def scenario_table(comparison: Comparison, metric: str) -> Table:
+    """Return the differences of a metric to the baseline in per cent, by scenario and over all of them.
+
+    The more numerous of trackers and scenarios go down the page.
+    """
+    changes = [change for change in comparison.overall if change.metric == metric]
+    items = {
+        (side.entrant, side.scenario): side
+        for item in comparison.differences
+        if item.metric == metric
+        for side in (item, item.turned())
+        if comparison.baseline in (None, side.against.tracker) and (comparison.baseline or side is item)
+    }
+    names, over = [scenario.name for scenario in comparison.scenarios], f"all {len(comparison.scenarios)}"
+    pooled = [_cell(change.mean_percent, change.ci95) for change in changes]
+    columns = {name: [_difference_cell(items.get((change.entrant, name))) for change in changes] for name in names}
+    labels = [_label(comparison, change.entrant) for change in changes]
+    caption = COMPARED["pooled"].format(over=over)
+    table = f"differences-over-scenarios-{metric.replace('.', '-')}"
+    if len(changes) > len(names):
+        trackers = [Cell(label, tracker=change.entrant.tracker) for label, change in zip(labels, changes, strict=True)]
+        return Table.of_columns(
+            table,
+            [
+                (Column("tracker", left=True), trackers),
+                (Column(over, details="verdict"), pooled),
+                *((Column(name, details="verdict"), cells) for name, cells in columns.items()),
+            ],
+            caption,
+        )
+    rows = [(Cell(name), *cells) for name, cells in columns.items()]
+    heads = (Column("scenario", left=True), *(Column(label, details="verdict") for label in labels))
+    return Table(table, heads, (*rows, (Cell(over, strong=True), *pooled)), caption)
+
+
+def _label(comparison: Comparison, entrant: Entrant) -> str:
+    reference = next((x for x in comparison.ranking if x.tracker == entrant.tracker and x.reference), None)
+    return ranked_label(reference) if reference else entrant_name(comparison, entrant)
+
+
+def _difference_cell(item: PairDifference | None) -> Cell:
+    """A difference with its interval, its word, and in how many scenes the tracker is better."""
+    if item is None:
+        return Cell("")
+    if item.identical:
+        return Cell("0", ("identical",))
+    ahead = item.scenes_ahead
+    scenes = (f"better in {ahead[0]} of {ahead[1]}",) if ahead else ()
+    return _cell(item.percent, item.ratio_ci95, (difference_word(item.verdict), *scenes), TONES.get(item.verdict, ""))
+
+
+def _cell(
+    percent: float | None, ci95: tuple[float, float] | None, details: tuple[str, ...] = (), tone: Tone = ""
+) -> Cell:
+    if percent is None:
+        return Cell(NOT_AVAILABLE, details)
+    places = change_decimals(percent, ci95)
+    reach = reach_text(percent, ci95, places) if (half_width(ci95) or 0.0) >= 0.005 else ""
+    beside = f" {reach}" if reach.startswith("±") else f" ({reach})" * bool(reach)
+    return Cell(signed(percent, places) + beside, details, tone)
+
+
+def change_decimals(percent: float, ci95: tuple[float, float] | None) -> int:
+    """Decimals of a change in per cent, to the first digit of half of its interval."""
+    half = half_width(ci95)
+    return min(2, decimals([half], 1)) if half else int(abs(percent) < 10)
+
+
+def who_is_ahead(comparison: Comparison) -> str:
+    """Say who is ahead over the scenarios, by how much, and of whom; empty where nothing is pooled of the two."""
+    first, second = competitors(comparison)[:2]
+    over = counted(len(comparison.scenarios), "scenario")
+    other = second.tracker if comparison.baseline == first.tracker else comparison.baseline
+    behind = first.tracker if other == comparison.baseline else other
+    change = next((item for item in comparison.overall if _is_of(item, comparison.ranked_by, behind)), None)
+    if change is None or change.mean_percent is None:
+        rank = rounded(first.mean_rank, 2)
+        return COMPARED["ahead by rank"].format(
+            best=first.tracker, over=over, rank=rank, other=rounded(second.mean_rank, 2), second=second.tracker
+        )
+    # Mean ranks order the trackers, and the pooled errors may disagree.
+    is_by_rank = (change.mean_percent < 0) == (behind == other)
+    text = COMPARED["ahead of baseline" if other == comparison.baseline else "ahead of next"]
+    return text.format(
+        best=first.tracker,
+        by=" by mean rank" * is_by_rank,
+        over=over,
+        what=NAMES[comparison.ranked_by],
+        other=other,
+        change=_change_in_words(change.mean_percent, change.ci95),
+    )
+
+
+def _is_of(item: OverallChange, metric: str, tracker: str | None) -> bool:
+    return item.metric == metric and item.entrant.tracker == tracker
+
+
+def _change_in_words(percent: float, ci95: tuple[float, float] | None) -> str:
+    """ "1.4 % larger (95 %: 0.5 to 2.3 %)", the interval in the same direction."""
+    sign, word = (1, "larger") if percent > 0 else (-1, "smaller")
+    places = change_decimals(percent, ci95)
+    text = f"{rounded(sign * percent, places)} % {word}"
+    if ci95 is None:
+        return text
+    low, high = sorted(sign * end for end in ci95)
+    open_end = "; which of the two is ahead is not shown" * (low <= 0)
+    return f"{text} (95 %: {rounded(low, places)} to {rounded(high, places)} %{open_end})"
