@@ -5,37 +5,20 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from benchmarks.digits import digits
+from benchmarks.whole_runs import cost
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure
 from trackbench.document.drawing import svg_file
 
 FIGURES = Path(__file__).parent.parent / "results" / "figures"
-#: Of a process of its own: the truth and the kernels are made by a first run, which counts for nothing.
-INSIDE = """
-import json, sys, time
-import trackbench as tb
-
-scenario, changes, options, count = json.loads(sys.argv[1])
-if count:
-    entry = {"filter": "kf", "motion": "cv"}
-    changes |= {f"trackers.kf{i}": entry | {"acceleration_sigma_mps2": 1 + i / count} for i in range(count)}
-    options["trackers"] = [f"kf{i}" for i in range(count)]
-spent = []
-for _ in range(3):
-    begin = time.process_time()
-    tb.run(tb.load(scenario, changes, **options), workers=1, engine="fused")
-    spent.append(time.process_time() - begin)
-print(min(spent[1:]))
-"""
 
 
 class Case(NamedTuple):
@@ -54,15 +37,16 @@ class Case(NamedTuple):
 
     def seconds(self, value: int) -> float:
         """Processor seconds of a run."""
-        changes, options, count = dict(self.changes), dict(self.options), 0
+        changes, options = dict(self.changes), dict(self.options)
         if self.varied == "trackers":
-            count = value
+            entry = {"filter": "kf", "motion": "cv"}
+            changes |= {f"trackers.kf{i}": entry | {"acceleration_sigma_mps2": 1 + i / value} for i in range(value)}
+            options["trackers"] = [f"kf{i}" for i in range(value)]
         elif self.varied == "scenes":
             options["scenes"] = value
         else:
             changes[self.varied] = {"nearest": value} if self.varied == "truth.targets" else value
-        command = [sys.executable, "-c", INSIDE, json.dumps([self.scenario, changes, options, count])]
-        seconds = float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        seconds = cost(self.scenario, changes, options).seconds
         print(f"{self.name} {value}: {seconds:.3f} s", file=sys.stderr)
         return seconds
 
@@ -111,11 +95,6 @@ def draw(measured: Sequence[dict[str, Any]]) -> None:
         alternative = f"Processor time of a run over {case.name}: {_cells(row)}"
         figure = Figure(_file(case), "", "", alternative, paint, 220, 420)
         (FIGURES / f"{_file(case)}.svg").write_text(svg_file(figure), encoding="utf-8")
-
-
-def digits(value: float) -> str:
-    """Return a number to three digits."""
-    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def section(measured: Sequence[dict[str, Any]]) -> str:

@@ -19,7 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmarks import filters, growth, table, traffic_trackers
+from benchmarks import filters, growth, table, traffic_trackers, whole_runs
 from trackbench.engine.machine import unavailable
 
 RESULTS = Path(__file__).parent.parent / "results"
@@ -28,6 +28,7 @@ REPETITIONS = 7
 PARTS: dict[str, Callable[[], Any]] = {
     "filters": lambda: filters.measure(REPETITIONS),
     "traffic_trackers": traffic_trackers.measure,
+    "whole_runs": whole_runs.measure,
     "growth": growth.measure,
 }
 
@@ -47,8 +48,7 @@ def main() -> None:
     found = {
         **where(),
         "filters": filters.measure(options.repetitions),
-        "traffic_trackers": traffic_trackers.measure(),
-        "growth": growth.measure(),
+        **{name: PARTS[name]() for name in ("traffic_trackers", "whole_runs", "growth")},
     }
     write(found)
 

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.growth import digits
+from benchmarks.digits import digits
 
-from benchmarks import growth
+from benchmarks import growth, whole_runs
 
 #: Headings of the page, by what is measured.
-TITLES = {"filters": "filters", "traffic_trackers": "trackers of several objects", "growth": "how it grows"}
+TITLES = {
+    "filters": "filters",
+    "traffic_trackers": "trackers of several objects",
+    "whole_runs": "whole runs",
+    "growth": "how it grows",
+}
 #: Columns of the table beside the fused engine, by the name of the data.
 BESIDE = {"numpy": "NumPy", "C++ with Eigen": "C++ with Eigen", "FilterPy": "FilterPy", "Stone Soup": "Stone Soup"}
 
@@ -29,6 +34,7 @@ def markdown(measured: dict[str, Any]) -> str:
         "",
         *(f"Measured again later, on {place}: {', '.join(parts)}.\n" for place, parts in again.items()),
         speed(measured["filters"], measured["traffic_trackers"]),
+        whole_runs.section(measured["whole_runs"], filter_times(measured["filters"])),
         growth.section(measured["growth"]),
     ]
     return "\n".join(lines)

@@ -90,7 +90,9 @@ def flags_of_eigen() -> list[str]:
     for folder in FOLDERS:
         if (Path(folder) / "Eigen" / "Dense").exists():
             return ["-I", folder]
-    raise Missing("Eigen's headers were not found (eigen3 of pkg-config, /usr/include/eigen3)")
+    raise Missing(
+        "Eigen's headers were not found (eigen3 of pkg-config, /usr/include/eigen3; libeigen3-dev of Debian and Ubuntu)"
+    )
 
 
 def _write(of: Problem, name: str, file: Path) -> tuple[int, int, int]:
