@@ -11,8 +11,10 @@ from typing import Any
 from markupsafe import Markup
 
 from trackbench import document as model
-from trackbench.document import Cell, Document, LegendEntry, Table, typeset
-from trackbench.document.drawing import IN_PAGE, svg_in_page
+from trackbench.document import Cell, Document, Figure, LegendEntry, Table, typeset
+from trackbench.document.drawing import IN_PAGE, MUTED, svg_in_page
+from trackbench.document.packed_replay import packed_replay
+from trackbench.document.palette import TRUTH_COLOUR
 from trackbench.document.template import environment
 
 
@@ -21,7 +23,8 @@ def to_html(document: Document) -> str:
     made = environment(typeset)
     shared = _shared(document)
     assert made.loader is not None
-    script = made.loader.get_source(made, "document.js")[0]
+    names = ["document.js", *(["replay.js"] if any(figure.replay for figure in document.figures) else [])]
+    scripts = [made.loader.get_source(made, name)[0] for name in names]
     return made.get_template("document.html.j2").render(
         document=document,
         sections=[block for block in document.blocks if isinstance(block, model.Section)],
@@ -33,8 +36,10 @@ def to_html(document: Document) -> str:
         bar_on_axis=_bar,
         css=lambda colour: IN_PAGE.get(colour, colour),
         identity=lambda text: re.sub(r"\W+", "-", text.lower()).strip("-"),
-        script=Markup(script),
-        script_hash=b64encode(sha256(script.encode()).digest()).decode(),
+        packed=_packed,
+        scripts=[
+            {"text": Markup(text), "hash": b64encode(sha256(text.encode()).digest()).decode()} for text in scripts
+        ],
     )
 
 
@@ -48,6 +53,18 @@ def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
     return {key: f"{end:.2f}" for key, end in ends.items()} | {
         "cut": "left" if cell.bar[0] < begin else "right" if cell.bar[0] > end else ""
     }
+
+
+def _packed(figure: Figure) -> dict[str, Any]:
+    """What a page says of the replay of a figure: its scene, its text, and the legend of what is no tracker."""
+    assert figure.replay is not None
+    scene = figure.replay()
+    replay = packed_replay(scene)
+    sensors = [LegendEntry(of.sensor, of.colour, "dot") for of in scene.measurements]
+    false = any(of.false is not None and of.false.any() for of in scene.measurements)
+    vehicle = [LegendEntry("vehicle, its front filled", TRUTH_COLOUR, "box")]
+    legend = [*vehicle, *sensors, *([LegendEntry("false alarm", MUTED, "plus")] if false else []), *figure.legend]
+    return {"scene": scene, "text": replay.text, "every": replay.every, "legend": legend}
 
 
 def _shared(document: Document) -> list[LegendEntry]:

@@ -1,4 +1,7 @@
-"""A replay as data: texts, scenes seen from above, charts over simulated time. The recording writes it to a file."""
+"""A replay as data: texts, scenes seen from above, charts over simulated time.
+
+The recording writes it to a file; a page plays a scene of it on a canvas.
+"""
 
 from __future__ import annotations
 
@@ -98,6 +101,12 @@ class ReplayPath:
     """Radius of the dot, pixels."""
     width: float = 0.75
     """Half the width of the line, pixels; narrow lines are on top."""
+    tracker: str = ""
+    """The tracker whose estimate or track it is; empty of a vehicle."""
+    heading: Array | None = None
+    """``(k,)`` rad, continuous; None of what has no body."""
+    size: tuple[float, float] = (0.0, 0.0)
+    """Length and width of the body, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +119,42 @@ class ReplayMeasurements:
     """``(k,)`` s."""
     position: Array
     """``(2, k)`` m in the fixed frame."""
+    covariance: Array | None = None
+    """``(2, 2, k)`` m^2; None without ellipses."""
+    false: Array | None = None
+    """``(k,)`` whether it is known to be a false alarm; None where nothing is known."""
+
+
+class ReplayEvent(NamedTuple):
+    """What happened to a tracker at a place."""
+
+    tracker: str
+    kind: str
+    """worst (the largest error), switched, lost, merged or false."""
+    time_s: float
+    x_m: float
+    y_m: float
+    text: str
+
+
+class ReplayStart(NamedTuple):
+    """When and where a scene opens."""
+
+    time_s: float
+    path: str
+    """The name of the vehicle in the middle."""
+
+
+class ReplayTracker(NamedTuple):
+    """A tracker that a reader may choose."""
+
+    name: str
+    colour: str
+    shown: bool
+    """Whether it is shown at first."""
+    key: str = ""
+    """Its class in a page with other figures."""
+    dashed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +169,12 @@ class ReplayScene:
     y_range: tuple[float, float]
     beside: tuple[Chart, ...] = ()
     below: tuple[Chart, ...] = ()
+    lanes: tuple[Array, ...] = ()
+    """``(2, k)`` m, the edges of the lanes."""
+    trackers: tuple[ReplayTracker, ...] = ()
+    events: tuple[ReplayEvent, ...] = ()
+    start: ReplayStart | None = None
+    """None: at the beginning, with the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from trackbench.base.errors import counted
 from trackbench.document import (
@@ -27,10 +28,11 @@ from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report import tables
 from trackbench.report.covariance import verdict_in_words
-from trackbench.report.figures.map import map_of_run
+from trackbench.report.figures.map import map_of_run, styles_with_map
 from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
+from trackbench.report.replay import replay_of_run
 from trackbench.report.sentences import answer_of_run, divergence, expectations_met, listed_of, value_and_limit
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.report.verdicts import NEXT
@@ -41,8 +43,14 @@ def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str,
     """The recorded run from above."""
     if not result.summary.truth.known:
         return None
-    figure = map_of_run(result, competing(result, shown), moments)
-    return figure and replace(figure, caption=f"{figure.caption} {diverged_elsewhere(result)}".rstrip())
+    styles = competing(result, shown)
+    figure = map_of_run(result, styles, moments)
+    chosen = [style.name for style in styles_with_map(styles)]
+    return figure and replace(
+        figure,
+        caption=f"{figure.caption} {diverged_elsewhere(result)}".rstrip(),
+        replay=partial(replay_of_run, result, shown, chosen, moments),
+    )
 
 
 def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:

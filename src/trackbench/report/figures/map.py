@@ -14,7 +14,6 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title, shortened_to_width
-from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.report.moments import moment_text
@@ -30,23 +29,22 @@ TALLEST, STRETCHED = 400.0, 150.0
 #: The widest name of an object, points.
 NAME = 90.0
 
-_LOST, _FALSE = ERROR_COLOURS[4], "#B42D00"
 _Look = dict[str, Any]
-_RING: _Look = {"marker": "o", "markersize": 7, "color": _LOST, "markerfacecolor": "none", "markeredgewidth": 1.6}
-#: How each kind of event is marked, and the largest error.
+_RING: _Look = {"marker": "o", "markersize": 7, "color": INK, "markerfacecolor": "none", "markeredgewidth": 1.6}
+#: How each kind of event is marked, and the largest error: by its shape alone, a colour is a tracker's.
 MARKS: dict[str, _Look] = {
-    "worst": {**_RING, "markersize": 12, "color": INK},
-    "switched": {**_RING, "marker": "x", "color": INK},
+    "worst": {**_RING, "markersize": 12},
+    "switched": {**_RING, "marker": "x"},
     "lost": _RING,
     "merged": _RING,
-    "false": {"marker": "^", "markersize": 7, "color": _FALSE},
+    "false": {**_RING, "marker": "^"},
 }
 _LEGEND = {
     "known": (LegendEntry("largest error", INK, "ring"),),
     "hidden": (
         LegendEntry("switch", INK, "cross"),
-        LegendEntry("lost or merged", _LOST, "ring"),
-        LegendEntry("false track begins", _FALSE, "triangle"),
+        LegendEntry("lost or merged", INK, "ring"),
+        LegendEntry("false track begins", INK, "triangle"),
     ),
 }
 
