@@ -186,7 +186,13 @@ def _gospa(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
 def _largest_of_each(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, ReplayPath]) -> list[ReplayEvent]:
     """Return the moment of the largest error of each tracker as an event, where the object then was."""
     return [
-        ReplayEvent(name, "worst", moment.time_s, *_at(vehicles[moment.object], moment.time_s), moment_text(moment))
+        ReplayEvent(
+            name,
+            "worst",
+            moment.time_s,
+            *_at(vehicles[moment.object], moment.time_s),
+            f"largest error {moment_text(moment)}",
+        )
         for name, moment in moments.items()
     ]
 

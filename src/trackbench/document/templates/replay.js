@@ -6,7 +6,6 @@
   // Metres across a view that follows a vehicle, and pixels to a metre from which on the whole scene is shown.
   const NEAR = 45, LEGIBLE = 7;
   const SAME = 5e-4;  // Times are rounded to milliseconds.
-  const NAMES = { worst: "largest error" };
 
   const series = ({ quantum, order, differences }) => {
     const values = Float64Array.from(differences);
@@ -133,7 +132,7 @@
       let before = null;
       const frame = now => {
         if (!this.playing) return;
-        this.time += (before === null ? 0 : Math.min(now - before, 100) / 1000) * this.control("speed").value;
+        this.time += (before === null ? 0 : Math.min(now - before, 1000) / 1000) * this.control("speed").value;
         before = now;
         if (this.time >= this.end) return this.seek(this.end);
         this.draw();
@@ -213,6 +212,8 @@
         const error = this.errorOf(name);
         value.textContent = error === null ? "" : `${error.toFixed(2)} ${this.scene.unit}`;
       }
+      const events = this.shownEvents().filter(it => Math.abs(it.time_s - this.time) <= SAME);
+      this.box.querySelector(".told").textContent = events.map(it => `${it.tracker}: ${it.text}`).join("; ");
       this.line.setAttribute("aria-valuemin", this.first);
       this.line.setAttribute("aria-valuemax", this.end);
       this.line.setAttribute("aria-valuenow", this.time.toFixed(2));
@@ -251,9 +252,6 @@
       pen.fillStyle = this.colour("ink");
       pen.font = `600 ${this.font(15)}`;
       pen.fillText(`${this.time.toFixed(2)} s`, 8, 18);
-      const events = this.shownEvents().filter(it => Math.abs(it.time_s - this.time) <= SAME).slice(0, 4);
-      pen.font = this.font(12);
-      events.forEach((it, i) => pen.fillText(`${it.tracker}: ${NAMES[it.kind] ? `${NAMES[it.kind]} ` : ""}${it.text}`, 8, 36 + 16 * i));
     }
 
     drawVehicle(pen, path) {
