@@ -38,7 +38,7 @@ def document(result: Result) -> Document:
 @pytest.fixture(scope="module")
 def scene(document: Document) -> ReplayScene:
     (replay,) = (figure.replay for figure in document.figures if figure.replay)
-    return replay()
+    return replay
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +185,9 @@ def test_it_opens_at_the_worst_moment_with_the_box_where_the_truth_is(
 
 
 @pytest.mark.browser
-def test_it_plays_and_the_keys_and_the_time_line_move_it(tmp_path: Path, document: Document) -> None:
+def test_it_plays_and_the_keys_and_the_time_line_move_it(
+    tmp_path: Path, document: Document, worst: EstimateMoment
+) -> None:
     told = seen(
         tmp_path,
         to_html(document),
@@ -214,7 +216,6 @@ def test_it_plays_and_the_keys_and_the_time_line_move_it(tmp_path: Path, documen
     time = {name: float(state["time"]) for name, state in told.items()}
     scale = {name: float(state["view"].split()[2]) for name, state in told.items()}
     playing = [name for name, state in told.items() if state["playing"] == "true"]
-    start = packed_start(document)
     assert (time["home"], time["next"], time["end"]) == (0.0, 0.05, 20.0)
     assert 1.0 < time["playing"] < 2.0
     assert playing == ["playing"]
@@ -224,15 +225,7 @@ def test_it_plays_and_the_keys_and_the_time_line_move_it(tmp_path: Path, documen
     assert scale["closer"] == pytest.approx(1.25 * scale["event"])
     assert scale["farther"] == pytest.approx(0.8 * scale["event"])
     assert time["middle"] == pytest.approx(10, abs=0.5)
-    assert time["worst"] == pytest.approx(start)
-
-
-def packed_start(document: Document) -> float:
-    """When the replay of a document opens, s."""
-    (replay,) = (figure.replay for figure in document.figures if figure.replay)
-    start = replay().start
-    assert start is not None
-    return start.time_s
+    assert time["worst"] == pytest.approx(worst.time_s)
 
 
 def test_the_still_picture_is_there_without_scripts(document: Document) -> None:

@@ -161,8 +161,8 @@ class Figure:
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
     """By the gid of an artist."""
-    replay: Callable[[], ReplayScene] | None = None
-    """Makes what a page plays in place of the figure."""
+    replay: ReplayScene | None = None
+    """What a page plays in place of the figure."""
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,7 @@ def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
 def _packed(figure: Figure) -> dict[str, Any]:
     """What a page says of the replay of a figure: its scene, its text, and the legend of what is no tracker."""
     assert figure.replay is not None
-    scene = figure.replay()
-    replay = packed_replay(scene)
+    replay, scene = packed_replay(figure.replay), figure.replay
     sensors = [LegendEntry(of.sensor, of.colour, "dot") for of in scene.measurements]
     false = any(of.false is not None and of.false.any() for of in scene.measurements)
     vehicle = [LegendEntry("vehicle, its front filled", TRUTH_COLOUR, "box")]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
 
 from trackbench.base.errors import counted
 from trackbench.document import (
@@ -28,8 +26,8 @@ from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report import tables
 from trackbench.report.covariance import verdict_in_words
-from trackbench.report.figures.map import map_of_run, styles_with_map
-from trackbench.report.moments import diverged_elsewhere
+from trackbench.report.figures.map import map_of_scene
+from trackbench.report.moments import diverged_elsewhere, moment_text
 from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.replay import replay_of_run
@@ -40,23 +38,21 @@ from trackbench.results import MetricValue, Result, TrackerResult
 
 
 def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
-    """The recorded run from above."""
-    if not result.summary.truth.known:
+    """The recorded run from above; None without a truth, a true path or, with hidden identities, a tracker."""
+    names = shown_first(result, shown)
+    summary = result.summary
+    if not summary.truth.known or not result.tables.truth.num_rows or (summary.identities == "hidden" and not names):
         return None
-    styles = competing(result, shown)
-    figure = map_of_run(result, styles, moments)
-    chosen = [style.name for style in styles_with_map(styles)]
-    return figure and replace(
-        figure,
-        caption=f"{figure.caption} {diverged_elsewhere(result)}".rstrip(),
-        replay=partial(replay_of_run, result, shown, chosen, moments),
-    )
+    errors = "; ".join(moment_text(moments[name]) for name in names if name in moments)
+    caption = f"Run {summary.recorded_run}.{f' Largest errors: {errors}.' * bool(errors)} {diverged_elsewhere(result)}"
+    return map_of_scene(replay_of_run(result, shown, names, moments), caption.rstrip())
 
 
-def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:
-    """The styles of the trackers that filter: the map leaves baselines and references out."""
-    names = {tracker.name for tracker in result.filtering}
-    return [style for style in shown if style.name in names]
+def shown_first(result: Result, shown: Sequence[TrackerStyle]) -> list[str]:
+    """The best and the last of the drawn trackers that filter: no baseline and no reference."""
+    filtering = {tracker.name for tracker in result.filtering}
+    names = [style.name for style in shown if style.name in filtering]
+    return list(dict.fromkeys([names[0], names[-1]])) if names else []
 
 
 def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
