@@ -61,8 +61,13 @@ def _packed(figure: Figure) -> dict[str, Any]:
     replay, scene = packed_replay(figure.replay), figure.replay
     sensors = [LegendEntry(of.sensor, of.colour, "dot") for of in scene.measurements]
     false = any(of.false is not None and of.false.any() for of in scene.measurements)
-    vehicle = [LegendEntry("vehicle, its front filled", TRUTH_COLOUR, "box")]
-    legend = [*vehicle, *sensors, *([LegendEntry("false alarm", MUTED, "plus")] if false else []), *figure.legend]
+    bodies = any(path.heading is not None for path in scene.paths)
+    vehicle = (
+        LegendEntry("vehicle, its front filled", TRUTH_COLOUR, "box")
+        if bodies
+        else LegendEntry("truth", TRUTH_COLOUR, "dot")
+    )
+    legend = [vehicle, *sensors, *([LegendEntry("false alarm", MUTED, "plus")] if false else []), *figure.legend]
     return {"scene": scene, "text": replay.text, "every": replay.every, "legend": legend}
 
 

@@ -60,7 +60,8 @@ def _content(scene: ReplayScene, kept: Array, every: int) -> dict[str, Any]:
     paths, measurements = [], []
     for path in scene.paths:
         there = np.isin(_ticks(path.time), kept)
-        own: dict[str, Any] = {"name": path.name, "tracker": path.tracker, "colour": path.colour, "size": path.size}
+        name = path.label if path.tracker else path.name
+        own: dict[str, Any] = {"name": name, "tracker": path.tracker, "colour": path.colour, "size": path.size}
         turned = {} if path.heading is None else {"heading": series(path.heading[there], HEADING)}
         paths.append(own | turned | _places(path.time, path.position, path.covariance, there))
     for sensor in scene.measurements:

@@ -103,6 +103,8 @@ class ReplayPath:
     """Half the width of the line, pixels; narrow lines are on top."""
     tracker: str = ""
     """The tracker whose estimate or track it is; empty of a vehicle."""
+    label: str = ""
+    """What a page writes beside an estimate, such as the number of a track; beside a vehicle it writes the name."""
     heading: Array | None = None
     """``(k,)`` rad, continuous; None of what has no body."""
     size: tuple[float, float] = (0.0, 0.0)

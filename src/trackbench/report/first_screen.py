@@ -41,11 +41,12 @@ def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str,
     """The recorded run from above; None without a truth, a true path or, with hidden identities, a tracker."""
     names = shown_first(result, shown)
     summary = result.summary
-    if not summary.truth.known or not result.tables.truth.num_rows or (summary.identities == "hidden" and not names):
+    if not summary.truth.known or (summary.identities == "hidden" and not names):
         return None
+    scene = replay_of_run(result, shown, names, moments)
     errors = "; ".join(moment_text(moments[name]) for name in names if name in moments)
     caption = f"Run {summary.recorded_run}.{f' Largest errors: {errors}.' * bool(errors)} {diverged_elsewhere(result)}"
-    return map_of_scene(replay_of_run(result, shown, names, moments), caption.rstrip())
+    return map_of_scene(scene, caption.rstrip()) if scene else None
 
 
 def shown_first(result: Result, shown: Sequence[TrackerStyle]) -> list[str]:

@@ -38,17 +38,20 @@ _POST_M = 1.0
 
 def replay_of_run(
     result: Result, styles: Sequence[TrackerStyle], chosen: Sequence[str], moments: Mapping[str, EstimateMoment]
-) -> ReplayScene:
-    """Return the recorded run, opening where the chosen trackers have their largest error or their costliest event.
+) -> ReplayScene | None:
+    """Return the recorded run, opening at the largest error of the chosen trackers, or at the costliest event of the
+    first; None without a true path.
 
     Args:
-        result: of the run, with at least one true path.
+        result: of the run.
         styles: of the trackers that a reader may choose.
         chosen: the names of those that are shown at first, best first.
         moments: by tracker, the moment of its largest error, where identities are known.
     """
     hidden = result.summary.identities == "hidden"
     vehicles = {path.name: path for path in _vehicles(result)}
+    if not vehicles:
+        return None
     places = np.concatenate([path.position for path in vehicles.values()], axis=1)
     (left, bottom), (right, top) = places.min(axis=1) - _MARGIN_M, places.max(axis=1) + _MARGIN_M
     errors = _gospa(result, styles) if hidden else _largest_errors(result, styles)
@@ -102,7 +105,7 @@ def _lanes(result: Result) -> Iterator[Array]:
 
 
 def _tracks(result: Result, styles: Sequence[TrackerStyle]) -> Iterator[ReplayPath]:
-    """Yield the estimates of each object, without a name, or with hidden identities the tracks by their number."""
+    """Yield the estimates of each object, or with hidden identities the tracks, with their numbers beside them."""
     colours = {style.name: style.colour for style in styles}
     hidden = result.summary.identities == "hidden"
     table, key = (result.tables.tracks, "track") if hidden else (result.tables.estimates, "object")
@@ -110,9 +113,9 @@ def _tracks(result: Result, styles: Sequence[TrackerStyle]) -> Iterator[ReplayPa
         there = np.isfinite(rows["px_m"])
         if tracker in colours and there.any():
             p = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])[:, :, there]
-            name = f"{float(identity):g}" if hidden else ""
-            at = _position(rows)[:, there]
-            yield ReplayPath(name, colours[tracker], rows["time_s"][there], at, p, tracker=tracker)
+            label = f"{float(identity):g}" if hidden else ""
+            time, at = rows["time_s"][there], _position(rows)[:, there]
+            yield ReplayPath(identity, colours[tracker], time, at, p, tracker=tracker, label=label)
 
 
 def _position(rows: Columns) -> Array:
