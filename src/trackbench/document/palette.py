@@ -8,12 +8,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 
 if TYPE_CHECKING:
@@ -44,8 +40,8 @@ SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#3CC3D2", "#E1A587", "#6978D2", "
 MODE_COLOURS: tuple[str, ...] = ("#5B8FF9", "#E8A33D", "#9270CA", "#3FA796", "#D9648A", "#8A9099")
 #: Of tracks on a dark ground: lighter than all colours of trackers and sensors.
 IDENTITY_COLOURS: tuple[str, ...] = ("#FFFA5F", "#93F4FF", "#F4BB89", "#B1FCA7", "#BECEED", "#FEE7D8", "#E5DB76")
-#: From small errors to large ones.
-ERROR_COLOURS: tuple[str, ...] = ("#4A90D9", "#35A79C", "#C9A227", "#E8702A", "#D11F4E")
+#: From small faults to large ones: one hue, and no colour of a tracker or a sensor.
+ERROR_COLOURS: tuple[str, ...] = ("#FFC2C2", "#FF7A7A", "#FF1F1F")
 TRUTH_COLOUR = "#8A9099"
 OBSERVER_COLOUR = "#5A87C6"
 BOUND_COLOUR = "#8A9099"
@@ -110,30 +106,3 @@ def tracker_figure(
     lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
     tooltips = {style.key: style.name for style in styles}
     return Figure(name, title, caption, alternative, paint, height, legend=(*lines, *others), tooltips=tooltips)
-
-
-#: Round numbers among which the limits of the colours of errors are chosen, m.
-_ROUND = np.array([step * 10.0**power for power in range(-3, 4) for step in (1, 2, 5)])
-
-
-def error_limits(errors: Sequence[Array]) -> Array:
-    """Round limits between ``ERROR_COLOURS`` that spread the errors over them, m."""
-    every = np.concatenate(errors) if errors else np.empty(0)
-    every = every[np.isfinite(every)]
-    if not every.size:
-        return np.empty(0)
-    low, high = np.quantile(every, [0.25, 0.98])
-    inside = _ROUND[(low <= _ROUND) & (high >= _ROUND)]
-    if len(inside) < 2:
-        nearest = int(np.argmin(abs(_ROUND - high)))
-        inside = _ROUND[max(0, nearest - 1) : nearest + 1]
-    most = len(ERROR_COLOURS) - 1
-    return np.asarray(inside[np.unique(np.linspace(0, len(inside) - 1, most).round().astype(int))])
-
-
-def error_labels(limits: Array) -> list[str]:
-    """What each of ``ERROR_COLOURS`` between the limits (m) stands for."""
-    words = [f"{limit:g}" for limit in limits]
-    if not words:
-        return []
-    return [f"under {words[0]} m", *(f"{a} to {b} m" for a, b in pairwise(words)), f"above {words[-1]} m"]

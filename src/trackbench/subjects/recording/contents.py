@@ -19,7 +19,6 @@ from trackbench.results import MOST_DRAWN, Result, Tables
 from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
 from trackbench.subjects.recording.focus import Focus, moment_of
-from trackbench.subjects.recording.views import ErrorMap
 
 
 @dataclass(frozen=True)
@@ -59,11 +58,10 @@ class Contents:
         events = (event for (function,) in functions for event in function_events(self.result, function, run=run))
         return [event for event in events if event.tracker in self.colours]
 
-    @cached_property
-    def errors(self) -> ErrorMap | None:
-        """The map of errors; None where identities are hidden, or there are no errors."""
-        shown = [] if self.hidden else [*self.plotted]
-        return ErrorMap(self.tables, shown) or None
+    @property
+    def mapped(self) -> Mapping[str, str]:
+        """Colour by tracker, of those that have a map: all that are plotted, where they estimate known objects."""
+        return {} if self.hidden or not self.tables.if_there("estimates").num_rows else self.plotted
 
 
 def contents_of(result: Result) -> Contents:

@@ -20,7 +20,7 @@ LANES = "functions"
 #: No tracker is called so, and it comes before all.
 TRUTH = "_truth"
 #: Of a lane in which something is wrong.
-WRONG = {"missed": ERROR_COLOURS[4], "late": ERROR_COLOURS[2], "false": ERROR_COLOURS[3]}
+WRONG = {"missed": ERROR_COLOURS[2], "late": ERROR_COLOURS[0], "false": ERROR_COLOURS[1]}
 #: In a lane, nothing is decided.
 NOTHING = ""
 

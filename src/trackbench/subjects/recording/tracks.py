@@ -29,8 +29,8 @@ ASSOCIATIONS = (*WORLD, "associations")
 #: How long an event is marked, s.
 MARKED_S = 1.0
 #: Events that are marked; births and confirmations are not: a trail begins there.
-MARKED = {"switched": "#FFFFFF", "merged": ERROR_COLOURS[4], "lost": ERROR_COLOURS[4], "false": ERROR_COLOURS[3]}
-MISSED = ERROR_COLOURS[4]
+MARKED = {"switched": "#FFFFFF", "merged": ERROR_COLOURS[2], "lost": ERROR_COLOURS[2], "false": ERROR_COLOURS[1]}
+MISSED = ERROR_COLOURS[2]
 #: Radius of the ring around a vehicle without a track, m.
 MISS_RADIUS = 3.0
 ASSOCIATION_COLOUR = "#FFFFFF"

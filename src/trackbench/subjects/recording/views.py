@@ -1,27 +1,26 @@
 """The views of the scene: the observer or a vehicle with its surroundings, and vehicles close up, all following.
 
-And where the errors are: the true paths of the recorded run in the colour of the position error of each contender.
+And maps: the path that each contender estimated of each object, over the true one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
 
-from trackbench.base.types import Array, Indices
-from trackbench.document.palette import ERROR_COLOURS, error_labels, error_limits
-from trackbench.document.replay import NamedColour
+from trackbench.base.types import Array
+from trackbench.document.palette import TRUTH_COLOUR
 from trackbench.results import Tables
-from trackbench.results.columns import Columns, split
+from trackbench.results.columns import split
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.scene import FRAMES, LABEL_COLOUR, LABELS, MEASUREMENTS, ROADS, WORLD
-from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, rgba_of
+from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba
 from trackbench.subjects.recording.tracks import trails
 
 #: How long a measurement stays in the picture, s.
@@ -169,75 +168,44 @@ def from_above(
     )
 
 
-ERRORS, FRAME = "errors", "errors_frame"
-#: Pieces of a path end this far apart at most, s.
-GAP_S = 3.0
+MAPS, FRAME = "maps", "maps_frame"
 #: A map this many times as wide as high has the whole width.
 ELONGATED = 4.0
 
 
-class ErrorMap:
-    """A map for each contender.
+def send_maps(stream: Stream, tables: Tables, trackers: Mapping[str, str]) -> None:
+    """Send the true paths, and the path that each tracker estimated of each object in the tracker's colour."""
+    stream.turn_y_down(FRAME)
+    wide = rr.LineStrips2D(_paths(tables.truth), colors=rgba(TRUTH_COLOUR), radii=pixels(2.0), draw_order=1.0)
+    stream.static(path(MAPS, "truth"), wide)
+    for tracker, colour in trackers.items():
+        own = tables.estimates.filter(pc.equal(tables.estimates["tracker"], tracker))
+        lines = rr.LineStrips2D(_paths(own), colors=rgba(colour), radii=pixels(0.75), draw_order=2.0)
+        stream.static(path(MAPS, "estimates", tracker), lines)
 
-    Args:
-        tables: of the recorded run, whose identities are known.
-        trackers: the contenders.
-    """
 
-    def __init__(self, tables: Tables, trackers: list[str]) -> None:
-        truth = {name: rows for (name,), rows in split(tables.truth, "object").items()}
-        self._pieces: dict[str, list[tuple[Array, Array]]] = {}
-        for (tracker, name), rows in split(tables.if_there("estimates"), "tracker", "object").items():
-            if tracker in trackers:
-                self._pieces.setdefault(tracker, []).append(_pieces(truth[name], rows))
-
-    @cached_property
-    def limits(self) -> Array:
-        """Between the colours, m."""
-        return error_limits([error for pieces in self._pieces.values() for _, error in pieces])
-
-    @property
-    def legend(self) -> list[NamedColour]:
-        """What the colours stand for."""
-        labels = (label.replace("under", "error <") for label in error_labels(self.limits))
-        return [NamedColour(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)]
-
-    def send(self, stream: Stream) -> None:
-        """Send the pieces of all paths, the largest errors on top."""
-        stream.turn_y_down(FRAME)
-        palette = rgba_of(ERROR_COLOURS)
-        for tracker, pieces in self._pieces.items():
-            strips, error = (np.concatenate(part) for part in zip(*pieces, strict=True))
-            level: Indices = np.digitize(error, self.limits)
-            order = np.argsort(level, kind="stable")
-            lines = rr.LineStrips2D(strips[order], colors=palette[level[order]], radii=pixels(1.5), draw_order=2.0)
-            stream.static(path(ERRORS, tracker), lines)
-
-    def view(self) -> rrb.Container:
-        """Return the maps, each in a view."""
-        at = np.concatenate([strips.reshape(-1, 2) for pieces in self._pieces.values() for strips, _ in pieces])
-        (left, low), (right, high) = at.min(axis=0) - MARGIN, at.max(axis=0) + MARGIN
-        views = (
-            from_above(
-                FRAME,
-                f"Position error of {tracker}",
-                [f"+ {path(*ROADS)}", f"+ {path(ERRORS, tracker)}"],
-                ((left, right), (-high, -low)),
-                {},
-            )
-            for tracker in self._pieces
+def maps_view(tables: Tables, trackers: Iterable[str]) -> rrb.Container:
+    """Return a view of the map of each tracker."""
+    at = np.concatenate(_paths(tables.truth))
+    (left, low), (right, high) = at.min(axis=0) - MARGIN, at.max(axis=0) + MARGIN
+    views = [
+        from_above(
+            FRAME,
+            f"Estimates of {tracker}",
+            [f"+ {path(*ROADS)}", f"+ {path(MAPS, 'truth')}", f"+ {path(MAPS, 'estimates', tracker)}"],
+            ((left, right), (-high, -low)),
+            {},
         )
-        columns = 1 if right - left > ELONGATED * (high - low) else min(3, len(self._pieces))
-        return rrb.Grid(*views, grid_columns=columns, name="Map of errors")
+        for tracker in trackers
+    ]
+    columns = 1 if right - left > ELONGATED * (high - low) else min(3, len(views))
+    return rrb.Grid(*views, grid_columns=columns, name="Maps")
 
-    def __bool__(self) -> bool:
-        return bool(len(self.limits))
 
-
-def _pieces(truth: Columns, rows: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Return the pieces from each estimate to the next, ``(pieces, 2, 2)`` m, and the larger error at their ends, m."""
-    time, error = rows["time_s"], rows["position_error_m"]
-    step = np.searchsorted(truth["time_s"], time - 1e-9)
-    at = np.stack([truth["px_m"][step], truth["py_m"][step]], axis=1)
-    joined = np.isfinite(error[1:] + error[:-1]) & (np.diff(time) <= GAP_S + 1e-9)
-    return np.stack([at[:-1], at[1:]], axis=1)[joined], np.maximum(error[1:], error[:-1])[joined]
+def _paths(table: pa.Table) -> list[Array]:
+    """Return the path of each object, ``(points, 2)`` m, where it is in the scene and has a position."""
+    paths = []
+    for rows in split(table, "object").values():
+        at = np.stack([rows["px_m"], rows["py_m"]], axis=1)
+        paths.append(at[np.isfinite(at).all(axis=1) & (rows.get("alive", np.ones(len(at))) > 0)])
+    return paths
