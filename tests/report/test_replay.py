@@ -63,9 +63,9 @@ def unpacked(text: str) -> Any:
 
 
 def test_what_a_page_has_is_the_result_to_the_quantum(result: Result, scene: ReplayScene) -> None:
-    packed = packed_replay(scene)
-    content = unpacked(packed.text)
-    assert packed.every == 1
+    text, every = packed_replay(scene)
+    content = unpacked(text)
+    assert every == 1
     vehicles = {path["name"]: path for path in content["paths"] if not path["tracker"]}
     for (name,), rows in split(result.tables.truth, "object").items():
         path = vehicles.pop(name)
@@ -110,14 +110,14 @@ def test_the_ellipse_of_a_radar_is_long_across_the_line_of_sight(scene: ReplaySc
 
 
 def test_a_long_run_is_thinned_and_keeps_its_worst_moment(scene: ReplayScene, worst: EstimateMoment) -> None:
-    whole = packed_replay(scene)
-    assert len(whole.text) < LIMIT
-    thinned = packed_replay(scene, len(whole.text) // 4)
-    assert thinned.every > 3
-    assert len(thinned.text) <= len(whole.text) // 4
-    content = unpacked(thinned.text)
+    whole, _ = packed_replay(scene)
+    assert len(whole) < LIMIT
+    text, every = packed_replay(scene, len(whole) // 4)
+    assert every > 3
+    assert len(text) <= len(whole) // 4
+    content = unpacked(text)
     for path in content["paths"]:
-        assert len(path["time"]) <= 401 // thinned.every + 2
+        assert len(path["time"]) <= 401 // every + 2
         assert np.abs(path["time"] - worst.time_s).min() < TIME
     assert content["start"] == {"time_s": worst.time_s, "path": worst.object}
 
@@ -210,6 +210,8 @@ def test_it_plays_and_the_keys_and_the_time_line_move_it(
         const point = {clientX: at.left + at.width / 2, clientY: at.top + 60, bubbles: true};
         line.dispatchEvent(new PointerEvent('pointerdown', point)); say('middle');
         replay.querySelector('[name=worst]').click(); say('worst');
+        page.defaultView.dispatchEvent(new Event('beforeprint'));
+        states.worst.printed = replay.classList.contains('paper');
         return states;
         """,
     )
@@ -226,6 +228,7 @@ def test_it_plays_and_the_keys_and_the_time_line_move_it(
     assert scale["farther"] == pytest.approx(0.8 * scale["event"])
     assert time["middle"] == pytest.approx(10, abs=0.5)
     assert time["worst"] == pytest.approx(worst.time_s)
+    assert told["worst"]["printed"]
 
 
 def test_the_still_picture_is_there_without_scripts(document: Document) -> None:

@@ -11,10 +11,11 @@ from typing import Any
 from markupsafe import Markup
 
 from trackbench import document as model
-from trackbench.document import Cell, Document, Figure, LegendEntry, Table, typeset
+from trackbench.document import Cell, Document, LegendEntry, Table, typeset
 from trackbench.document.drawing import IN_PAGE, MUTED, svg_in_page
 from trackbench.document.packed_replay import packed_replay
 from trackbench.document.palette import TRUTH_COLOUR
+from trackbench.document.replay import ReplayScene
 from trackbench.document.template import environment
 
 
@@ -55,20 +56,15 @@ def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
     }
 
 
-def _packed(figure: Figure) -> dict[str, Any]:
-    """What a page says of the replay of a figure: its scene, its text, and the legend of what is no tracker."""
-    assert figure.replay is not None
-    replay, scene = packed_replay(figure.replay), figure.replay
-    sensors = [LegendEntry(of.sensor, of.colour, "dot") for of in scene.measurements]
-    false = any(of.false is not None and of.false.any() for of in scene.measurements)
-    bodies = any(path.heading is not None for path in scene.paths)
-    vehicle = (
-        LegendEntry("vehicle, its front filled", TRUTH_COLOUR, "box")
-        if bodies
-        else LegendEntry("truth", TRUTH_COLOUR, "dot")
-    )
-    legend = [vehicle, *sensors, *([LegendEntry("false alarm", MUTED, "plus")] if false else []), *figure.legend]
-    return {"scene": scene, "text": replay.text, "every": replay.every, "legend": legend}
+def _packed(scene: ReplayScene) -> dict[str, Any]:
+    """What a page has of a replay: its scene as text, and the legend of what is no tracker."""
+    text, every = packed_replay(scene)
+    body = "vehicle, its front filled" if any(path.size[0] for path in scene.paths) else "truth"
+    legend = [LegendEntry(body, TRUTH_COLOUR, "box")]
+    legend += [LegendEntry(of.sensor, of.colour, "dot") for of in scene.measurements]
+    if any(of.false is not None and of.false.any() for of in scene.measurements):
+        legend.append(LegendEntry("false alarm", MUTED, "plus"))
+    return {"text": text, "every": every, "legend": legend}
 
 
 def _shared(document: Document) -> list[LegendEntry]:

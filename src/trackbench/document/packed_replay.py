@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import zlib
 from base64 import b64encode
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,25 +20,18 @@ LIMIT = 300_000
 SIGMAS = float(np.sqrt(-2 * np.log(0.05)))
 
 
-@dataclass(frozen=True)
-class PackedReplay:
-    """A scene as a page has it."""
+def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
+    """Return a scene as base64 of deflated JSON, whose series of numbers are objects of :func:`series`.
 
-    text: str
-    """Base64 of deflated JSON, in which each series of numbers is an object of :func:`series`."""
-    every: int
-    """One of so many instants is kept."""
-
-
-def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> PackedReplay:
-    """Return a scene in at most ``limit`` letters, as far as leaving out instants can reach that."""
+    Of so many instants as the second value says, one is kept: as many as ``limit`` letters take.
+    """
     instants = np.unique(np.concatenate([_ticks(path.time) for path in scene.paths]))
     first = instants[0] if scene.start is None else _ticks(np.array([scene.start.time_s]))
     every, text = 1, _text(scene, instants, 1)
     while len(text) > limit and every < len(instants):
         every = max(every + 1, int(every * len(text) / limit))
         text = _text(scene, np.union1d(instants[::every], first), every)
-    return PackedReplay(text, every)
+    return text, every
 
 
 def series(values: Array, quantum: float) -> dict[str, Any]:
@@ -76,7 +68,9 @@ def _content(scene: ReplayScene, kept: Array, every: int) -> dict[str, Any]:
             {"tracker": line.name, "time": series(line.time[known], TIME), "value": series(line.value[known], VALUE)}
         )
     return {
-        "trackers": [tracker._asdict() for tracker in scene.trackers],
+        "trackers": [
+            {"name": style.name, "colour": style.colour, "dashed": style.line != "solid"} for style in scene.trackers
+        ],
         "lanes": [{"x": series(x, POSITION), "y": series(y, POSITION)} for x, y in scene.lanes],
         "paths": paths,
         "measurements": measurements,

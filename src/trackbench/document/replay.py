@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array
+from trackbench.document import TrackerStyle
 
 
 class ChartLine(NamedTuple):
@@ -147,18 +148,6 @@ class ReplayStart(NamedTuple):
     """The name of the vehicle in the middle."""
 
 
-class ReplayTracker(NamedTuple):
-    """A tracker that a reader may choose."""
-
-    name: str
-    colour: str
-    shown: bool
-    """Whether it is shown at first."""
-    key: str = ""
-    """Its class in a page with other figures."""
-    dashed: bool = False
-
-
 @dataclass(frozen=True, eq=False)
 class ReplayScene:
     """A scene from above with charts beside it and below it."""
@@ -173,7 +162,10 @@ class ReplayScene:
     below: tuple[Chart, ...] = ()
     lanes: tuple[Array, ...] = ()
     """``(2, k)`` m, the edges of the lanes."""
-    trackers: tuple[ReplayTracker, ...] = ()
+    trackers: tuple[TrackerStyle, ...] = ()
+    """Those that a reader may choose."""
+    shown: tuple[str, ...] = ()
+    """The names of the trackers that are shown at first, best first."""
     events: tuple[ReplayEvent, ...] = ()
     start: ReplayStart | None = None
     """None: at the beginning, with the whole scene."""

@@ -18,7 +18,6 @@ from trackbench.document.replay import (
     ReplayPath,
     ReplayScene,
     ReplayStart,
-    ReplayTracker,
 )
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
@@ -57,10 +56,6 @@ def replay_of_run(
     errors = _gospa(result, styles) if hidden else _largest_errors(result, styles)
     quantity = "GOSPA of this run" if hidden else "Largest position error of any vehicle"
     lines = tuple(ChartLine((style.key,), style.name, style.colour, *errors[style.name]) for style in styles)
-    trackers = (
-        ReplayTracker(style.name, style.colour, style.name in chosen, style.key, style.line != "solid")
-        for style in styles
-    )
     if hidden:
         happened = [event for event in events_of(result, run=result.summary.recorded_run) if event.kind in MARKS]
         events = [
@@ -82,7 +77,8 @@ def replay_of_run(
         (float(bottom), float(top)),
         beside=(Chart(("error",), quantity, "m", lines),),
         lanes=tuple(_lanes(result)),
-        trackers=tuple(trackers),
+        trackers=tuple(styles),
+        shown=tuple(chosen),
         events=tuple(events),
         start=_opening(worst, vehicles),
     )

@@ -441,7 +441,9 @@
     }
   }
 
-  for (const box of document.querySelectorAll(".replay")) {
+  // A browser without this keeps the still picture.
+  const boxes = "DecompressionStream" in window ? document.querySelectorAll(".replay") : [];
+  for (const box of boxes) {
     const figure = box.closest("figure");
     unpack(figure.querySelector("script").textContent).then(scene => {
       new Player(box, scene);

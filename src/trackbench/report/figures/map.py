@@ -49,7 +49,7 @@ def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
         caption: after what the lines are.
         name: of the figure.
     """
-    shown = [tracker for tracker in scene.trackers if tracker.shown]
+    shown = [tracker for tracker in scene.trackers if tracker.name in scene.shown]
     vehicles = [path for path in scene.paths if not path.tracker]
     estimates = {tracker.name: [path for path in scene.paths if path.tracker == tracker.name] for tracker in shown}
     (left, right), (bottom, top) = scene.x_range, scene.y_range

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
+from trackbench.document import TrackerStyle
 from trackbench.document.palette import BOUND_COLOUR, OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colours
 from trackbench.document.replay import (
     Chart,
@@ -18,7 +19,6 @@ from trackbench.document.replay import (
     ReplayPath,
     ReplayScene,
     ReplayStart,
-    ReplayTracker,
 )
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
@@ -74,7 +74,8 @@ def drive_scene(run: EvidenceRun) -> ReplayScene:
         _range(run.target[1], poses[1]),
         tuple(_error_charts(run)),
         tuple(_innovation_charts(run)),
-        trackers=tuple(ReplayTracker(name, COLOURS[name], True) for name in ("tracker", "reference")),
+        trackers=tuple(TrackerStyle("", name, COLOURS[name]) for name in ("tracker", "reference")),
+        shown=("tracker", "reference"),
         events=(worst,),
         start=ReplayStart(worst.time_s, "truth"),
     )
