@@ -15,7 +15,7 @@ from tests.support.example_result import make_result
 
 from trackbench.document import Document
 from trackbench.document.html import to_html
-from trackbench.document.packed_replay import LIMIT, POSITION, SIGMAS, TIME, packed_replay
+from trackbench.document.packed_replay import LIMIT, POSITION, SIGMAS, TIME, packed_replay, series
 from trackbench.document.palette import TRUTH_COLOUR
 from trackbench.document.replay import ReplayScene
 from trackbench.metrics.recorded_run import EstimateMoment
@@ -142,6 +142,13 @@ def seen(tmp_path: Path, text: str, script: str, width: int = 1280) -> Any:
     # Chromium advises those who read pixels.
     assert [message for message in console if "getImageData" not in message] == []
     return value
+
+
+def test_numbers_of_a_tracker_that_diverged_stay_finite() -> None:
+    wild = series(np.array([1.0, 1e300, -1e18, 2.0]), POSITION)
+    counts = np.cumsum(wild["differences"]) if wild["order"] == 1 else np.cumsum(np.cumsum(wild["differences"]))
+    assert counts[[0, 3]].tolist() == [100, 200]
+    assert counts[1] > 1e10
 
 
 #: Beside the middle of a vehicle of 5 by 2 m, along and across its heading, m: points of its front away

@@ -16,6 +16,8 @@ from trackbench.document.replay import ReplayScene
 TIME, POSITION, HEADING, VALUE = 0.001, 0.01, 0.002, 0.001
 #: The most letters of a scene; a longer one is thinned in time.
 LIMIT = 300_000
+#: The largest count of a quantum; estimates that diverged are farther.
+_FARTHEST = 1e11
 #: Half axes of the ellipse that has 95 % of a Gaussian in the plane, standard deviations.
 SIGMAS = float(np.sqrt(-2 * np.log(0.05)))
 
@@ -27,16 +29,18 @@ def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
     """
     instants = np.unique(np.concatenate([_ticks(path.time) for path in scene.paths]))
     first = instants[0] if scene.start is None else _ticks(np.array([scene.start.time_s]))
-    every, text = 1, _text(scene, instants, 1)
-    while len(text) > limit and every < len(instants):
-        every = max(every + 1, int(every * len(text) / limit))
+    # A letter never holds eight numbers, of which a path has up to six an instant.
+    every = max(1, 6 * sum(len(path.time) for path in scene.paths) // (8 * limit))
+    while True:
         text = _text(scene, np.union1d(instants[::every], first), every)
-    return text, every
+        if len(text) <= limit or every >= len(instants):
+            return text, every
+        every = max(every + 1, int(every * len(text) / limit))
 
 
 def series(values: Array, quantum: float) -> dict[str, Any]:
     """Return numbers as counts of a quantum, by their first or second differences, whichever are smaller."""
-    counts = np.rint(np.asarray(values, dtype=float) / quantum).astype(np.int64)
+    counts = np.rint(np.clip(np.asarray(values, dtype=float) / quantum, -_FARTHEST, _FARTHEST)).astype(np.int64)
     differences = {order: np.diff(counts, order, prepend=[0] * order) for order in (1, 2)}
     order = min(differences, key=lambda order: int(np.abs(differences[order]).sum()))
     return {"quantum": quantum, "order": order, "differences": differences[order].tolist()}
@@ -52,6 +56,8 @@ def _content(scene: ReplayScene, kept: Array, every: int) -> dict[str, Any]:
     paths, measurements = [], []
     for path in scene.paths:
         there = np.isin(_ticks(path.time), kept)
+        if not there.any():
+            continue
         name = path.label if path.tracker else path.name
         own: dict[str, Any] = {"name": name, "tracker": path.tracker, "colour": path.colour, "size": path.size}
         turned = {} if path.heading is None else {"heading": series(path.heading[there], HEADING)}
@@ -90,9 +96,9 @@ def _places(time: Array, position: Array, covariance: Array | None, there: Mask)
     places = {"time": series(time[there], TIME), "x": series(x, POSITION), "y": series(y, POSITION)}
     if covariance is None:
         return places
-    (xx, xy), (_, yy) = np.nan_to_num(covariance[:, :, there])
+    (xx, xy), (_, yy) = np.clip(np.nan_to_num(covariance[:, :, there]), -_FARTHEST, _FARTHEST)
     a = np.sqrt(np.maximum(xx, 0.0))
-    b = np.divide(xy, a, out=np.zeros_like(a), where=a > 0)
+    b = np.divide(xy, a, out=np.zeros_like(a), where=a > 1e-6)
     axes = {"a": a, "b": b, "c": np.sqrt(np.maximum(yy - b * b, 0.0))}
     return places | {name: series(SIGMAS * values, POSITION) for name, values in axes.items()}
 

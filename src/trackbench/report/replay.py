@@ -106,7 +106,7 @@ def _tracks(result: Result, styles: Sequence[TrackerStyle]) -> Iterator[ReplayPa
     hidden = result.summary.identities == "hidden"
     table, key = (result.tables.tracks, "track") if hidden else (result.tables.estimates, "object")
     for (tracker, identity), rows in split(table, "tracker", key).items():
-        there = np.isfinite(rows["px_m"])
+        there = np.isfinite(_position(rows)).all(axis=0)
         if tracker in colours and there.any():
             p = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])[:, :, there]
             label = f"{float(identity):g}" if hidden else ""
@@ -163,6 +163,8 @@ def _largest_errors(result: Result, styles: Sequence[TrackerStyle]) -> dict[str,
 def _gospa(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
     """Return by tracker GOSPA at each instant of the recorded run, m."""
     due, motions = split(result.tables.due, "object"), split(result.tables.truth, "object")
+    if not due:
+        return {style.name: (np.empty(0), np.empty(0)) for style in styles}
     time = np.unique(result.tables.due["time_s"].to_numpy())
     state = np.zeros((4, len(time), len(due)))
     for number, key in enumerate(due):
