@@ -128,10 +128,10 @@
     toggle() {
       if (this.playing) return this.stop();
       if (this.time >= this.end) this.time = this.first;
-      this.playing = true;
+      const play = this.playing = {};
       let before = null;
       const frame = now => {
-        if (!this.playing) return;
+        if (this.playing != play) return;
         this.time += (before === null ? 0 : Math.min(now - before, 1000) / 1000) * this.control("speed").value;
         before = now;
         if (this.time >= this.end) return this.seek(this.end);
@@ -147,7 +147,7 @@
     }
 
     seek(time) {
-      this.playing = false;
+      this.playing = null;
       this.time = nearest(this.instants, time);
       this.draw();
     }
