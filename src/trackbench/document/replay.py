@@ -145,7 +145,7 @@ class ReplayStart(NamedTuple):
 
     time_s: float
     path: str
-    """The name of the vehicle in the middle."""
+    """The name of the vehicle in the middle; empty: the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)

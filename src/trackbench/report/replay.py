@@ -64,11 +64,13 @@ def replay_of_run(
             if event.tracker in errors
         ]
         worst = next((event for event in events if event.tracker in chosen[:1]), None)
+        start = _opening(worst, vehicles) if worst else _largest(*errors[chosen[0]])
     else:
         events = _largest_of_each({name: moments[name] for name in errors if name in moments}, vehicles)
         own = [name for name in chosen if name in moments]
         farthest = max(own, key=lambda name: moments[name].position_error_m or 0.0, default="")
         worst = next((event for event in events if event.tracker == farthest), None)
+        start = _opening(worst, vehicles) if worst else None
     return ReplayScene(
         "run",
         (*vehicles.values(), *_tracks(result, styles)),
@@ -80,7 +82,7 @@ def replay_of_run(
         trackers=tuple(styles),
         shown=tuple(chosen),
         events=tuple(events),
-        start=_opening(worst, vehicles),
+        start=start,
     )
 
 
@@ -198,10 +200,13 @@ def _largest_of_each(moments: Mapping[str, EstimateMoment], vehicles: Mapping[st
     ]
 
 
-def _opening(event: ReplayEvent | None, vehicles: Mapping[str, ReplayPath]) -> ReplayStart | None:
+def _largest(time: Array, value: Array) -> ReplayStart | None:
+    """Return the start at the largest value, with the whole scene."""
+    return ReplayStart(float(time[np.argmax(value)]), "") if len(time) else None
+
+
+def _opening(event: ReplayEvent, vehicles: Mapping[str, ReplayPath]) -> ReplayStart:
     """Return the start at an event, with the nearest vehicle in the middle."""
-    if event is None:
-        return None
     there = [name for name, path in vehicles.items() if path.time[0] <= event.time_s + 1e-9 <= path.time[-1] + 2e-9]
     away = {name: float(np.hypot(*np.subtract(_at(vehicles[name], event.time_s), event[3:5]))) for name in there}
     return ReplayStart(event.time_s, min(away, key=lambda name: away[name], default=""))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
 from trackbench.base.subjects import offered, resolve
-from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Table
+from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Row, Section, Table
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.function_events import events_of, function_events, function_labels
 from trackbench.report.first_screen import picture
@@ -89,7 +89,7 @@ def _from_above(run: Result) -> Iterator[Block]:
     moments = worst_moments(run) if run.summary.identities == "known" else {}
     figure = picture(run, [styles[tracker.name] for tracker in run.drawn], moments)
     if figure:
-        yield replace(figure, name="counter-example", title="The nearest counter-example from above")
+        yield Row((replace(figure, name="counter-example", title="The nearest counter-example from above"),))
 
 
 def at_point(claim: Claim, cell: int) -> str:
