@@ -37,10 +37,17 @@ const frames = [...document.querySelectorAll('iframe')].map(frame => {
       .map(e => parseFloat(frame.contentWindow.getComputedStyle(e).fontSize))),
   };
 });
-const found = document.createElement('pre');
-found.id = 'found';
-found.textContent = JSON.stringify(frames);
-document.body.append(found);
+tell(frames);
+"""
+
+# Leaves a value in the page, as JSON.
+TELL = """
+const tell = value => {
+  const found = document.createElement('pre');
+  found.id = 'found';
+  found.textContent = JSON.stringify(value);
+  document.body.append(found);
+};
 """
 
 
@@ -62,13 +69,35 @@ def look(folder: Path, pages: Mapping[str, str], widths: Sequence[int]) -> Seen:
     frames = "".join(
         f'<iframe src="{name}.html" style="width:{width}px;height:900px"></iframe>' for name, width in shown
     )
+    told, console = _told(folder, frames, MEASURE)
+    return Seen(dict(zip(shown, told, strict=True)), console)
+
+
+def drive(folder: Path, page: str, script: str, width: int = 1280) -> tuple[Any, list[str]]:
+    """Open a page in a frame of a width, run a script on it, and return what it returns, with the browser's messages.
+
+    ``script`` is the body of an asynchronous function of ``page``, the document, and of ``sleep``, which waits for
+    milliseconds.
+    """
+    (folder / "page.html").write_text(page, encoding="utf-8")
+    frame = f'<iframe src="page.html" style="width:{width}px;height:900px"></iframe>'
+    body = f"""
+        const page = document.querySelector('iframe').contentDocument;
+        const sleep = time => new Promise(done => setTimeout(done, time));
+        (async () => {{ {script} }})().then(tell, error => tell(String(error)));
+    """
+    return _told(folder, frame, body)
+
+
+def _told(folder: Path, body: str, script: str) -> tuple[Any, list[str]]:
+    """Open a page with elements and a script that runs once they have loaded; return what the script tells."""
     wrapper = folder / "frames.html"
-    script = f"<script>window.onload = () => {{ {MEASURE} }}</script>"
-    wrapper.write_text(f'<meta charset="utf-8"><link rel="icon" href="data:,">{frames}{script}', encoding="utf-8")
+    script = f"<script>{TELL} window.onload = () => {{ {script} }}</script>"
+    wrapper.write_text(f'<meta charset="utf-8"><link rel="icon" href="data:,">{body}{script}', encoding="utf-8")
     dom, console = shown_by_browser(folder, wrapper, "--allow-file-access-from-files")
     found = re.search(r'<pre id="found">(.*?)</pre>', dom, re.DOTALL)
-    assert found, f"the pages were not measured: {console}"
-    return Seen(dict(zip(shown, json.loads(html.unescape(found[1])), strict=True)), console)
+    assert found, f"the script told nothing: {console}"
+    return json.loads(html.unescape(found[1])), console
 
 
 def shown_by_browser(folder: Path, page: Path, *options: str, query: str = "") -> tuple[str, list[str]]:

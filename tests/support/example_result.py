@@ -275,6 +275,9 @@ def make_tables() -> dict[str, pa.Table]:
             "py_m": path[1],
             "vx_mps": np.gradient(path[0], TIME),
             "vy_mps": np.gradient(path[1], TIME),
+            "heading_rad": np.arctan2(np.gradient(path[1], TIME), np.gradient(path[0], TIME)),
+            "length_m": np.full(TIME.size, 5.0),
+            "width_m": np.full(TIME.size, 2.0),
         }
         for name, path in bodies.items()
     ]
@@ -284,9 +287,14 @@ def make_tables() -> dict[str, pa.Table]:
             "object": [name] * TIME.size,
             "time_s": TIME,
             "valid": np.full(TIME.size, True),
+            "x_m": path[0] + 0.3,
+            "y_m": path[1],
+            "sensor_x_m": 21 * TIME,
+            "sensor_y_m": np.full(TIME.size, 4.0),
+            "sensor_yaw_rad": np.zeros(TIME.size),
         }
         for sensor in SENSORS
-        for name in paths
+        for name, path in paths.items()
     ]
     roads = [{"line": np.full(2, i), "x_m": [0, 600], "y_m": [4 * i - 2, 4 * i - 2]} for i in range(5)]
     parts = {

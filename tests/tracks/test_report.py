@@ -37,6 +37,20 @@ def test_every_figure_is_drawn(document: Document) -> None:
         assert len(figure.alternative) > 30
 
 
+def test_the_time_line_of_the_replay_has_the_gospa_of_the_recorded_run(
+    document: Document, traffic_result: Result
+) -> None:
+    (scene,) = (figure.replay for figure in document.figures if figure.replay)
+    runs = traffic_result.to_pandas("runs")
+    recorded = runs[runs["run"] == traffic_result.summary.recorded_run].set_index("tracker")
+    (chart,) = scene.beside
+    assert {line.name for line in chart.lines} == {tracker.name for tracker in traffic_result.drawn}
+    for line in chart.lines:
+        assert (line.value**2).sum() == pytest.approx(recorded["gospa_total"][line.name]), line.name
+    assert scene.start is not None
+    assert any(event.time_s == scene.start.time_s for event in scene.events)
+
+
 def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traffic_result: Result) -> None:
     best = traffic_result.contenders[0].name
     assert best != "oracle"

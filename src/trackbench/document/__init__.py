@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from matplotlib import figure
 
+    from trackbench.document.replay import ReplayScene
+
 Tone = Literal["", "good", "warn", "bad"]
 
 
@@ -135,7 +137,7 @@ class LegendEntry:
     label: str
     colour: str
     """``#rrggbb``, or one of the colours of :mod:`trackbench.document.drawing`."""
-    mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "ring", "triangle"] = "line"
+    mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "plus", "ring", "triangle"] = "line"
     key: str = ""
     """That of the tracker, where the entry is one."""
 
@@ -159,6 +161,8 @@ class Figure:
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
     """By the gid of an artist."""
+    replay: ReplayScene | None = None
+    """What a page plays in place of the figure."""
 
 
 @dataclass(frozen=True)

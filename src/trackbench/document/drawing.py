@@ -42,7 +42,9 @@ IN_PAGE = {INK: "currentColor", GRID: "var(--grid)", MUTED: "var(--muted)"}
 WIDTH = 430.0
 DASHED = (0, (4, 2))
 #: Of a legend's marks: matplotlib's marker and its size in points.
-MARKERS = {"dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "triangle": ("^", 7), "upright": ("|", 10)}
+MARKERS = {
+    "dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "plus": ("+", 7), "triangle": ("^", 7), "upright": ("|", 10),
+}  # fmt: skip
 #: Of a line of a legend, points.
 _LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
 _STYLE = Path(__file__).parent / "templates" / "figure.mplstyle"

@@ -12,7 +12,10 @@ from markupsafe import Markup
 
 from trackbench import document as model
 from trackbench.document import Cell, Document, LegendEntry, Table, typeset
-from trackbench.document.drawing import IN_PAGE, svg_in_page
+from trackbench.document.drawing import IN_PAGE, MUTED, svg_in_page
+from trackbench.document.packed_replay import packed_replay
+from trackbench.document.palette import TRUTH_COLOUR
+from trackbench.document.replay import ReplayScene
 from trackbench.document.template import environment
 
 
@@ -21,7 +24,8 @@ def to_html(document: Document) -> str:
     made = environment(typeset)
     shared = _shared(document)
     assert made.loader is not None
-    script = made.loader.get_source(made, "document.js")[0]
+    names = ["document.js", *(["replay.js"] if any(figure.replay for figure in document.figures) else [])]
+    scripts = [made.loader.get_source(made, name)[0] for name in names]
     return made.get_template("document.html.j2").render(
         document=document,
         sections=[block for block in document.blocks if isinstance(block, model.Section)],
@@ -33,8 +37,10 @@ def to_html(document: Document) -> str:
         bar_on_axis=_bar,
         css=lambda colour: IN_PAGE.get(colour, colour),
         identity=lambda text: re.sub(r"\W+", "-", text.lower()).strip("-"),
-        script=Markup(script),
-        script_hash=b64encode(sha256(script.encode()).digest()).decode(),
+        packed=_packed,
+        scripts=[
+            {"text": Markup(text), "hash": b64encode(sha256(text.encode()).digest()).decode()} for text in scripts
+        ],
     )
 
 
@@ -48,6 +54,17 @@ def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
     return {key: f"{end:.2f}" for key, end in ends.items()} | {
         "cut": "left" if cell.bar[0] < begin else "right" if cell.bar[0] > end else ""
     }
+
+
+def _packed(scene: ReplayScene) -> dict[str, Any]:
+    """What a page has of a replay: its scene as text, and the legend of what is no tracker."""
+    text, every = packed_replay(scene)
+    body = "vehicle, its front filled" if any(path.size[0] for path in scene.paths) else "truth"
+    legend = [LegendEntry(body, TRUTH_COLOUR, "box")]
+    legend += [LegendEntry(of.sensor, of.colour, "dot") for of in scene.measurements]
+    if any(of.false is not None and of.false.any() for of in scene.measurements):
+        legend.append(LegendEntry("false alarm", MUTED, "plus"))
+    return {"text": text, "every": every, "legend": legend}
 
 
 def _shared(document: Document) -> list[LegendEntry]:

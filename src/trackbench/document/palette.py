@@ -40,8 +40,8 @@ SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#3CC3D2", "#E1A587", "#6978D2", "
 MODE_COLOURS: tuple[str, ...] = ("#5B8FF9", "#E8A33D", "#9270CA", "#3FA796", "#D9648A", "#8A9099")
 #: Of tracks on a dark ground: lighter than all colours of trackers and sensors.
 IDENTITY_COLOURS: tuple[str, ...] = ("#FFFA5F", "#93F4FF", "#F4BB89", "#B1FCA7", "#BECEED", "#FEE7D8", "#E5DB76")
-#: What went wrong: an object lost or an event missed, a track or event of nothing, and one that came late.
-LOST_COLOUR, FALSE_COLOUR, LATE_COLOUR = "#D11F4E", "#E8702A", "#C9A227"
+#: From small faults to large ones: one hue, and no colour of a tracker or a sensor.
+ERROR_COLOURS: tuple[str, ...] = ("#FFC2C2", "#FF7A7A", "#FF1F1F")
 TRUTH_COLOUR = "#8A9099"
 OBSERVER_COLOUR = "#5A87C6"
 BOUND_COLOUR = "#8A9099"

@@ -1,4 +1,7 @@
-"""A replay as data: texts, scenes seen from above, charts over simulated time. The recording writes it to a file."""
+"""A replay as data: texts, scenes seen from above, charts over simulated time.
+
+The recording writes it to a file; a page plays a scene of it on a canvas.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array
+from trackbench.document import TrackerStyle
 
 
 class ChartLine(NamedTuple):
@@ -98,6 +102,14 @@ class ReplayPath:
     """Radius of the dot, pixels."""
     width: float = 0.75
     """Half the width of the line, pixels; narrow lines are on top."""
+    tracker: str = ""
+    """The tracker whose estimate or track it is; empty of a vehicle."""
+    label: str = ""
+    """What a page writes beside an estimate, such as the number of a track; beside a vehicle it writes the name."""
+    heading: Array | None = None
+    """``(k,)`` rad, continuous; None of what has no body."""
+    size: tuple[float, float] = (0.0, 0.0)
+    """Length and width of the body, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +122,30 @@ class ReplayMeasurements:
     """``(k,)`` s."""
     position: Array
     """``(2, k)`` m in the fixed frame."""
+    covariance: Array | None = None
+    """``(2, 2, k)`` m^2; None without ellipses."""
+    false: Array | None = None
+    """``(k,)`` whether it is known to be a false alarm; None where nothing is known."""
+
+
+class ReplayEvent(NamedTuple):
+    """What happened to a tracker at a place."""
+
+    tracker: str
+    kind: str
+    """worst (the largest error), switched, lost, merged or false."""
+    time_s: float
+    x_m: float
+    y_m: float
+    text: str
+
+
+class ReplayStart(NamedTuple):
+    """When and where a scene opens."""
+
+    time_s: float
+    path: str
+    """The name of the vehicle in the middle; empty: the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +160,15 @@ class ReplayScene:
     y_range: tuple[float, float]
     beside: tuple[Chart, ...] = ()
     below: tuple[Chart, ...] = ()
+    lanes: tuple[Array, ...] = ()
+    """``(2, k)`` m, the edges of the lanes."""
+    trackers: tuple[TrackerStyle, ...] = ()
+    """Those that a reader may choose."""
+    shown: tuple[str, ...] = ()
+    """The names of the trackers that are shown at first, best first."""
+    events: tuple[ReplayEvent, ...] = ()
+    start: ReplayStart | None = None
+    """None: at the beginning, with the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 from trackbench.base.errors import counted
 from trackbench.document import (
@@ -27,10 +26,11 @@ from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report import tables
 from trackbench.report.covariance import verdict_in_words
-from trackbench.report.figures.map import map_of_run
-from trackbench.report.moments import diverged_elsewhere
+from trackbench.report.figures.map import map_of_scene
+from trackbench.report.moments import diverged_elsewhere, moment_text
 from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
+from trackbench.report.replay import replay_of_run
 from trackbench.report.sentences import answer_of_run, divergence, expectations_met, listed_of, value_and_limit
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.report.verdicts import NEXT
@@ -38,17 +38,22 @@ from trackbench.results import MetricValue, Result, TrackerResult
 
 
 def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
-    """The recorded run from above."""
-    if not result.summary.truth.known:
+    """The recorded run from above; None without a truth, a true path or, with hidden identities, a tracker."""
+    names = shown_first(result, shown)
+    summary = result.summary
+    if not summary.truth.known or (summary.identities == "hidden" and not names):
         return None
-    figure = map_of_run(result, competing(result, shown), moments)
-    return figure and replace(figure, caption=f"{figure.caption} {diverged_elsewhere(result)}".rstrip())
+    scene = replay_of_run(result, shown, names, moments)
+    errors = "; ".join(moment_text(moments[name]) for name in names if name in moments)
+    caption = f"Run {summary.recorded_run}.{f' Largest errors: {errors}.' * bool(errors)} {diverged_elsewhere(result)}"
+    return map_of_scene(scene, caption.rstrip()) if scene else None
 
 
-def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:
-    """The styles of the trackers that filter: the map leaves baselines and references out."""
-    names = {tracker.name for tracker in result.filtering}
-    return [style for style in shown if style.name in names]
+def shown_first(result: Result, shown: Sequence[TrackerStyle]) -> list[str]:
+    """The best and the last of the drawn trackers that filter: no baseline and no reference."""
+    filtering = {tracker.name for tracker in result.filtering}
+    names = [style.name for style in shown if style.name in filtering]
+    return list(dict.fromkeys([names[0], names[-1]])) if names else []
 
 
 def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:

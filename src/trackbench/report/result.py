@@ -12,9 +12,8 @@ from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
 from trackbench.report.conditions import condition_tables, consistency_table
-from trackbench.report.figures.map import styles_with_map
 from trackbench.report.figures.over_time import errors_over_time, gospa_over_time
-from trackbench.report.first_screen import competing, first_screen, picture
+from trackbench.report.first_screen import first_screen, picture, shown_first
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import margin_words
 from trackbench.report.pairs import Pairs, standing
@@ -69,7 +68,7 @@ def _sections(
     yield from collected("sections", result, shown)
     if summary.identities == "known":
         yield from _section("Over time", errors_over_time(result, shown))
-        yield from moments_section(result, moments, [style.name for style in styles_with_map(competing(result, shown))])
+        yield from moments_section(result, moments, shown_first(result, shown))
         yield from _section("By manoeuvre and range", *condition_tables(result), folded=True)
         yield Section("Consistency", (consistency_table(result),))
     else:

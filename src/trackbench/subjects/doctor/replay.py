@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
+from trackbench.document import TrackerStyle
 from trackbench.document.palette import BOUND_COLOUR, OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colours
 from trackbench.document.replay import (
     Chart,
     ChartLine,
     NamedColour,
     Replay,
+    ReplayEvent,
     ReplayMeasurements,
     ReplayPath,
     ReplayScene,
+    ReplayStart,
 )
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
@@ -44,12 +47,20 @@ def examination_replay(tracker: str, report: str, evidence: Sequence[EvidenceRun
         NamedColour("sensors", OBSERVER_COLOUR),
         *(NamedColour(name, colour, "dot") for name, colour in sensors.items()),
     )
-    scenes = tuple(_scene(run, sensors) for run in evidence)
+    scenes = tuple(map(drive_scene, evidence))
     return Replay(tracker, "trackbench doctor", "Findings", f"{report}\n{IN_THE_PICTURES}", legend, scenes)
 
 
-def _scene(run: EvidenceRun, sensors: Mapping[str, str]) -> ReplayScene:
+def drive_scene(run: EvidenceRun) -> ReplayScene:
+    """The run of a drive, which opens at the largest error of the tracker."""
     poses = np.array([scan.sensor_pose[:2] for scan in run.scans]).T
+    sensors = sensor_colours(scan.sensor for scan in run.scans)
+    # Of several scans at an instant the last is seen.
+    last = np.append(np.diff(run.time) > 0, True)
+    error = np.where(last, np.nan_to_num(run_errors(run)["tracker"].position), 0.0)
+    k = int(np.argmax(error))
+    x, y = run.target[:2, k].tolist()
+    worst = ReplayEvent("tracker", "worst", float(run.time[k]), x, y, f"largest error {error[k]:.2f} m")
     return ReplayScene(
         run.drive,
         (
@@ -63,19 +74,25 @@ def _scene(run: EvidenceRun, sensors: Mapping[str, str]) -> ReplayScene:
         _range(run.target[1], poses[1]),
         tuple(_error_charts(run)),
         tuple(_innovation_charts(run)),
+        trackers=tuple(TrackerStyle("", name, COLOURS[name]) for name in ("tracker", "reference")),
+        shown=("tracker", "reference"),
+        events=(worst,),
+        start=ReplayStart(worst.time_s, "truth"),
     )
 
 
 def _estimates(name: str, time: Array, mean: Array, covariance: Array) -> ReplayPath:
     finite = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
     p = covariance[:2, :2, finite]
-    return ReplayPath(name, COLOURS[name], time[finite], mean[:2, finite], p, width=PATH_WIDTHS[name])
+    return ReplayPath(name, COLOURS[name], time[finite], mean[:2, finite], p, width=PATH_WIDTHS[name], tracker=name)
 
 
 def _measurements(run: EvidenceRun, sensor: str, colour: str) -> ReplayMeasurements:
     scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
-    at = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2).T
-    return ReplayMeasurements(sensor, colour, np.array([scan.time for scan in scans]), at)
+    positions = [SENSOR_MODELS[scan.kind].position(scan) for scan in scans]
+    at = np.array([position.mean for position in positions]).reshape(-1, 2).T
+    covariance = np.array([position.covariance for position in positions]).reshape(-1, 2, 2).transpose(1, 2, 0)
+    return ReplayMeasurements(sensor, colour, np.array([scan.time for scan in scans]), at, covariance)
 
 
 def _range(target: Array, sensors: Array) -> tuple[float, float]:

@@ -16,12 +16,13 @@ from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
+from trackbench.report.figures.map import map_of_scene
 from trackbench.results import EXAMINATION
 from trackbench.subjects.doctor.certainty import Certainty, certainty
 from trackbench.subjects.doctor.drive_figures import evidence_figures
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults, questions
-from trackbench.subjects.doctor.replay import examination_replay
+from trackbench.subjects.doctor.replay import drive_scene, examination_replay
 
 WIDTH = 80
 #: Words of the result of a passed check that differs from the equations.
@@ -267,4 +268,5 @@ def _not_made_section(examination: Examination) -> Iterator[Section]:
 def _drive(run: EvidenceRun) -> Section:
     titles = dict.fromkeys(known_faults()[finding.fault].title for finding in run.findings)
     shows = [Paragraph(f"It shows: {'; '.join(titles)}.")] if titles else []
-    return Section(f"Drive: {run.description}", (*shows, Row(tuple(evidence_figures(run)))))
+    drive = map_of_scene(drive_scene(run), "", f"{run.drive}-map".replace("_", "-"))
+    return Section(f"Drive: {run.description}", (*shows, Row((drive, *evidence_figures(run)))))

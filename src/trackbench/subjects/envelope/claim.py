@@ -14,11 +14,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
+from trackbench.results import Result
 from trackbench.results.checks import stored_table
 from trackbench.results.metric_value import ResultModel, read_model
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
-from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample
+from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, CounterExamples, ShownExample
 
 CLAIM, PARTS, SCHEMA_VERSION = "claim.json", "parts.parquet", 1
 
@@ -223,10 +224,22 @@ class Envelope:
     the parts is the value of the cell, to first order."""
     shown: Mapping[str, ShownExample] = field(default_factory=dict)
     """By folder, the counter-examples; none of a claim that was read."""
+    folder: Path | None = None
+    """The folder that it was read from."""
 
     def values(self, cell: int, limit: int) -> Array:
         """``(parts,)`` of a requirement in a cell."""
         return self._by_place.get((cell, limit), np.zeros(0))
+
+    @cached_property
+    def nearest_run(self) -> Result | None:
+        """The run of the nearest counter-example; None where there is none, or not any more."""
+        counter = self.claim.counter_examples
+        nearest = min(counter.examples if counter else (), key=lambda example: example.distance, default=None)
+        if nearest is None or nearest.folder in self.shown:
+            return self.shown[nearest.folder].result if nearest else None
+        place = self.folder and self.folder / COUNTER_EXAMPLES / nearest.folder
+        return Result.load(place) if place and place.is_dir() else None
 
     @cached_property
     def _by_place(self) -> dict[tuple[int, int], Array]:
@@ -271,7 +284,7 @@ def read_envelope(place: Path) -> Envelope:
         raise InputError(f"there is no {PARTS} beside the claim", file=folder) from None
     if parts.schema != parts_of([]).schema or any(column.null_count for column in parts.columns):
         raise InputError("is not the table of a claim: cell, limit, part and value", file=file)
-    return Envelope(claim, parts)
+    return Envelope(claim, parts, folder=folder)
 
 
 def parts_of(rows: Sequence[tuple[int, int, Array]]) -> pa.Table:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
 from trackbench.base.subjects import offered, resolve
-from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Table
+from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Row, Section, Table
+from trackbench.document.palette import tracker_styles
 from trackbench.metrics.function_events import events_of, function_events, function_labels
+from trackbench.report.first_screen import picture
 from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import Result
 from trackbench.scenario import Scenario
@@ -51,8 +54,13 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
     return "; ".join(sentences)
 
 
-def counter_section(claim: Claim) -> Iterator[Section]:
-    """Yield the nearest counter-examples of a map, with their causes; nothing where none were looked for."""
+def counter_section(claim: Claim, run: Result | None = None) -> Iterator[Section]:
+    """Yield the nearest counter-examples of a map, with their causes; nothing where none were looked for.
+
+    Args:
+        claim: of the map.
+        run: of the nearest one, which is shown from above.
+    """
     counter = claim.counter_examples
     if counter is None:
         return
@@ -67,11 +75,21 @@ def counter_section(claim: Claim) -> Iterator[Section]:
         nearest = min(counter.examples, key=lambda example: example.distance)
         blocks += [_examples(claim, counter), Paragraph(about), causes, Paragraph("Next, in the folder of this page:")]
         blocks.append(Code(f"trackbench view {COUNTER_EXAMPLES}/{nearest.folder}", "sh"))
+        blocks += _from_above(run) if run else []
     elif not any(claim.counts(name)["fails"] for name in claim.trackers):
         blocks.append(Paragraph("No cell fails with confidence."))
     else:
         blocks.append(Paragraph("None were made."))
     yield Section("Nearest counter-examples", tuple(blocks))
+
+
+def _from_above(run: Result) -> Iterator[Block]:
+    """Yield the recorded run of the nearest counter-example from above."""
+    styles = tracker_styles(run.places)
+    moments = worst_moments(run) if run.summary.identities == "known" else {}
+    figure = picture(run, [styles[tracker.name] for tracker in run.drawn], moments)
+    if figure:
+        yield Row((replace(figure, name="counter-example", title="The nearest counter-example from above"),))
 
 
 def at_point(claim: Claim, cell: int) -> str:

@@ -117,7 +117,8 @@ def envelope_document(made: Envelope) -> Document:
     styles = tuple(tracker_styles(claim.places or claim.trackers).values())
     maps, lines = [*_maps(claim, styles)], tuple(line_figures(claim, styles))
     margins: list[Block] = [*margins_tables(claim), *([Row(lines)] if lines else [])]
-    blocks: list[Block] = [*_headline(claim), *(Row(row) for row in maps[:1]), *counter_section(claim)]
+    counter = counter_section(claim, made.nearest_run)
+    blocks: list[Block] = [*_headline(claim), *(Row(row) for row in maps[:1]), *counter]
     blocks += [Section("Margins", tuple(margins))] if margins else []
     blocks += [Section("Further pairs of axes", tuple(map(Row, maps[1:])))] if maps[1:] else []
     blocks += [Section("Cells", (cells_table(claim),), folded=True), Section("Repeat it", (Code(claim.command),))]

@@ -20,7 +20,6 @@ from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
 from trackbench.subjects.recording.focus import Focus, moment_of
 from trackbench.subjects.recording.thinning import AROUND_S, MOST, WORST, instants, thinned
-from trackbench.subjects.recording.views import EstimateMap
 
 
 @dataclass(frozen=True)
@@ -64,10 +63,10 @@ class Contents:
         events = (event for (function,) in functions for event in function_events(self.result, function, run=run))
         return [event for event in events if event.tracker in self.colours]
 
-    @cached_property
-    def map(self) -> EstimateMap | None:
-        """The map of estimates; None where identities are hidden, or there are none."""
-        return EstimateMap(self.scene, {} if self.hidden else self.plotted) or None
+    @property
+    def mapped(self) -> Mapping[str, str]:
+        """Colour by tracker, of those that have a map: all that are plotted, where they estimate known objects."""
+        return {} if self.hidden or not self.tables.if_there("estimates").num_rows else self.plotted
 
 
 def contents_of(result: Result) -> Contents:

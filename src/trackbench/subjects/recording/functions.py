@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from trackbench.base.types import Array
-from trackbench.document.palette import FALSE_COLOUR, LATE_COLOUR, LOST_COLOUR, TRUTH_COLOUR
+from trackbench.document.palette import ERROR_COLOURS, TRUTH_COLOUR
 from trackbench.metrics.function_events import FunctionEvent
 from trackbench.results.columns import Columns, split
 from trackbench.subjects.recording.stream import Stream, path, rgba_of
@@ -20,7 +20,7 @@ LANES = "functions"
 #: No tracker is called so, and it comes before all.
 TRUTH = "_truth"
 #: Of a lane in which something is wrong.
-WRONG = {"missed": LOST_COLOUR, "late": LATE_COLOUR, "false": FALSE_COLOUR}
+WRONG = {"missed": ERROR_COLOURS[2], "late": ERROR_COLOURS[0], "false": ERROR_COLOURS[1]}
 #: In a lane, nothing is decided.
 NOTHING = ""
 

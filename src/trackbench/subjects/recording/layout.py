@@ -27,7 +27,7 @@ from trackbench.subjects.recording.tracks import (
     entities,
     families,
 )
-from trackbench.subjects.recording.views import BACKGROUND, RECENT_S, Window, scene_view, scene_views
+from trackbench.subjects.recording.views import BACKGROUND, RECENT_S, Window, maps_view, scene_view, scene_views
 
 LEGEND = "legend"
 #: Pixels of the view, of a letter and of the room around a name.
@@ -161,7 +161,7 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     own: list[rrb.Container] = [
         _page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles
     ]
-    own += [contents.map.view()] if contents.map else []
+    own += [maps_view(contents.scene, contents.mapped)] if contents.mapped else []
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
     if contents.decisions.num_rows:
         own.append(rrb.Horizontal(functions.lanes_view(), name="Functions"))

@@ -13,7 +13,7 @@ import pyarrow as pa
 import rerun as rr
 
 from trackbench.base.types import Array
-from trackbench.document.palette import FALSE_COLOUR, IDENTITY_COLOURS, LOST_COLOUR
+from trackbench.document.palette import ERROR_COLOURS, IDENTITY_COLOURS
 from trackbench.metrics.function_events import TrackEvent
 from trackbench.metrics.recorded_run import table_frame
 from trackbench.results.columns import Columns, split
@@ -29,8 +29,8 @@ ASSOCIATIONS = (*WORLD, "associations")
 #: How long an event is marked, s.
 MARKED_S = 1.0
 #: Events that are marked; births and confirmations are not: a trail begins there.
-MARKED = {"switched": "#FFFFFF", "merged": LOST_COLOUR, "lost": LOST_COLOUR, "false": FALSE_COLOUR}
-MISSED = LOST_COLOUR
+MARKED = {"switched": "#FFFFFF", "merged": ERROR_COLOURS[2], "lost": ERROR_COLOURS[2], "false": ERROR_COLOURS[1]}
+MISSED = ERROR_COLOURS[2]
 #: Radius of the ring around a vehicle without a track, m.
 MISS_RADIUS = 3.0
 ASSOCIATION_COLOUR = "#FFFFFF"

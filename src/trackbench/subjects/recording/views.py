@@ -1,6 +1,6 @@
 """The views of the scene: the observer or a vehicle with its surroundings, and vehicles close up, all following.
 
-And maps of the recorded run: the estimates of each contender over the true paths.
+And maps: the path that each contender estimated of each object, over the true one.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
 
 from trackbench.base.types import Array
 from trackbench.document.palette import TRUTH_COLOUR
-from trackbench.report.figures.map import path_of
 from trackbench.results import Tables
 from trackbench.results.columns import split
 from trackbench.subjects.recording.focus import Focus
@@ -168,65 +168,44 @@ def from_above(
     )
 
 
-ESTIMATES, FRAME = "estimates_map", "map_frame"
-#: Estimates that are this far apart at most are joined, s.
-GAP_S = 3.0
+MAPS, FRAME = "maps", "maps_frame"
 #: A map this many times as wide as high has the whole width.
 ELONGATED = 4.0
 
 
-class EstimateMap:
-    """A map for each contender: its estimates over the true paths.
+def send_maps(stream: Stream, tables: Tables, trackers: Mapping[str, str]) -> None:
+    """Send the true paths, and the path that each tracker estimated of each object in the tracker's colour."""
+    stream.turn_y_down(FRAME)
+    wide = rr.LineStrips2D(_paths(tables.truth), colors=rgba(TRUTH_COLOUR), radii=pixels(2.0), draw_order=1.0)
+    stream.static(path(MAPS, "truth"), wide)
+    for tracker, colour in trackers.items():
+        own = tables.estimates.filter(pc.equal(tables.estimates["tracker"], tracker))
+        lines = rr.LineStrips2D(_paths(own), colors=rgba(colour), radii=pixels(0.75), draw_order=2.0)
+        stream.static(path(MAPS, "estimates", tracker), lines)
 
-    Args:
-        tables: of the recorded run, whose identities are known.
-        colours: by name of the contender.
-    """
 
-    def __init__(self, tables: Tables, colours: Mapping[str, str]) -> None:
-        self._colours = colours
-        self._truth = [
-            path_of(rows) for (_, role), rows in split(tables.truth, "object", "role").items() if role == "target"
-        ]
-        self._estimates: dict[str, list[Array]] = {}
-        for (tracker, _), rows in split(tables.if_there("estimates"), "tracker", "object").items():
-            if tracker in colours:
-                self._estimates.setdefault(tracker, []).extend(_strips(rows))
-
-    def send(self, stream: Stream) -> None:
-        """Send the true paths, broad and grey, and the estimates of each contender, thin and in its colour."""
-        stream.turn_y_down(FRAME)
-        broad: dict[str, Any] = {"colors": rgba(TRUTH_COLOUR), "radii": pixels(2.5), "draw_order": 1.0}
-        truth = [np.stack(of, axis=1) for of in self._truth]
-        stream.static(path(ESTIMATES, "truth"), rr.LineStrips2D(truth, **broad))
-        for tracker, strips in self._estimates.items():
-            thin: dict[str, Any] = {"colors": rgba(self._colours[tracker]), "radii": pixels(0.75), "draw_order": 2.0}
-            stream.static(path(ESTIMATES, tracker), rr.LineStrips2D(strips, **thin))
-
-    def view(self) -> rrb.Container:
-        """Return the maps, each in a view."""
-        x, y = (np.concatenate([of[axis] for of in self._truth]) for axis in (0, 1))
-        left, right, low, high = x.min() - MARGIN, x.max() + MARGIN, y.min() - MARGIN, y.max() + MARGIN
-        shown = f"+ {path(*ROADS)}", f"+ {path(ESTIMATES, 'truth')}"
-        views = (
-            from_above(
-                FRAME,
-                f"Estimates of {tracker}",
-                [*shown, f"+ {path(ESTIMATES, tracker)}"],
-                ((left, right), (-high, -low)),
-                {},
-            )
-            for tracker in self._estimates
+def maps_view(tables: Tables, trackers: Iterable[str]) -> rrb.Container:
+    """Return a view of the map of each tracker."""
+    at = np.concatenate(_paths(tables.truth))
+    (left, low), (right, high) = at.min(axis=0) - MARGIN, at.max(axis=0) + MARGIN
+    views = [
+        from_above(
+            FRAME,
+            f"Estimates of {tracker}",
+            [f"+ {path(*ROADS)}", f"+ {path(MAPS, 'truth')}", f"+ {path(MAPS, 'estimates', tracker)}"],
+            ((left, right), (-high, -low)),
+            {},
         )
-        columns = 1 if right - left > ELONGATED * (high - low) else min(3, len(self._estimates))
-        return rrb.Grid(*views, grid_columns=columns, name="Map of estimates")
+        for tracker in trackers
+    ]
+    columns = 1 if right - left > ELONGATED * (high - low) else min(3, len(views))
+    return rrb.Grid(*views, grid_columns=columns, name="Maps")
 
-    def __bool__(self) -> bool:
-        return bool(self._estimates)
 
-
-def _strips(rows: Mapping[str, Array]) -> list[Array]:
-    """Return the estimates of an object in pieces ``(points, 2)``, m, that end where there are none."""
-    there = np.isfinite(rows["px_m"] + rows["py_m"])
-    at, time = np.stack([rows["px_m"], rows["py_m"]], axis=1)[there], rows["time_s"][there]
-    return [strip for strip in np.split(at, np.flatnonzero(np.diff(time) > GAP_S + 1e-9) + 1) if len(strip) > 1]
+def _paths(table: pa.Table) -> list[Array]:
+    """Return the path of each object, ``(points, 2)`` m, where it is in the scene and has a position."""
+    paths = []
+    for rows in split(table, "object").values():
+        at = np.stack([rows["px_m"], rows["py_m"]], axis=1)
+        paths.append(at[np.isfinite(at).all(axis=1) & (rows.get("alive", np.ones(len(at))) > 0)])
+    return paths

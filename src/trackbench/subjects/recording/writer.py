@@ -90,8 +90,8 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
         time = np.unique(np.concatenate([rows["time_s"] for rows in estimates.values()] or [np.empty(0)]))
         for (tracker,), rows in estimates.items():
             tracks.send_tracks(stream, tracker, rows, time, colours[tracker])
-    if contents.map is not None:
-        contents.map.send(stream)
+    if contents.mapped:
+        views.send_maps(stream, tables, contents.mapped)
     for chart in charts:
         send_chart(stream, chart)
     functions.send_functions(stream, contents.decisions, contents.function_events, colours)

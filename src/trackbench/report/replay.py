@@ -1,0 +1,217 @@
+"""The recorded run as a scene that a page plays: vehicles, measurements, estimates or tracks, errors and events."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.document import TrackerStyle
+from trackbench.document.palette import OBSERVER_COLOUR, TRUTH_COLOUR, sensor_colours
+from trackbench.document.replay import (
+    Chart,
+    ChartLine,
+    ReplayEvent,
+    ReplayMeasurements,
+    ReplayPath,
+    ReplayScene,
+    ReplayStart,
+)
+from trackbench.metrics.function_events import events_of
+from trackbench.metrics.recorded_run import EstimateMoment
+from trackbench.metrics.traffic.assignment import TrackHistory, TruthHistory, count_by_gospa, nearby
+from trackbench.metrics.traffic.set_distances import gospa
+from trackbench.report.figures.map import MARKS
+from trackbench.report.moments import moment_text
+from trackbench.results import Result
+from trackbench.results.columns import Columns, split, table_columns
+from trackbench.results.folder import FALSE_ALARM
+
+#: Around everything that moves, m.
+_MARGIN_M = 6.0
+#: Side of a fixed observer, m.
+_POST_M = 1.0
+
+
+def replay_of_run(
+    result: Result, styles: Sequence[TrackerStyle], chosen: Sequence[str], moments: Mapping[str, EstimateMoment]
+) -> ReplayScene | None:
+    """Return the recorded run, opening at the largest error of the chosen trackers, or at the costliest event of the
+    first; None without a true path.
+
+    Args:
+        result: of the run.
+        styles: of the trackers that a reader may choose.
+        chosen: the names of those that are shown at first, best first.
+        moments: by tracker, the moment of its largest error, where identities are known.
+    """
+    hidden = result.summary.identities == "hidden"
+    vehicles = {path.name: path for path in _vehicles(result)}
+    if not vehicles:
+        return None
+    places = np.concatenate([path.position for path in vehicles.values()], axis=1)
+    (left, bottom), (right, top) = places.min(axis=1) - _MARGIN_M, places.max(axis=1) + _MARGIN_M
+    errors = _gospa(result, styles) if hidden else _largest_errors(result, styles)
+    quantity = "GOSPA of this run" if hidden else "Largest position error of any vehicle"
+    lines = tuple(ChartLine((style.key,), style.name, style.colour, *errors[style.name]) for style in styles)
+    if hidden:
+        happened = [event for event in events_of(result, run=result.summary.recorded_run) if event.kind in MARKS]
+        events = [
+            ReplayEvent(event.tracker, event.kind, event.time_s, event.x_m, event.y_m, f"{event.kind}, {event.reason}")
+            for event in happened
+            if event.tracker in errors
+        ]
+        worst = next((event for event in events if event.tracker in chosen[:1]), None)
+        start = _opening(worst, vehicles) if worst else _largest(*errors[chosen[0]])
+    else:
+        events = _largest_of_each({name: moments[name] for name in errors if name in moments}, vehicles)
+        own = [name for name in chosen if name in moments]
+        farthest = max(own, key=lambda name: moments[name].position_error_m or 0.0, default="")
+        worst = next((event for event in events if event.tracker == farthest), None)
+        start = _opening(worst, vehicles) if worst else None
+    return ReplayScene(
+        "run",
+        (*vehicles.values(), *_tracks(result, styles)),
+        tuple(_measurements(result)),
+        (float(left), float(right)),
+        (float(bottom), float(top)),
+        beside=(Chart(("error",), quantity, "m", lines),),
+        lanes=tuple(_lanes(result)),
+        trackers=tuple(styles),
+        shown=tuple(chosen),
+        events=tuple(events),
+        start=start,
+    )
+
+
+def _vehicles(result: Result) -> Iterator[ReplayPath]:
+    for (name, role), rows in split(result.tables.truth, "object", "role").items():
+        there = rows["alive"].astype(bool)
+        if there.any():
+            length, width = (max(float(rows[side][there][0]), _POST_M) for side in ("length_m", "width_m"))
+            colour = OBSERVER_COLOUR if role == "observer" else TRUTH_COLOUR
+            at, heading = _position(rows)[:, there], np.unwrap(rows["heading_rad"][there])
+            yield ReplayPath(name, colour, rows["time_s"][there], at, heading=heading, size=(length, width))
+
+
+def _lanes(result: Result) -> Iterator[Array]:
+    if result.tables.roads.num_rows:
+        line, x, y = table_columns(result.tables.roads).values()
+        yield from (np.stack([x, y])[:, line == each] for each in np.unique(line))
+
+
+def _tracks(result: Result, styles: Sequence[TrackerStyle]) -> Iterator[ReplayPath]:
+    """Yield the estimates of each object, or with hidden identities the tracks, with their numbers beside them."""
+    colours = {style.name: style.colour for style in styles}
+    hidden = result.summary.identities == "hidden"
+    table, key = (result.tables.tracks, "track") if hidden else (result.tables.estimates, "object")
+    for (tracker, identity), rows in split(table, "tracker", key).items():
+        there = np.isfinite(_position(rows)).all(axis=0)
+        if tracker in colours and there.any():
+            p = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])[:, :, there]
+            label = f"{float(identity):g}" if hidden else ""
+            time, at = rows["time_s"][there], _position(rows)[:, there]
+            yield ReplayPath(identity, colours[tracker], time, at, p, tracker=tracker, label=label)
+
+
+def _position(rows: Columns) -> Array:
+    return np.stack([rows["px_m"], rows["py_m"]])
+
+
+#: A component and its standard deviation, such as "range 0.3 m" or "azimuth 0.5 deg".
+_NOISE = re.compile(r"([a-z ]+) (\S+) ")
+
+
+def _measurements(result: Result) -> Iterator[ReplayMeasurements]:
+    """Yield the measurements that have a position, with the covariance that the sensor states."""
+    colours = sensor_colours(result.summary.sensors)
+    for (sensor,), rows in split(result.tables.measurements, "sensor").items():
+        there = rows["valid"].astype(bool) & np.isfinite(rows["x_m"])
+        rows = {name: values[there] for name, values in rows.items()}
+        at = np.stack([rows["x_m"], rows["y_m"]])
+        seen_from = at - [rows["sensor_x_m"], rows["sensor_y_m"]]
+        sigmas = {name.strip(): float(size) for name, size in _NOISE.findall(result.summary.sensors[sensor].noise)}
+        along, across, angle = (sigmas.get(name, 0.0) for name in ("x", "y", "azimuth"))
+        yaw = rows["sensor_yaw_rad"]
+        if "range" in sigmas:
+            yaw = np.arctan2(seen_from[1], seen_from[0])
+            along, across = sigmas["range"], np.deg2rad(angle) * np.hypot(*seen_from)
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        spread = np.array([np.full(len(yaw), along), np.broadcast_to(across, len(yaw))]) ** 2
+        covariance = np.einsum("ikn,kn,jkn->ijn", turn, spread, turn)
+        yield ReplayMeasurements(
+            sensor, colours[sensor], rows["time_s"], at, covariance, np.asarray(rows["object"] == FALSE_ALARM)
+        )
+
+
+#: Times, s, and values.
+Series = tuple[Array, Array]
+
+
+def _largest_errors(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
+    """Return by tracker the largest position error of any due object at each instant, m."""
+    rows_of = split(result.tables.estimates, "tracker")
+    errors: dict[str, Series] = {}
+    for style in styles:
+        rows = rows_of[style.name,]
+        time, first = np.unique(rows["time_s"], return_index=True)
+        due = np.where(rows["due"] > 0, rows["position_error_m"], np.nan)
+        errors[style.name] = time, np.fmax.reduceat(due, first)
+    return errors
+
+
+def _gospa(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
+    """Return by tracker GOSPA at each instant of the recorded run, m."""
+    due, motions = split(result.tables.due, "object"), split(result.tables.truth, "object")
+    if not due:
+        return {style.name: (np.empty(0), np.empty(0)) for style in styles}
+    time = np.unique(result.tables.due["time_s"].to_numpy())
+    state = np.zeros((4, len(time), len(due)))
+    for number, key in enumerate(due):
+        state[:2, :, number] = _position(motions[key])[:, np.searchsorted(motions[key]["time_s"], time - 1e-9)]
+    truth = TruthHistory(time, state, np.stack([rows["status"] for rows in due.values()], axis=1).astype(np.int8))
+    rows_of, cutoff = split(result.tables.tracks, "tracker"), result.summary.score.cutoff_m or 0.0
+    values: dict[str, Series] = {}
+    for style in styles:
+        rows = rows_of.get((style.name,), {"time_s": np.empty(0), "px_m": np.empty(0), "py_m": np.empty(0)})
+        instant = np.searchsorted(time, rows["time_s"] - 1e-9)
+        column = np.arange(len(instant)) - np.searchsorted(instant, instant)
+        shape = (len(time), int(column.max(initial=-1)) + 1)
+        ids, mean = np.full(shape, -1), np.zeros((4, *shape))
+        ids[instant, column], mean[:2, instant, column] = column, _position(rows)
+        tracks = TrackHistory(ids, mean, np.zeros((4, *mean.shape)))
+        values[style.name] = time, np.sqrt(gospa(count_by_gospa(nearby(truth, tracks, cutoff))).total)
+    return values
+
+
+def _largest_of_each(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, ReplayPath]) -> list[ReplayEvent]:
+    """Return the moment of the largest error of each tracker as an event, where the object then was."""
+    return [
+        ReplayEvent(
+            name,
+            "worst",
+            moment.time_s,
+            *_at(vehicles[moment.object], moment.time_s),
+            f"largest error {moment_text(moment)}",
+        )
+        for name, moment in moments.items()
+    ]
+
+
+def _largest(time: Array, value: Array) -> ReplayStart | None:
+    """Return the start at the largest value, with the whole scene."""
+    return ReplayStart(float(time[np.argmax(value)]), "") if len(time) else None
+
+
+def _opening(event: ReplayEvent, vehicles: Mapping[str, ReplayPath]) -> ReplayStart:
+    """Return the start at an event, with the nearest vehicle in the middle."""
+    there = [name for name, path in vehicles.items() if path.time[0] <= event.time_s + 1e-9 <= path.time[-1] + 2e-9]
+    away = {name: float(np.hypot(*np.subtract(_at(vehicles[name], event.time_s), event[3:5]))) for name in there}
+    return ReplayStart(event.time_s, min(away, key=lambda name: away[name], default=""))
+
+
+def _at(path: ReplayPath, time_s: float) -> tuple[float, float]:
+    x, y = (float(np.interp(time_s, path.time, values)) for values in path.position)
+    return x, y
