@@ -23,7 +23,7 @@ from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic.assignment import TrackHistory, TruthHistory, count_by_gospa, nearby
 from trackbench.metrics.traffic.set_distances import gospa
-from trackbench.report.figures.map import MARKS
+from trackbench.report.figures.map import MARKS, path_of
 from trackbench.report.moments import moment_text
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split, table_columns
@@ -92,7 +92,7 @@ def _vehicles(result: Result) -> Iterator[ReplayPath]:
         if there.any():
             length, width = (max(float(rows[side][there][0]), _POST_M) for side in ("length_m", "width_m"))
             colour = OBSERVER_COLOUR if role == "observer" else TRUTH_COLOUR
-            at, heading = _position(rows)[:, there], np.unwrap(rows["heading_rad"][there])
+            at, heading = np.stack(path_of(rows)), np.unwrap(rows["heading_rad"][there])
             yield ReplayPath(name, colour, rows["time_s"][there], at, heading=heading, size=(length, width))
 
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
+from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title, shortened_to_width
 from trackbench.document.palette import OBSERVER_COLOUR
 from trackbench.document.replay import ReplayPath, ReplayScene
+from trackbench.results.columns import Columns
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 ELONGATED = 4.0
@@ -38,6 +41,12 @@ _LEGEND = {
     ("lost", "merged"): LegendEntry("lost or merged", INK, "ring"),
     ("false",): LegendEntry("false track begins", INK, "triangle"),
 }
+
+
+def path_of(rows: Columns) -> tuple[Array, Array]:
+    """Return x and y, m, of the path of an object or track, of an object while it is in the scene."""
+    there = np.asarray(rows.get("alive", np.ones(len(rows["px_m"]))), dtype=bool)
+    return rows["px_m"][there], rows["py_m"][there]
 
 
 def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
