@@ -31,7 +31,7 @@ class Case(NamedTuple):
     changes: dict[str, Any]
     options: dict[str, Any]
     varied: str
-    """The key of the scenario; "trackers" or "scenes"."""
+    """The key of the scenario; "trackers", "runs" or "scenes"."""
     what: str
     """The rest of the run."""
 
@@ -42,8 +42,8 @@ class Case(NamedTuple):
             entry = {"filter": "kf", "motion": "cv"}
             changes |= {f"trackers.kf{i}": entry | {"acceleration_sigma_mps2": 1 + i / value} for i in range(value)}
             options["trackers"] = [f"kf{i}" for i in range(value)]
-        elif self.varied == "scenes":
-            options["scenes"] = value
+        elif self.varied in ("runs", "scenes"):
+            options[self.varied] = value
         else:
             changes[self.varied] = {"nearest": value} if self.varied == "truth.targets" else value
         seconds = cost(self.scenario, changes, options).seconds
@@ -54,6 +54,7 @@ class Case(NamedTuple):
 ONE = {"trackers": ["ekf_cv"]}
 DENSE = {"truth.config": {"vehicles_count": 150, "vehicles_density": 2.5}, "truth.duration_s": 5}
 CASES = (
+    Case("runs", "runs", (100, 300, 1000, 3000, 10000), "highway", {}, ONE, "runs", "`highway`, `ekf_cv`, 5 vehicles"),
     Case("duration", "s", (5, 10, 20, 40, 80), "highway", {}, ONE | {"runs": 200}, "truth.duration_s",
          "`highway`, `ekf_cv`, 5 vehicles, 200 runs"),
     Case("scenes", "scenes", (1, 3, 10, 30, 100, 300), "highway", {"truth.duration_s": 3}, ONE | {"runs": 20}, "scenes",

@@ -55,12 +55,15 @@ class Case(NamedTuple):
     """Objects times scans, in each run; None where it is not given per object and scan."""
     problem: str | None
     """The bare filter of ``benchmarks.filters`` that the run is compared with."""
+    changes: Mapping[str, Any] = {}
+    """Of the scenario."""
 
     @property
     def name(self) -> str:
         """Return the run in words."""
         trackers = f"{len(self.trackers)} trackers" if self.trackers and len(self.trackers) > 1 else self._single
-        return f"`{self.scenario}`, {trackers}, {self.runs:,} runs"
+        changed = "".join(f", {key.rpartition('.')[2]} {str(value).lower()}" for key, value in self.changes.items())
+        return f"`{self.scenario}`, {trackers}{changed}, {self.runs:,} runs"
 
     @property
     def _single(self) -> str:
@@ -69,8 +72,10 @@ class Case(NamedTuple):
 
 CASES = (
     Case("scripted/figure_eight", ["ekf"], 10_000, 600, "EKF, CV"),
+    Case("scripted/figure_eight", ["ukf"], 10_000, 600, "UKF, CTRV", {"trackers.ukf.augmented": False}),
     Case("scripted/figure_eight", ["ukf"], 10_000, 600, "UKF, CTRV"),
     Case("highway", ["ekf_cv"], 10_000, 5 * 602, "EKF, CV"),
+    Case("highway", ["ukf_ctrv"], 10_000, 5 * 602, "UKF, CTRV", {"trackers.ukf_ctrv.augmented": False}),
     Case("highway", ["ukf_ctrv"], 10_000, 5 * 602, "UKF, CTRV"),
     Case("highway", None, 10_000, None, None),
     Case("traffic/dense_highway", None, 2, None, None),
@@ -82,7 +87,7 @@ def measure() -> list[dict[str, Any]]:
     rows = []
     for case in CASES:
         options = {"runs": case.runs} | ({"trackers": case.trackers} if case.trackers else {})
-        seconds, mebibytes = cost(case.scenario, {}, options)
+        seconds, mebibytes = cost(case.scenario, case.changes, options)
         each = 1e6 * seconds / (case.runs * case.object_scans) if case.object_scans else None
         row = {"run": case.name, "problem": case.problem, "seconds": seconds, "mebibytes": mebibytes}
         rows.append(row | {"microseconds": each})
@@ -110,7 +115,7 @@ def section(measured: list[dict[str, Any]], filters: Mapping[tuple[str, str], fl
             "",
             "`tb.run` by the fused engine on one thread, truth and kernels cached: sensing, start, filter, scores, "
             "bound and verdicts. The last two columns are its time for an object and a scan over that of a prediction "
-            "and an update alone, in C++ with Eigen and by FilterPy (the table above).",
+            "and an update alone, in C++ with Eigen and by FilterPy (the table above), which do not augment the UKF.",
             "",
             "| run | CPU s | MiB | us an object and scan | of Eigen's filter | of FilterPy's |",
             "|---|---:|---:|---:|---:|---:|",

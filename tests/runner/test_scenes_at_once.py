@@ -112,7 +112,7 @@ def test_scenes_that_are_measured_at_other_times_stay_apart() -> None:
     whole = work("numpy")
     scenes = [whole.scenes[0], scene(2, 6, steps=21), whole.scenes[2]]
     pieces = whole.pieces()
-    assert replace(whole, scenes=scenes).groups(pieces) == [[piece] for piece in pieces]
+    assert replace(whole, scenes=scenes).groups(pieces) == [[pieces[0], pieces[2]], [pieces[1]]]
 
 
 SHARED = """

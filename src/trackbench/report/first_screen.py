@@ -97,7 +97,8 @@ def questions(result: Result) -> Iterator[tuple[str, str]]:
     words = shlex.split(summary.command)
     if words[:2] != ["trackbench", "run"]:
         return
-    if name := _worst(result):
+    # The doctor takes a tracker as the scenario's file has it.
+    if (name := _worst(result)) and not any(word.startswith(f"trackers.{name}") for word in words):
         yield NEXT["doctor"].format(name=name), f"trackbench doctor {shlex.quote(words[2])}#{name}"
     if summary.truth.source == "highway-env" and not summary.truth.scenes:
         yield NEXT["scenes"], f"{summary.command} --scenes 10"
@@ -159,5 +160,6 @@ def _judged(tracker: TrackerResult) -> Cell:
     if nees.verdict is None and nees.ci95 is None:
         return Cell(f"NEES {rounded(nees.value, 1)} ({nees.dof or 4} expected)")
     judged = nees if nees.verdict else nees.model_copy(update={"verdict": mean_verdict(nees.ci95, nees.dof or 4)})
-    word, _, where = verdict_in_words(judged, tracker.conditions).partition("; ")
+    word, whole = (verdict_in_words(judged, tracker.conditions, whole=whole) for whole in (False, True))
+    where = "" if word == whole else whole.partition("; ")[2] or whole
     return Cell(word, (where,) if where else (), tone_of(judged), chip=True)

@@ -54,6 +54,8 @@ def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str
 
 def slowed_notes(loaded: Scenario) -> list[str]:
     """Return a line for each sensor whose rate the world recorded changes."""
+    if loaded.config.world != "recorded":
+        return []
     why = f"{RECORDED_HZ} Hz: the traffic of this world is recorded at {RECORDED_HZ} Hz"
     written = apply_overrides(parse_yaml(loaded.text, str(loaded.path)), loaded.overrides)
     slowed = slowed_sensors(written.value)
