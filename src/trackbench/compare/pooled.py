@@ -19,7 +19,8 @@ def overall(differences: Sequence[PairDifference], sets: Sequence[Sequence[str]]
         sets: the scenarios that share scenes, see :func:`trackbench.compare.ranking.sets_of_scenes`.
     """
     number = {scenario: number for number, members in enumerate(sets) for scenario in members}
-    changes = []
+    # Of a tracker that lacks a scenario, its mean would be over the others alone.
+    scenarios, changes = len({item.scenario for item in differences}), []
     for key in dict.fromkeys((item.metric, item.entrant, item.against) for item in differences):
         own = [item for item in differences if (item.metric, item.entrant, item.against) == key]
         verdicts = [item.verdict for item in own]
@@ -27,7 +28,7 @@ def overall(differences: Sequence[PairDifference], sets: Sequence[Sequence[str]]
         ratios = [LogRatio(0.0, 0.0, 1) if item.identical else item.log_ratio for item in own]
         positive = [ratio for ratio in ratios if ratio is not None]
         mean, reach = (
-            pooled(positive, [number[item.scenario] for item in own]) if len(positive) == len(own) else (None, None)
+            pooled(positive, [number[item.scenario] for item in own]) if len(positive) == scenarios else (None, None)
         )
         changes.append(
             OverallChange(

@@ -86,7 +86,7 @@ def summary_table(result: Result, room: int = 80) -> Table:
         columns += [(Column(h), _cells(result, p, digits, factor)) for h, p, digits, factor in OF_TRACKS]
     else:
         taken = sum(max(map(len, [column.heading, *(cell.text for cell in cells)])) + 1 for column, cells in columns)
-        cells, judged = _covariances(trackers, room - taken), "covariance (NEES, 4 is right)"
+        cells, judged = _covariances(trackers, room - taken), "NEES (4 is right), covariance"
         fits = taken + len(judged) <= room
         columns.append((Column(judged if fits else "covariance", "its NEES, 4 is right", left=True), cells))
     return Table.of_columns("summary", columns)

@@ -37,24 +37,38 @@ def verdict_in_words(
         return _undecided(metric.value / dof, metric, conditions or {})
     if metric.verdict not in MEANING:
         return metric.verdict
-    size = _size(metric.value / dof, mean_verdict(metric.ci95, dof))
-    if metric.verdict == "heavy-tailed":
-        return f"{size or SIZE['consistent']}, {OUTLIERS}"
-    outliers = f", {OUTLIERS}" * (metric.also is not None)
-    places = [*_places_off(metric)]
-    if metric.verdict in SIZE and (size or not places):
-        return (size or _size(metric.value / dof, metric.verdict)) + outliers
+    size, outliers = _size(metric, dof), f", {OUTLIERS}" * ("heavy-tailed" in (metric.verdict, metric.also))
+    if metric.verdict == "heavy-tailed" and not size:
+        size = SIZE["consistent"] if 1 / LOOKS < metric.value / dof < LOOKS else _looks(metric.value / dof)
+    off = dict[str, str]()
+    for word, place in _places_off(metric):
+        off.setdefault(word, place)
+    if metric.verdict in SIZE and size:
+        return size + outliers
+    # Where it is right is said of one that is off elsewhere.
+    said = size or SIZE["consistent"]
+    others = [f"{word} {place}" for word, place in off.items() if word not in said]
+    if metric.verdict in SIZE and not others:
+        # Of few runs that leave no doubt.
+        return SIZE[metric.verdict] + outliers
     if not size:
-        (word, place), *_ = places
-        return f"{word} {place if whole else 'in part'}{outliers}"
-    other = next((f"{word} {place}" for word, place in places if word not in size), None)
-    return f"{size}; {other}{outliers}" if whole and other else f"{size} overall{outliers}"
+        return f"{' and '.join(others) if whole else 'off in places'}{outliers}" if others else f"{TOO_FEW}{outliers}"
+    if metric.verdict == "heavy-tailed":
+        return size + outliers
+    return f"{size}; {' and '.join(others)}{outliers}" if whole and others else f"{size} overall{outliers}"
 
 
-def _size(ratio: float, verdict: str) -> str:
-    """ "about right", "too small", "much too small" and so on; empty of an undecided mean."""
-    word = SIZE.get(verdict, "")
-    return f"much {word}" if word and not 1 / MUCH < ratio < MUCH else word
+def _size(metric: MetricValue, dof: int) -> str:
+    """ "about right", "too small", "much too small" and so on, as the interval of the mean shows; else empty."""
+    verdict = metric.verdict if metric.ci95 is None else mean_verdict(metric.ci95, dof)
+    word = SIZE.get(verdict or "", "")
+    low, high = metric.ci95 or (float(metric), float(metric))
+    return f"much {word}" if word and (low >= MUCH * dof or high <= dof / MUCH) else word
+
+
+def _looks(ratio: float) -> str:
+    """ "looks too small", of a mean that few runs leave open."""
+    return f"looks {SIZE['optimistic' if ratio > 1 else 'pessimistic']}"
 
 
 def _undecided(ratio: float, nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str:
@@ -63,18 +77,24 @@ def _undecided(ratio: float, nees: MetricValue, conditions: Mapping[str, Conditi
     why = TOO_FEW if enough_given else MISSING
     if nees.dof is None or 1 / LOOKS < ratio < LOOKS:
         return why
-    return f"looks {SIZE['optimistic' if ratio > 1 else 'pessimistic']}; {why}"
+    return f"{_looks(ratio)}; {why}"
 
 
 def _places_off(nees: MetricValue) -> Iterator[tuple[str, str]]:
-    """Yield how large the covariance is, and where, for each place where it is off; the farthest off first."""
+    """Yield how large the covariance is, and where, for each place where it is off, the farthest off first; then where
+    it is right."""
     every = [(item.verdict, _where(item.name), item.mean / (nees.dof or 4)) for item in nees.conditions or ()]
-    every += [(part.verdict, _where(part.name), part.value) for part in nees.parts or () if part.name in DIRECTIONS]
-    off = [item for item in every if item[0] in ("optimistic", "pessimistic")]
-    # A mixed verdict without any rests on a condition that differs from the mean.
-    off = off or [item for item in every if item[0] == "consistent"]
-    for verdict, place, _ in sorted(off, key=lambda item: -abs(math.log(max(item[2], 1e-9)))):
-        yield SIZE[verdict], place
+    parts = [(part, "") for part in nees.parts or ()]
+    parts += [(part, f" {_where(item.name)}") for item in nees.conditions or () for part in item.parts]
+    for part, where in parts:
+        # A share beyond a point of chi-square that is too large is an outlier's.
+        place = _where(part.name) if part.name in DIRECTIONS else "in the tails"
+        if part.verdict in SIZE:
+            every.append((part.verdict, place + where, part.value / part.expected))
+    every.sort(key=lambda item: (item[0] == "consistent", -abs(math.log(max(item[2], 1e-9)))))
+    for verdict, place, _ in every:
+        if verdict in SIZE:
+            yield SIZE[verdict], place
 
 
 def _where(condition: str) -> str:

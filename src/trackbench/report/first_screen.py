@@ -101,7 +101,8 @@ def questions(result: Result) -> Iterator[tuple[str, str]]:
     if (name := _worst(result)) and not any(word.startswith(f"trackers.{name}") for word in words):
         yield NEXT["doctor"].format(name=name), f"trackbench doctor {shlex.quote(words[2])}#{name}"
     if summary.truth.source == "highway-env" and not summary.truth.scenes:
-        yield NEXT["scenes"], f"{summary.command} --scenes 10"
+        kept_apart = "" if "--out" in words else " --out results/scenes"
+        yield NEXT["scenes"], f"{summary.command} --scenes 10{kept_apart}"
 
 
 def _worst(result: Result) -> str:

@@ -56,7 +56,7 @@ TRUTH = {
 }
 #: What to ask next, beside the command for it.
 NEXT = {
-    "doctor": "What is wrong with {name}?",
+    "doctor": "Has {name} a fault?",
     "inspect": "Where are the errors largest?",
     "scenes": "The same in other traffic?",
 }
