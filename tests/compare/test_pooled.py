@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackbench.compare.pooled import pooled
+from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
+from trackbench.compare.pooled import overall, pooled
 from trackbench.metrics.contrasts import LogRatio, log_ratio
 from trackbench.metrics.intervals import ratio, root
 
@@ -45,3 +46,26 @@ def test_ninety_five_per_cent_of_the_intervals_hold_the_ratio() -> None:
         mean, reach = pooled([item for item in ratios if item], range(3))
         inside.append(abs(mean - truth.mean()) <= (reach or 0.0))
     assert 0.935 < np.mean(inside) < 0.965
+
+
+def difference(scenario: str, tracker: str) -> PairDifference:
+    return PairDifference(
+        scenario=scenario, metric="position_rmse", unit="m", entrant=Entrant(tracker=tracker),
+        against=Entrant(tracker="base"), value=1.1, reference=1.0, difference=0.1, ci95=(0.05, 0.15), margin=0.01,
+        p_value=0.01, paired_runs=20, scenes=1, verdict="worse", log_ratio=LogRatio(0.095, 0.02, 19),
+    )  # fmt: skip
+
+
+def score(scenario: str, tracker: str, diverged: int) -> EntrantScore:
+    entrant = Entrant(tracker=tracker)
+    return EntrantScore(scenario=scenario, entrant=entrant, metrics={}, diverged_runs=diverged, rank=1, leading=True)
+
+
+def test_nothing_is_pooled_of_a_tracker_that_lacks_a_scenario_and_no_interval_of_one_that_diverged() -> None:
+    pairs = [difference(scenario, tracker) for scenario in "ab" for tracker in ("sound", "lost")]
+    scores = [score("a", "sound", 0), score("b", "lost", 1)]
+    found = {item.entrant.tracker: item for item in overall([*pairs, difference("a", "absent")], ["a", "b"], scores)}
+    assert found["sound"].mean_percent == found["lost"].mean_percent == pytest.approx(100 * np.expm1(0.095))
+    assert found["sound"].ci95 is not None
+    assert found["lost"].ci95 is None
+    assert found["absent"].mean_percent is None

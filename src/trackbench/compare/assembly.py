@@ -221,7 +221,7 @@ def _comparison(
         scenarios=[_compared(cell, matches) for cell in cells],
         scores=scored,
         differences=differing,
-        overall=overall(to_baseline, scenes) if len(cells) > 1 else [],
+        overall=overall(to_baseline, scenes, scored) if len(cells) > 1 else [],
         baseline=baseline,
         sets_of_scenes=scenes,
         ranking=order,

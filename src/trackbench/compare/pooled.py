@@ -7,18 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtrit
 
-from trackbench.compare.comparison import OverallChange, PairDifference
+from trackbench.compare.comparison import EntrantScore, OverallChange, PairDifference
 from trackbench.metrics.contrasts import LogRatio
 
 
-def overall(differences: Sequence[PairDifference], sets: Sequence[Sequence[str]]) -> list[OverallChange]:
+def overall(
+    differences: Sequence[PairDifference], sets: Sequence[Sequence[str]], scores: Sequence[EntrantScore]
+) -> list[OverallChange]:
     """Return each entrant against the baseline, over the scenarios.
 
     Args:
         differences: to the baseline.
         sets: the scenarios that share scenes, see :func:`trackbench.compare.ranking.sets_of_scenes`.
+        scores: of the entrants; where runs diverged, few decide a mean, and the pooled one has no interval.
     """
     number = {scenario: number for number, members in enumerate(sets) for scenario in members}
+    diverged = [(score.scenario, score.entrant) for score in scores if score.diverged_runs]
     # Of a tracker that lacks a scenario, its mean would be over the others alone.
     scenarios, changes = len({item.scenario for item in differences}), []
     for key in dict.fromkeys((item.metric, item.entrant, item.against) for item in differences):
@@ -30,6 +34,8 @@ def overall(differences: Sequence[PairDifference], sets: Sequence[Sequence[str]]
         mean, reach = (
             pooled(positive, [number[item.scenario] for item in own]) if len(positive) == scenarios else (None, None)
         )
+        if any((item.scenario, side) in diverged for item in own for side in key[1:]):
+            reach = None
         changes.append(
             OverallChange(
                 metric=key[0],
