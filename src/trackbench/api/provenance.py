@@ -123,7 +123,7 @@ def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
 
 
 def hashes_of(loaded: Scenario) -> dict[str, str]:
-    """By name, as the scenario has it or relative to its folder, the sha256 of each file."""
+    """Return the sha256 of each file that a scenario names, by its name there or relative to the scenario's folder."""
     files = sorted(dict(_named_files(loaded)).items())
     return {name: hashlib.sha256(read_bytes(file)).hexdigest() for name, file in files}
 

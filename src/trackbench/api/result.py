@@ -13,7 +13,7 @@ from trackbench.document.files import document_text, files_by_ending, require_en
 
 
 class HasFigures:
-    """What a report can be made of, whose figures have names."""
+    """Result whose report has figures, each with a name."""
 
     def report(self) -> Report:
         """Return the report."""
@@ -44,7 +44,7 @@ class ReportableResult(HasFigures, results.Result):
 
     @classmethod
     def of(cls, result: results.Result) -> Self:
-        """The same result, as one that shows itself."""
+        """Return a result with the methods that show it: its report, its figures and its page in a notebook."""
         return cls(result.summary, result.tables)
 
     def report(self) -> Report:

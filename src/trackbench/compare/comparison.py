@@ -210,8 +210,8 @@ class OverallChange(ResultModel):
     mean_percent: float | None
     """The geometric mean of the ratios less one, in percent; None where a value is not positive."""
     ci95: tuple[float, float] | None = None
-    """Of the mean, in percent: over other noise and scenes of these scenarios. None where one has no interval, and
-    where both have the same value in every run."""
+    """95 % interval of ``mean_percent``, over other noise and scenes of these scenarios. None where a scenario's
+    difference has no interval, and where both trackers have the same value in every run."""
 
 
 class RankedTracker(ResultModel):
@@ -221,8 +221,8 @@ class RankedTracker(ResultModel):
     scenarios: int
     mean_rank: float
     ci95: tuple[float, float] | None
-    """Of the mean rank; None where there are too few sets of scenes or trackers for one, and of one that has no width
-    or covers all ranks."""
+    """95 % interval of the mean rank. None where there are too few trackers or sets of scenes for it, and where it has
+    no width or covers all ranks."""
     won: int
     """Pairings with another tracker in a scenario in which its error is shown to be smaller by more than the margin."""
     lost: int
@@ -304,8 +304,8 @@ class Comparison(ResultModel):
     overall: list[OverallChange]
     """Over several scenarios."""
     baseline: str | None = None
-    """Of one set over several scenarios: the tracker that the others are held against in ``overall``,
-    ``score.baseline`` of all scenarios or the best."""
+    """Tracker that the others are held against in ``overall``: ``score.baseline`` of all scenarios, else the best.
+    Only of one set of results over several scenarios."""
     sets_of_scenes: list[list[str]]
     """The scenarios in sets: those that share scenes are one, which the ranking counts once."""
     ranking: list[RankedTracker]

@@ -196,7 +196,7 @@ def _ranking(
 
 
 def _relative_errors(scenarios: Sequence[dict[str, EntrantScore]], metric: str) -> dict[str, float]:
-    """By tracker, the mean over its scenarios of the logarithm of its error over the scenario's geometric mean."""
+    """Return for each tracker the mean over scenarios of ln(its error / geometric mean error of the scenario)."""
     own: dict[str, list[float]] = {}
     for scores in scenarios:
         logarithms = {

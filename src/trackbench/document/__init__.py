@@ -162,7 +162,7 @@ class Figure:
     tooltips: Mapping[str, str] = field(default_factory=dict)
     """By the gid of an artist."""
     replay: ReplayScene | None = None
-    """What a page plays in place of the figure."""
+    """Scene that a page plays in place of the figure."""
 
 
 @dataclass(frozen=True)
