@@ -113,6 +113,6 @@ def printable(text: str, most: int = 1000) -> str:
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text[:most]).split())
 
 
-def counted(number: int, noun: str) -> str:
-    """ "1 run", "2 runs"."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """ "1 run", "2 runs"; of a noun whose plural is not with an s alone, it is given."""
+    return f"{number} {noun}" if number == 1 else f"{number} {plural or noun + 's'}"

@@ -38,8 +38,9 @@ def verdict_in_words(
     if metric.verdict not in MEANING:
         return metric.verdict
     size, outliers = _size(metric, dof), f", {OUTLIERS}" * ("heavy-tailed" in (metric.verdict, metric.also))
-    if metric.verdict == "heavy-tailed" and not size:
-        size = SIZE["consistent"] if 1 / LOOKS < metric.value / dof < LOOKS else _looks(metric.value / dof)
+    if metric.verdict == "heavy-tailed":
+        near = 1 / LOOKS < metric.value / dof < LOOKS
+        return (size or (SIZE["consistent"] if near else _looks(metric.value / dof))) + outliers
     off = dict[str, str]()
     for word, place in _places_off(metric):
         off.setdefault(word, place)
@@ -53,8 +54,6 @@ def verdict_in_words(
         return SIZE[metric.verdict] + outliers
     if not size:
         return f"{' and '.join(others) if whole else 'off in places'}{outliers}" if others else f"{TOO_FEW}{outliers}"
-    if metric.verdict == "heavy-tailed":
-        return size + outliers
     return f"{size}; {' and '.join(others)}{outliers}" if whole and others else f"{size} overall{outliers}"
 
 

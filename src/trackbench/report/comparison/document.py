@@ -227,7 +227,7 @@ def _method(items: Sequence[PairDifference], number: int) -> str:
 def _parts(item: PairDifference, runs: int) -> str:
     """Say over which runs, scenes or stretches a difference is paired."""
     of, stretches = parts_in_words(item.scenes_in_words, runs, item.scenes), item.stretches
-    return f"{stretches} stretch{'es' * (stretches > 1)} of time of {of}" if stretches else of
+    return f"{counted(stretches, 'stretch', 'stretches')} of time of {of}" if stretches else of
 
 
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:

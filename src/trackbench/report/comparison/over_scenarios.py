@@ -5,6 +5,7 @@ from __future__ import annotations
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import OverallChange
+from trackbench.compare.differences import differences_to
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.report.comparison.figures import competitors, ranked_label
 from trackbench.report.comparison.sentences import NAMES, entrant_name
@@ -21,13 +22,9 @@ def scenario_table(comparison: Comparison, metric: str) -> Table:
     The more numerous of trackers and scenarios go down the page.
     """
     changes = [change for change in comparison.overall if change.metric == metric]
-    items = {
-        (side.entrant, side.scenario): side
-        for item in comparison.differences
-        if item.metric == metric
-        for side in (item, item.turned())
-        if comparison.baseline in (None, side.against.tracker) and (comparison.baseline or side is item)
-    }
+    of_metric = [item for item in comparison.differences if item.metric == metric]
+    shown = differences_to(comparison.baseline, of_metric) if comparison.baseline else of_metric
+    items = {(item.entrant, item.scenario): item for item in shown}
     names, over = [scenario.name for scenario in comparison.scenarios], f"all {len(comparison.scenarios)}"
     pooled = [_cell(change.mean_percent, change.ci95) for change in changes]
     columns = {name: [_difference_cell(items.get((change.entrant, name))) for change in changes] for name in names}

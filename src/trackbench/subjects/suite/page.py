@@ -49,7 +49,7 @@ def suite_document(merged: MergedEntries, folder: Path) -> Document:
     blocks += [Section(f"World: {world}", tuple(sections)) for world, sections in by_world.items() if sections]
     blocks.append(Section("Entries", (_entries(merged, folder),)))
     blocks.append(Section("Cite the suite", (Code(bibtex(merged.suite), "bibtex"),)))
-    lead = f"{suite.id}, version {suite.version}: {counted(len(names), 'entry').replace('entrys', 'entries')}"
+    lead = f"{suite.id}, version {suite.version}: {counted(len(names), 'entry', 'entries')}"
     return Document("suite", suite.title, tuple(blocks), lead=lead, trackers=tuple(styles.values()))
 
 
