@@ -58,6 +58,7 @@ def test_it_is_taken_on_trust_where_the_tracker_is_not(entry: Path, cli: Cli) ->
     done = cli("suite", "verify", entry, "--json")
     checks = {check["what"]: check["outcome"] for check in json.loads(done.out)["checks"]}
     assert (done.status, checks["scores"], checks["rerun"]) == (0, "checked", "on trust")
+    assert cli("suite", "verify", entry).out.endswith(": verified, but no run was made again\n")
 
 
 @pytest.mark.parametrize(
@@ -73,15 +74,32 @@ def test_one_altered_digit_fails(name: str, entry: Path, cli: Cli) -> None:
     assert (done.status, f"failed    files     {name}: " in done.out) == (1, True), done.out
 
 
-def test_a_forged_score_is_named(entry: Path, cli: Cli) -> None:
+@pytest.mark.parametrize(
+    "key",
+    [
+        "trackers.0.metrics.position_rmse.value",
+        "score.margin.position_m",
+        "truth.duration_s",
+        "sensors.roof_lidar.rate_hz",
+    ],
+)
+def test_a_forged_value_is_named(key: str, entry: Path, cli: Cli) -> None:
     file = entry / DRAWN / "result.json"
-    result = json.loads(file.read_text(encoding="utf-8"))
-    result["trackers"][0]["metrics"]["position_rmse"]["value"] *= 0.999
+    result = values = json.loads(file.read_text(encoding="utf-8"))
+    *path, last = key.split(".")
+    for name in path:
+        values = values[int(name) if name == "0" else name]
+    values[last] *= 0.999
     file.write_text(json.dumps(result), encoding="utf-8")
     sealed(entry)
     done = cli("suite", "verify", entry, "--quiet")
-    assert done.status == 1
-    assert f"{DRAWN}/result.json: trackers.0.metrics.position_rmse.value: " in done.out
+    assert (done.status, f"{DRAWN}/result.json: {key}: " in done.out) == (1, True), done.out
+
+
+def test_of_many_problems_a_few_are_printed(entry: Path, cli: Cli) -> None:
+    rewritten(entry, lambda rows: rows.assign(px_m=rows.px_m + 0.1))
+    problems = [line for line in cli("suite", "verify", entry, "--quiet").out.splitlines() if " scores " in line]
+    assert (len(problems), problems[-1].split()[2]) == (6, "and")
 
 
 def test_better_estimates_than_the_tracker_gives_do_not_come_again(entry: Path, cli: Cli) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from trackbench.base.errors import InputError, counted
-from trackbench.document import Block, Cell, Code, Column, Document, Item, Items, Paragraph, Section, Table
+from trackbench.document import Block, Cell, Code, Column, Document, Paragraph, Section, Table
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
@@ -67,10 +67,6 @@ def _scenario_section(merged: MergedEntries, name: str, result: Result, folder: 
     headings = (path.upper() if path.isalpha() else path.replace("_", " ").replace("rmse", "RMSE") for path in metrics)
     columns = (Column("group"), Column("tracker", left=True), *map(Column, headings))
     blocks: list[Block] = [Table(name, columns, tuple(rows))]
-    published = merged.suite.scenarios[name].stated.published
-    if published:
-        printed = (Item(f"{item.metric} {item.value:g} ({item.source})", label=item.tracker) for item in published)
-        blocks.append(Section("Printed by others", (Items(tuple(printed)),)))
     commands = (item.command for stored in merged.entries for item in stored.entry.scenarios if item.id == name)
     blocks.append(Section("Commands", (Code("\n".join(commands), "sh"),), folded=True))
     return Section(f"{name}: {merged.suite.scenarios[name].plain.config.description}", tuple(blocks))

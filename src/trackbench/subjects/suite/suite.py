@@ -31,15 +31,6 @@ KINDS: tuple[Kind, ...] = ("single", "traffic")
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
-class Published(Config):
-    """A number that others have printed of a scenario."""
-
-    tracker: str
-    metric: str
-    value: float
-    source: str
-
-
 class ScenarioEntry(Config):
     """A scenario of a suite, in one world. None of it changes under its id."""
 
@@ -49,7 +40,6 @@ class ScenarioEntry(Config):
     sha256: Digest = Field(description="Digest of the scenario's file.")
     truth: Digest = Field(description="Digest of the motion in all scenes, to a millimetre at each whole second.")
     scans: Digest = Field(description="Digest of the measurements in all runs, to a thousandth of m, rad and m/s.")
-    published: list[Published] = Field(default_factory=list)
 
 
 class SuiteFile(Config):

@@ -23,7 +23,7 @@ from trackbench.runner.run import answers_of_scenes
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.suite.entry import ENTRY, ESTIMATES, EnteredScenario, StoredEntry
-from trackbench.subjects.suite.scoring import rows_of_estimates, scored_estimates, stated_of
+from trackbench.subjects.suite.scoring import KEPT, rows_of_estimates, scored_estimates, stated_of
 from trackbench.subjects.suite.suite import SuiteScenario
 from trackbench.truth import LoadedTruth
 from trackbench.truth.tracks import TrackRows
@@ -34,6 +34,10 @@ ONE_OF = 10
 AGAIN = 1e-6
 #: Fields of a tracker that its estimates tell.
 SCORED = {"name", "metrics", "conditions", "health", "time_offset", "failed", "paired"}
+#: Values of a result that the estimates determine, and those that the suite's scenario determines.
+SCORES, SCENARIO = ("seed", "runs", "ranking", "fingerprints"), ("truth", "sensors", "score", "identities")
+#: Number of problems of one kind that are printed.
+SHOWN = 5
 
 
 class Check(NamedTuple):
@@ -198,19 +202,25 @@ def _outcome(what: str, problems: list[str], right: str) -> Iterator[Check]:
     """Yield that something is right, or each problem."""
     if not problems:
         yield Check("checked", what, right)
-    for problem in problems:
+    for problem in problems[:SHOWN]:
         yield Check("failed", what, problem)
+    if len(problems) > SHOWN:
+        yield Check("failed", what, f"and {len(problems) - SHOWN} more")
 
 
 def _score_problems(stated: Result, found: Result) -> Iterator[str]:
-    """Yield where a result states other numbers than its estimates give."""
-    kept: Any = {"trackers": {"__all__": SCORED}, **dict.fromkeys(("seed", "runs", "ranking", "fingerprints"), True)}
-    ours, theirs = (result.summary.model_dump(mode="json", include=kept) for result in (stated, found))
-    for key, said, again in differing(ours, theirs, ROUNDING):
-        yield f"result.json: {key}: {said} is stated, {again} comes of the estimates"
-    problem = table_difference(stated.tables["runs"], found.tables["runs"])
-    if problem is not None:
-        yield f"runs.parquet: {problem}"
+    """Yield where a result states other values than its estimates give."""
+    include: Any = {"trackers": {"__all__": SCORED}, **dict.fromkeys((*SCENARIO, *SCORES), True)}
+    ours, theirs = (result.summary.model_dump(mode="json", include=include) for result in (stated, found))
+    for key, value, again in differing(ours, theirs, ROUNDING):
+        # Another version may describe the same truth and sensors in other words.
+        is_wording = isinstance(value, str) and isinstance(again, str) and key.startswith(SCENARIO)
+        if not is_wording and key != "truth.cached":
+            yield f"result.json: {key}: {value} is stated, {again} comes of the estimates"
+    for name in KEPT:
+        ours, theirs = (result.tables.if_there(name) for result in (stated, found))
+        if (problem := table_difference(ours, theirs)) is not None:
+            yield f"{name}.parquet: {problem}"
 
 
 def _unmoved(rows: TrackRows) -> Iterator[str]:
