@@ -9,6 +9,7 @@ from scipy.special import gammaincinv
 
 from trackbench.metrics.consistency import DIRECTIONS
 from trackbench.metrics.count_intervals import effective_number
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.intervals import reach_of_ratio
 from trackbench.metrics.verdicts import (
     heavy_beside,
@@ -19,7 +20,6 @@ from trackbench.metrics.verdicts import (
     tail_verdict,
     what_is_off,
 )
-from trackbench.report.covariance import verdict_in_words
 from trackbench.results import ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.results import Difference, Result, json_text
 from trackbench.runner import evaluated, work
 from trackbench.scenario.keys import Expectation
@@ -67,6 +68,12 @@ def column(table: pa.Table, name: str, **where: Any) -> np.ndarray:
     for key, value in where.items():
         keep &= np.array([item == value for item in table[key].to_pylist()])
     return table[name].to_numpy(zero_copy_only=False)[keep]
+
+
+def test_verdicts_on_covariances_are_in_plain_words_too(tiny_result: Result) -> None:
+    nees = tracker(tiny_result, "ekf")["metrics"]["nees"]
+    assert nees["words"] == verdict_in_words(tiny_result["ekf"].nees, tiny_result["ekf"].conditions)
+    assert "words" not in tracker(tiny_result, "ekf")["metrics"]["position_rmse"]
 
 
 def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:

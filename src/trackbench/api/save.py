@@ -22,14 +22,13 @@ def with_artifacts(result: Result, left_out: Collection[str] = ()) -> tuple[Resu
     from trackbench.document.markdown import to_markdown
     from trackbench.report.result import result_document
 
+    offers = {file: offer for file, offer in offered("artifacts") if file not in left_out}
+    files = ("report.html", "report.md", *offers, *(f"{table}.parquet" for table in result.tables))
+    result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     document = result_document(result)
-    pages = {"report.html": to_html(document), "report.md": to_markdown(document)}
     artifacts: dict[str, Callable[[Path], None]] = {
-        name: partial(results.write_file, text) for name, text in pages.items()
+        "report.html": partial(results.write_file, to_html(document)),
+        "report.md": partial(results.write_file, to_markdown(document)),
+        **{file: partial(resolve(offer.target), result) for file, offer in offers.items()},
     }
-    for file, offer in offered("artifacts"):
-        if file not in left_out:
-            artifacts[file] = partial(resolve(offer.target), result)
-    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
-    names = {"markdown" if file == "report.md" else Path(file).stem: file for file in files}
-    return result.updated(artifacts=names), artifacts
+    return result, artifacts

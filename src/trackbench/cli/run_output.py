@@ -76,14 +76,19 @@ class RunOutput(Listener):
         self._console.print(Text(f"{files}\n", "dim"), soft_wrap=True)
 
     def compared(self, comparison: Comparison, page: Path) -> None:
-        """Where the comparison is, in which worlds an order holds, and which scenarios are not compared."""
+        """Print who is ahead, in which worlds an order holds, where the page is, and which scenarios are left out."""
         from trackbench.document.terminal import print_table
         from trackbench.report.comparison.document import scenarios_without_truth
+        from trackbench.report.comparison.figures import competitors
+        from trackbench.report.comparison.over_scenarios import who_is_ahead
         from trackbench.report.comparison.sentences import world_tables
 
         if not self._as_json and not self._quiet:
-            for table in (table for group in comparison.groups for table in world_tables(group)):
-                print_table(table, self._console)
+            for group in comparison.groups:
+                if len(competitors(group)) > 1 and len(group.scenarios) > 1:
+                    self._console.print(Text(who_is_ahead(group)))
+                for table in world_tables(group):
+                    print_table(table, self._console)
             scenarios = sum(len(group.scenarios) for group in comparison.groups)
             said = [f"Comparison of {scenarios} scenarios: {page}", *scenarios_without_truth(comparison)]
             self._console.print("; ".join(said), highlight=False, soft_wrap=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from trackbench.document import Cell, Column, Table
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.verdicts import MEANING, meaning, what_is_off
-from trackbench.report.covariance import verdict_in_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, rounded
 from trackbench.report.tables import innovation_columns, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.results import Result, TrackerResult

@@ -14,8 +14,8 @@ from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
 from trackbench.document import Cell, Column, Table
 from trackbench.document.terminal import STYLE, print_hanging, print_table
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.verdicts import LEAST_COVERAGE, mean_text
-from trackbench.report.covariance import verdict_in_words
 from trackbench.report.first_screen import questions
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, rounded, short
 from trackbench.report.pairs import Pairs, Standing, difference_word, standing
@@ -244,7 +244,7 @@ def _print_missed(result: Result, console: Console) -> None:
 def _print_next(result: Result, folder: Path, console: Console) -> None:
     """Print what to look at, and what to ask next, each with its file or command."""
     steps = dict(questions(result))
-    if "recording" in result.summary.artifacts:
+    if result.summary.has_recording:
         steps["The worst moment"] = (
             f"trackbench view {shlex.quote(str(folder))}{' --worst' * result.summary.truth.known}"
         )

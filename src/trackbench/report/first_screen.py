@@ -22,10 +22,10 @@ from trackbench.document import (
     Tone,
     TrackerStyle,
 )
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report import tables
-from trackbench.report.covariance import verdict_in_words
 from trackbench.report.figures.map import map_of_scene
 from trackbench.report.moments import diverged_elsewhere, moment_text
 from trackbench.report.numbers import decimals, reach_text, rounded
@@ -59,7 +59,10 @@ def shown_first(result: Result, shown: Sequence[TrackerStyle]) -> list[str]:
 def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
     """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
     summary, missing = result.summary, result.unscored
-    yield Paragraph(f"{answer_of_run(result)}.", strong=True)
+    answer = answer_of_run(result)
+    # A tracker's name keeps its letters.
+    answer = answer[0].upper() + answer[1:] if answer.startswith("over ") else answer
+    yield Paragraph(f"{answer}.", strong=True)
     outcomes = {item.outcome for item in summary.expectations}
     tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
     yield Status(expectations_met(summary.expectations), tone)
@@ -83,7 +86,7 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
 
 def next_step(result: Result) -> tuple[str, str]:
     """Return what to do next, and the command for it; ``.`` is the folder of the run."""
-    if any(item.outcome == "failed" for item in result.summary.expectations):
+    if not result.summary.has_recording or any(x.outcome == "failed" for x in result.summary.expectations):
         inspect = "trackbench inspect . --worst 3"
     else:
         inspect = f"trackbench view .{' --worst' * result.summary.truth.known}"

@@ -55,12 +55,12 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
     table = text_table("worst-moments", rows, columns)
     elsewhere = [Paragraph(text)] if (text := diverged_elsewhere(result)) else []
     farthest, _ = max(rows, key=lambda row: row[1].position_error_m or 0.0)
-    more = Code(f"trackbench inspect . --worst 3\n{_view(farthest)}", "sh")
-    yield Section("Worst moments", (table, *elsewhere, more))
+    yield Section("Worst moments", (table, *elsewhere, _commands(result, 3, farthest)))
 
 
-def _view(name: str) -> str:
-    return f"trackbench view . --worst --tracker {name}"
+def _commands(result: Result, moments: int, tracker: str) -> Code:
+    view = f"\ntrackbench view . --worst --tracker {tracker}" if result.summary.has_recording else ""
+    return Code(f"trackbench inspect . --worst {moments}{view}", "sh")
 
 
 #: The most rows of causes.
@@ -84,8 +84,7 @@ def events_section(result: Result) -> Iterator[Section]:
     }
     table = text_table("costliest-events", rows, columns)
     dearest, _ = max(rows, key=lambda row: row[1].cost_m2)
-    code = Code(f"trackbench inspect . --worst 10\n{_view(dearest)}", "sh")
-    yield Section(f"Costliest events of run {run}", (table, code, *_causes(result)))
+    yield Section(f"Costliest events of run {run}", (table, _commands(result, 10, dearest), *_causes(result)))
 
 
 _COST = "squared GOSPA of the missed objects and false tracks until it ends, or of the switch in squared T-GOSPA"

@@ -42,8 +42,8 @@ def result_document(result: Result) -> Document:
         Section("Verdict", tuple(first_screen(result, trackers, picture(result, shown, moments)))),
         *_sections(result, shown, moments),
         *([] if summary.passed else [Section("Expectations", tuple(_expectations(result)))]),
-        Section("Truth and sensors" if summary.truth.known else "Sensors", tuple(_truth_and_sensors(result))),
-        Section("How to reproduce it", tuple(_reproduction(result))),
+        _truth_and_sensors(result),
+        Section("How to reproduce it", tuple(_reproduction(result)), True),
     ]
     name, description = summary.scenario.name, summary.scenario.description
     return Document("report", name, tuple(blocks), description, facts(result, trackers), tuple(shown))
@@ -70,7 +70,7 @@ def _sections(
         yield from _section("Over time", errors_over_time(result, shown))
         yield from moments_section(result, moments, shown_first(result, shown))
         yield from _section("By manoeuvre and range", *condition_tables(result), folded=True)
-        yield Section("Consistency", (consistency_table(result),))
+        yield Section("Consistency", (consistency_table(result),), folded=True)
     else:
         yield from _section("Over time", gospa_over_time(result, shown))
         yield from events_section(result)
@@ -78,7 +78,7 @@ def _sections(
             caption = ""
             if title == tables.MATCHED:
                 caption = REMARKS["matched"].format(reach=(summary.score.cutoff_m or 0.0) / 2)
-            yield Section(title, (tables.track_table(title, scored, paths, caption=caption),))
+            yield Section(title, (tables.track_table(title, scored, paths, caption=caption),), folded=True)
     if others is not None:
         yield Section("Other metrics", (others,))
 
@@ -130,13 +130,13 @@ def _expectations(result: Result) -> Iterator[Block]:
         )
 
 
-def _truth_and_sensors(result: Result) -> Iterator[Block]:
+def _truth_and_sensors(result: Result) -> Section:
     truth = result.summary.truth
-    if truth.known:
-        yield Paragraph(conclusion(truth))
-        if audit := audit_table(truth):
-            yield audit
-    yield sensor_table(result)
+    if not truth.known:
+        return Section("Sensors", (sensor_table(result),))
+    audit = audit_table(truth)
+    tables_shown = (audit, sensor_table(result)) if audit else (sensor_table(result),)
+    return Section("Truth and sensors", (Paragraph(conclusion(truth)), *tables_shown), folded=True)
 
 
 def _reproduction(result: Result) -> Iterator[Block]:

@@ -9,10 +9,10 @@ from typing import TypeVar
 from trackbench.base.subjects import collected
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics import BUILT_IN
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_verdict
-from trackbench.report.covariance import verdict_in_words
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     decimals,
@@ -80,7 +80,7 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
         return missing_cell(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
     reach = reach_text(scale * metric.value, ci95, places)
-    words = verdict_in_words(metric)
+    words = verdict_in_words(metric, whole=False)
     cell = Cell(short(scale * metric.value, places), tuple(filter(None, (words, reach))))
     charged = metric.without_charged
     more = () if charged is None else (f"given {short(scale * charged, places)}",)

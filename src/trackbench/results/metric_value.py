@@ -136,6 +136,8 @@ class MetricValue(ResultModel):
     """For example ``consistent`` or ``white``."""
     also: str | None = None
     """What else is off of a covariance, which the verdict, its main word, does not say: ``heavy-tailed``."""
+    words: str | None = None
+    """The verdict on a covariance in plain words, such as "too large; about right on straights"."""
     charged_share: float | None = None
     """Share of the squared error that is charged for missing estimates; None where none is missing."""
     without_charged: float | None = None

@@ -96,6 +96,11 @@ class Summary(ResultModel):
     """When and of which code it was made; None of a result that was made in memory alone."""
 
     @property
+    def has_recording(self) -> bool:
+        """Whether a Rerun recording was written beside the numbers."""
+        return "recording" in self.artifacts
+
+    @property
     def recorded_scene(self) -> int:
         """Number of the scene that is recorded, from 0; of logs that are cut into stretches, that of the log."""
         logs = len(self.truth.scenes) // max(self.truth.log_stretches, 1)

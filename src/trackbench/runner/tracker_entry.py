@@ -14,6 +14,7 @@ from trackbench.base.types import Array
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics import Evaluation, health, no_metrics
 from trackbench.metrics.breakdown import breakdown
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.results import FiledRows, Health, TrackerResult
@@ -57,7 +58,14 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
     evaluation = scores.evaluations[name]
     entry["metrics"] = evaluation.values
     if name in scores.scores:
-        return TrackerResult(**entry, health=health(scores.scores[name]), conditions=breakdown(evaluation.scores))
+        conditions = breakdown(evaluation.scores)
+        entry["metrics"] = {
+            path: metric.model_copy(update={"words": verdict_in_words(metric, conditions) or None})
+            if metric.dof
+            else metric
+            for path, metric in evaluation.values.items()
+        }
+        return TrackerResult(**entry, health=health(scores.scores[name]), conditions=conditions)
     if name in work.filed:
         pairs = [block.offset for block in scores.outcomes[name] if block.offset is not None]
         offset = offset_of(np.concatenate(pairs, axis=1))

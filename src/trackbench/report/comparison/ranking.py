@@ -10,11 +10,11 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
+from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.verdicts import mean_text
 from trackbench.report.comparison.figures import competitors, rank_groups, ranked_label
 from trackbench.report.comparison.over_scenarios import scenario_table, who_is_ahead
 from trackbench.report.comparison.sentences import NAMES, certainty, world_tables
-from trackbench.report.covariance import verdict_in_words
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     decimals,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from trackbench.report.covariance import MISSING, TOO_FEW, verdict_in_words
+from trackbench.metrics.covariance_words import MISSING, TOO_FEW, verdict_in_words
 from trackbench.results import ConditionVerdict, MetricValue, PartVerdict
 
 ALONG = PartVerdict(name="along the motion", value=0.4, expected=1.0, ci95=(0.3, 0.5), verdict="pessimistic")
