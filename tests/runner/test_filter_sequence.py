@@ -13,7 +13,7 @@ import pytest
 import trackbench as tb
 from trackbench.engine.machine import unavailable
 from trackbench.metrics.built_in.step_time import StepTime
-from trackbench.runner import filter_sequence
+from trackbench.runner import sequence_run
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.tracker_run import TrackerRun
 
@@ -69,14 +69,14 @@ def same(value: Any, expected: Any, what: str) -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_sequence_gives_the_scores_of_its_steps(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     instants = [0]
-    through = filter_sequence.through
+    through = sequence_run.run_sequence
 
     def counted(*arguments: Any) -> Any:
         taken = through(*arguments)
         instants[0] += 0 if taken is None else taken.steps[-1].instant + 1
         return taken
 
-    monkeypatch.setattr(filter_sequence, "through", counted)
+    monkeypatch.setattr(sequence_run, "run_sequence", counted)
     scenario = tb.load(name, {"truth.duration_s": 8}, runs=RUNS)
     by_sequences = outcomes(monkeypatch, scenario, by_steps=False)
     every = sum(outcome.scores.per_step.shape[1] for outcome in by_sequences.values())

@@ -25,7 +25,7 @@ from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.track_steps import TrackState
 
 if TYPE_CHECKING:
-    from trackbench.runner.filter_sequence import SequenceResult
+    from trackbench.runner.sequence_run import SequenceResult
 
 #: Errors that come of an array with fewer axes than expected.
 OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack")
@@ -118,10 +118,10 @@ class EstimateScoring:
         Returns:
             None where they have to be taken step by step.
         """
-        from trackbench.runner.filter_sequence import through
+        from trackbench.runner.sequence_run import run_sequence
 
         scans = [[delivery.scan for delivery in group] for group in instants]
-        taken = through(tracker, state, scans, self._scorer, first, self._kept)
+        taken = run_sequence(tracker, state, scans, self._scorer, first, self._kept)
         if taken is None:
             return None
         self._keep_sequence(taken, first, [delivery.number for group in instants for delivery in group])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,10 +20,7 @@ from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import (
-    ConditionalBound,
-    Information,
     entry_velocity,
-    information,
     typical_acceleration,
 )
 from trackbench.metrics.registry import metrics_for, ranking_path
@@ -32,11 +28,10 @@ from trackbench.metrics.traffic import TRACK_METRICS, TrafficScoreOptions
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
 from trackbench.runner.filed_tracks import rows_of_files
+from trackbench.runner.scene import Scene
 from trackbench.scenario import Scenario, ScenarioConfig
 from trackbench.scenario.keys import TrackerEntry
-from trackbench.sensing.due import Due, find_due
-from trackbench.sensing.scans import IdealSensor, ideal_sensors
-from trackbench.sensing.scored_point import ScoredPoint, truth_of_point
+from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.late import LateScans
 from trackbench.truth import LoadedTruth
@@ -52,50 +47,6 @@ BATCH_SIZE, LARGEST_BATCH = 2000, 8000
 LARGEST_TOGETHER = 1000
 #: Objects times runs times instants of a block in which a smoother keeps what its filter believed: some 100 MB.
 LARGEST_SMOOTHED = 250_000
-
-
-@dataclass(frozen=True)
-class Scene:
-    """One truth and what its sensors would read of it without noise."""
-
-    truth: Truth
-    sensors: list[IdealSensor]
-    each_measurement: bool = False
-    """Whether trackers are scored after each measurement, also where several are taken at one instant."""
-    point: ScoredPoint = "centre"
-    """The point of each body that estimates are compared with."""
-
-    @cached_property
-    def scored(self) -> Truth:
-        """The motion that estimates are compared with."""
-        return truth_of_point(self.truth, self.point)
-
-    def instants(self) -> Indices:
-        """Indices of the truth's steps at which any sensor takes a measurement; as often as trackers are scored."""
-        if not self.sensors:
-            return np.arange(len(self.truth.time))
-        steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))
-        return steps if self.each_measurement else np.unique(steps)
-
-    @cached_property
-    def information(self) -> dict[str, Information]:
-        """By sensor, what its measurements tell of the targets."""
-        return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
-
-    @cached_property
-    def bounds(self) -> dict[Hashable, ConditionalBound]:
-        """Bounds of the errors of trackers, by the sensors that they read and how their tracks start."""
-        return {}
-
-    @property
-    def unlabelled(self) -> list[str]:
-        """The sensors of whose detections nothing says of which object they are."""
-        return [sensor.name for sensor in self.sensors if sensor.detections is not None]
-
-    @cached_property
-    def due(self) -> Due:
-        """Where identities are hidden, which objects should be tracked when."""
-        return find_due(self.truth, self.sensors)
 
 
 class BlockRuns(NamedTuple):
