@@ -27,8 +27,10 @@ def test_a_folder_is_left_and_says_what_was_found(cli: CLI, log: Path) -> None:
     folder = Path("results/audit/own_log")
     assert sorted(path.name for path in folder.iterdir()) == ["audit.json", "report.html", "report.md", "scenario.yaml"]
     page = (folder / "report.html").read_text(encoding="utf-8")
-    # A figure for each component by range, and the detections.
-    assert page.count('class="plot"') == 3 + 1
+    # A figure for each component by range, the detections, and the map, which is a replay too.
+    assert page.count('class="plot"') == 3 + 1 + 1
+    assert page.count('class="replay"') == 1
+    assert len(page) < 500_000
     assert cli("check", folder / "scenario.yaml").status == 0
     again = cli("audit", folder / "scenario.yaml", "--out", "again")
     assert again.status == 0

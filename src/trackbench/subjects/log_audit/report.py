@@ -9,11 +9,13 @@ import numpy as np
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Code, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table
 from trackbench.metrics.blocks import BlockInterval
+from trackbench.report.figures.map import map_of_scene
 from trackbench.report.numbers import NOT_AVAILABLE
 from trackbench.subjects.log_audit.audit import LogAudit, corrected, pasted
 from trackbench.subjects.log_audit.figures import band_figures
 from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, quantity_text, spelt
 from trackbench.subjects.log_audit.noise import GATE_M
+from trackbench.subjects.log_audit.replay import replay_of_log
 
 _METHOD = (
     "The errors of time, mount and bias of a sensor are estimated together, by least squares of measurement minus "
@@ -27,6 +29,7 @@ def log_audit_document(audit: LogAudit) -> Document:
     """The whole report."""
     blocks: list[Block] = [
         *log_audit_summary(audit).blocks,
+        *_replay(audit),
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
         Section("Clocks", (clocks_table(audit),)),
         Section("How it is estimated", (Paragraph(_METHOD),), folded=True),
@@ -40,6 +43,12 @@ def log_audit_document(audit: LogAudit) -> Document:
         counted(sum(len(item.log.log.time) for item in audit.sensors.values()), "measurement"),
     )
     return Document("audit", f"Audit of {audit.name}", tuple(blocks), facts=facts)
+
+
+def _replay(audit: LogAudit) -> Iterator[Section]:
+    if scene := replay_of_log(item.log for item in audit.sensors.values()):
+        caption = "Measured positions in the sensor's colour, with the unit that fits and before any other finding."
+        yield Section("Around the largest error", (map_of_scene(scene, caption),))
 
 
 def log_audit_summary(audit: LogAudit) -> Document:
