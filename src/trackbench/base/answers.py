@@ -1,4 +1,4 @@
-"""The check of what a method of a plug-in returned."""
+"""Checks of the values that a plug-in's methods return."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from trackbench.base.types import Mask
 
 
 def require(is_right: bool, what: str, right: str, answer: object) -> None:
-    """Make sure that a plug-in returned what it must.
+    """Make sure that a returned value is right.
 
     Raises:
-        TrackbenchError: it did not: "<what> must be <right>, not <answer>".
+        TrackbenchError: it is not: "<what> must be <right>, not <answer>".
     """
     if is_right:
         return
@@ -28,10 +28,10 @@ def require_array(what: str, answer: Any, shapes: Sequence[tuple[int, ...]], fin
     """Make sure that a plug-in returned an array of numbers.
 
     Args:
-        what: the result or the part of it, in the message.
-        answer: what the plug-in returned.
+        what: name of the value in the message.
+        answer: returned value.
         shapes: shapes that the array may have; the message names the first.
-        finite: where the numbers must be finite, of a shape that can be broadcast with that of the array.
+        finite: mask of the numbers that must be finite, of a shape that broadcasts with the array's.
 
     Raises:
         TrackbenchError: it is no array of real numbers, has another shape, or a number is not finite.

@@ -1,4 +1,4 @@
-"""The errors that a user can cause, each shown as one clear message, and words of messages."""
+"""Errors that a user can cause, each shown as one clear message, and helpers that word messages."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class InputError(TrackbenchError):
         self.line = line
 
     def located(self, *, file: Path | str | None, line: int | None) -> InputError:
-        """The same error with its place, where that was not known when it was raised."""
+        """Return this error with a file and a line, where it has none yet."""
         return type(self)(self.message, key=self.key, file=self.file or file, line=self.line or line)
 
     def __str__(self) -> str:
@@ -57,7 +57,7 @@ class InputErrors(InputError):
         self.errors = tuple(errors)
 
     def located(self, *, file: Path | str | None, line: int | None) -> InputErrors:
-        """The same errors, each with its place where that was not known."""
+        """Return these errors, each with a file and a line where it has none yet."""
         return InputErrors([error.located(file=file, line=line) for error in self.errors])
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class InputErrors(InputError):
 
 
 def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
-    """Return the choices that have all words of a name, else the one that is spelt most alike, as far as ``cutoff``."""
+    """Return the choices with all words of a name, else the one spelt most alike if it is at least ``cutoff`` alike."""
     names = sorted(set(choices))
     spelling = re.sub("[- ]", "_", name.lower())
     if spelling in names:
@@ -75,12 +75,12 @@ def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> lis
     return get_close_matches(spelling, whole, n=3, cutoff=0.0) or get_close_matches(name, names, n=1, cutoff=cutoff)
 
 
-#: More choices than these are not listed.
+#: Largest number of choices that a message lists.
 LISTED = 30
 
 
 def nearest_choices(name: str, choices: Iterable[str]) -> str:
-    """A sentence that names the nearest valid choices, or lists the choices when none is near."""
+    """Name the nearest valid choices in a sentence; list the choices where none is near."""
     names = sorted(set(choices))
     if close := did_you_mean(similar_names(name, names)):
         return close
@@ -91,28 +91,28 @@ def nearest_choices(name: str, choices: Iterable[str]) -> str:
 
 
 def did_you_mean(names: Sequence[str]) -> str:
-    """ "did you mean 'a', 'b' or 'c'?"; empty of no name."""
-    *others, last = map(repr, names) if names else [""]
-    return f"did you mean {' or '.join(filter(None, [', '.join(others), last]))}?" if names else ""
+    """Return a question such as "did you mean 'a', 'b' or 'c'?"; empty without names."""
+    *rest, last = map(repr, names) if names else [""]
+    return f"did you mean {' or '.join(filter(None, [', '.join(rest), last]))}?" if names else ""
 
 
 def similar_path_hint(missing: Path) -> str:
-    """ "; did you mean 'results/highway'?", of what is beside a missing path; empty where nothing is alike."""
-    there = [entry.name for entry in missing.parent.iterdir()] if missing.parent.is_dir() else []
-    hint = did_you_mean([str(missing.parent / name) for name in similar_names(missing.name, there, 0.6)[:1]])
+    """Return a hint such as "; did you mean 'results/highway'?"; empty where no neighbour is spelt alike."""
+    neighbours = [entry.name for entry in missing.parent.iterdir()] if missing.parent.is_dir() else []
+    hint = did_you_mean([str(missing.parent / name) for name in similar_names(missing.name, neighbours, 0.6)[:1]])
     return hint and f"; {hint}"
 
 
 def shortened_text(text: str, most: int = 200) -> str:
-    """The start and the end of a text of more than ``most`` characters."""
+    """Return the start and the end of a text longer than ``most`` characters; a shorter text unchanged."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
 
 
 def printable(text: str, most: int = 1000) -> str:
-    """The start of a text in one line, without what no terminal or file can show."""
+    """Return the first ``most`` characters of a text in one line, without characters that cannot be printed."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text[:most]).split())
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """ "1 run", "2 runs"; of a noun whose plural is not with an s alone, it is given."""
+    """Return a number with its noun, such as "2 runs"; ``plural`` is needed where it is not the noun with an s."""
     return f"{number} {noun}" if number == 1 else f"{number} {plural or noun + 's'}"

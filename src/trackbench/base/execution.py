@@ -1,4 +1,4 @@
-"""Where the work of a command runs: in this process, in several of this machine (loky), or on a Dask cluster."""
+"""Execution of a command's work in this process, in several of this machine (loky), or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from trackbench.base.user_code import place_of
 
 log = logging.getLogger(__name__)
 
-#: Most processes of one machine.
+#: Largest number of processes on one machine.
 MOST_WORKERS = 1024
-#: Work that has taken this process longer goes on in others, which take a second to start, s.
+#: Time after which work moves from this process to others, which take a second to start, s.
 ALONE_S = 1.0
 #: Longest time that a Dask scheduler may take to answer, s.
 PATIENCE_S = 20
-#: A worker of a cluster may have several threads, which share the module path.
+# A worker of a cluster may have several threads, which share the module path.
 _ONE_CALL = threading.Lock()
 Submit = Callable[..., Future[Any]]
 
 
 class Executor:
-    """Makes calls of functions in this process, or in others.
+    """Executor of function calls in this process or in others.
 
     Args:
-        start: starts other processes and returns loky's or Dask's function that submits a call; None for none.
-        alone_s: how long this process makes the calls before others do, s.
+        start: function that starts other processes and returns loky's or Dask's ``submit``; None without others.
+        alone_s: time for which this process makes the calls before others do, s.
     """
 
     def __init__(self, start: Callable[[], Submit] | None = None, alone_s: float = 0.0) -> None:
@@ -56,12 +56,14 @@ class Executor:
         folder: Path | None = None,
         observers: tuple[Callable[..., None] | None, ...] = (),
     ) -> Iterator[Any]:
-        """Yield what each call returns, in their order. Other processes begin at once, this one when a result is due.
+        """Yield the result of each call, in the order of the calls.
+
+        Other processes begin at once; this process makes a call when its result is needed.
 
         Args:
-            function: of a module that other processes can import.
-            calls: the arguments of each. The first one is pickled once for all calls that share it.
-            folder: where modules of the arguments' classes are, beside the working directory; None if nowhere else.
+            function: function of a module that other processes can import.
+            calls: arguments of each call. The first argument is pickled once for all calls that share it.
+            folder: folder of the modules of the arguments' classes beside the working directory; None if there is none.
             observers: last arguments of the calls that this process makes; the function has a default for each.
 
         Raises:
@@ -70,14 +72,14 @@ class Executor:
         if self._start is None:
             return starmap(function, [(*call, *observers) for call in calls])
         waiting = deque(calls)
-        return self._results(self._sent(function, waiting, folder), waiting, function, folder, observers)
+        return self._results(self._send_due(function, waiting, folder), waiting, function, folder, observers)
 
     def _results(
         self, sent: deque[Future[Any]], waiting: deque[Any], function: Callable[..., Any], folder: Any, observers: Any
     ) -> Iterator[Any]:
         while sent or waiting:
-            if sent := sent or self._sent(function, waiting, folder):
-                with _deaths_explained():
+            if sent := sent or self._send_due(function, waiting, folder):
+                with _explain_dead_workers():
                     result = sent.popleft().result()
             else:
                 begin = time.monotonic()
@@ -85,28 +87,26 @@ class Executor:
                 self._busy_s += time.monotonic() - begin
             yield result
 
-    def _sent(self, function: Callable[..., Any], waiting: deque[Any], folder: Path | None) -> deque[Future[Any]]:
-        """Send the calls that wait to other processes, where there are some and it is time to."""
+    def _send_due(self, function: Callable[..., Any], waiting: deque[Any], folder: Path | None) -> deque[Future[Any]]:
         if self._start is None or self._busy_s < self._alone_s or not waiting:
             return deque()
         try:
             firsts = {id(call[0]): call[0] for call in waiting}
             contents = {key: notebook_classes.dumps((function, first)) for key, first in firsts.items()}
-            packed = [(contents[id(first)], notebook_classes.dumps(others)) for first, *others in waiting]
+            packed = [(contents[id(first)], notebook_classes.dumps(rest)) for first, *rest in waiting]
         except Exception as error:
             log.info("this process makes what cannot be sent to another one: %s", one_line(error))
             return deque()
         place = (folder, Path.cwd()), self._command
-        with _deaths_explained():
+        with _explain_dead_workers():
             submit = self._start()
-            sent = deque(submit(_make_call, content, others, *place) for content, others in packed)
+            sent = deque(submit(_make_call, content, rest, *place) for content, rest in packed)
         waiting.clear()
         return sent
 
 
 @contextmanager
-def _deaths_explained() -> Iterator[None]:
-    """Say in one line that a process ended, where loky or Dask raises that."""
+def _explain_dead_workers() -> Iterator[None]:
     try:
         yield
     except Exception as error:
@@ -117,13 +117,13 @@ def _deaths_explained() -> Iterator[None]:
         raise
 
 
-def _make_call(content: bytes, others: bytes, folders: tuple[Path | None, ...], command: str) -> Any:
+def _make_call(content: bytes, rest: bytes, folders: tuple[Path | None, ...], command: str) -> Any:
     with _ONE_CALL, searched(*folders):
         try:
             _forget_modules(folders, command)
             function, first = notebook_classes.loads(content)
             with one_blas_thread():
-                return function(first, *notebook_classes.loads(others))
+                return function(first, *notebook_classes.loads(rest))
         except TrackbenchError:
             raise
         except BaseException as error:
@@ -137,7 +137,7 @@ def _make_call(content: bytes, others: bytes, folders: tuple[Path | None, ...], 
 
 @cache
 def _forget_modules(folders: tuple[Path | None, ...], _command: str) -> None:
-    """Forget the modules of some folders, once for each command: they may change while a cluster's worker lives."""
+    """Forget the modules of some folders once for each command: files may change while a cluster's worker lives."""
     for name in [*sys.modules]:
         file = getattr(sys.modules.get(name.partition(".")[0]), "__file__", None)
         if file and not name.startswith("trackbench") and not {*folders}.isdisjoint([*Path(file).parents][:2]):
@@ -146,16 +146,16 @@ def _forget_modules(folders: tuple[Path | None, ...], _command: str) -> None:
 
 @contextmanager
 def executor(workers: int | None = 1, cluster: str | None = None) -> Iterator[Executor]:
-    """An executor for all the work of a command; whatever still runs when the command ends is dropped.
+    """Open an executor for all the work of a command; work that still runs at the end is dropped.
 
     Args:
-        workers: number of processes of this machine; 1 is this process. None: this one and, where the work takes long,
-            one for each core.
+        workers: number of processes of this machine; 1 is this process. None: this process and, where the work takes
+            long, one process for each core.
         cluster: ``tcp://HOST:PORT`` of a Dask scheduler, or ``local:N`` for one with N workers on this machine.
 
     Raises:
-        InputError: the cluster cannot be reached, or what it takes is not installed; ``workers`` is no number of
-            processes, or stands beside a cluster.
+        InputError: the cluster cannot be reached or Dask is not installed; ``workers`` is no number of processes, or
+            is given with a cluster.
     """
     if workers is not None and (type(workers) is not int or not 1 <= workers <= MOST_WORKERS):
         problem = f"{workers!r} is no number of processes; give a whole one from 1 to {MOST_WORKERS}"
@@ -164,29 +164,28 @@ def executor(workers: int | None = 1, cluster: str | None = None) -> Iterator[Ex
         raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
     with one_blas_thread(), ExitStack() as stack:
         if cluster is not None:
-            submit = _cluster(cluster, stack)
+            submit = _connect_cluster(cluster, stack)
             yield Executor(lambda: submit)
         else:
-            start = partial(_processes, workers, stack)
+            start = partial(_start_processes, workers, stack)
             yield Executor() if workers == 1 else Executor(start, 0.0 if workers else ALONE_S)
 
 
-def _processes(number: int | None, stack: ExitStack) -> Submit:
-    """Start processes of this machine, one for each core unless their number is given; the stack ends them."""
+def _start_processes(number: int | None, stack: ExitStack) -> Submit:
     from loky import ProcessPoolExecutor, cpu_count
 
-    # Loky would restart a worker that has grown by 300 MB, as one does whose blocks differ in size.
+    # Loky would restart a worker that has grown by 300 MB, which blocks of different sizes cause.
     environment = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e15"}
     pool = ProcessPoolExecutor(
-        number or cpu_count(), initializer=_watch_parent, initargs=(os.getpid(),), env=environment
+        number or cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),), env=environment
     )
     stack.callback(pool.shutdown, kill_workers=True)
     submit: Submit = pool.submit
     return submit
 
 
-def _watch_parent(parent: int) -> None:
-    """End this process soon after the one that started it, for which Ctrl-C is."""
+def _end_with_parent(parent: int) -> None:
+    # Ctrl-C is for the parent.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
@@ -197,8 +196,7 @@ def _watch_parent(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _cluster(address: str, stack: ExitStack) -> Submit:
-    """Connect to a Dask cluster, or start one on this machine, which the stack ends."""
+def _connect_cluster(address: str, stack: ExitStack) -> Submit:
     local = re.fullmatch(r"local:([1-9][0-9]{0,2})", address)
     if local is None and not re.fullmatch(r"[a-z]+://.+:[0-9]{1,5}", address):
         raise InputError(f"write tcp://HOST:PORT or local:4, not {address!r}", key="--cluster")
@@ -221,7 +219,7 @@ def _cluster(address: str, stack: ExitStack) -> Submit:
         client.wait_for_workers(1, timeout=PATIENCE_S)
     except (OSError, ValueError) as error:
         raise InputError(f"no Dask scheduler with workers answers at {address}", key="--cluster") from error
-    # Bytes that several calls share are sent once to each worker.
+    # Each worker gets shared bytes once.
     submit, shared = client.get_executor(pure=False).submit, cache(client.scatter)
     return lambda function, content, *args: submit(function, shared(content), *args)
 
@@ -233,7 +231,7 @@ def one_blas_thread() -> Iterator[None]:
     The products of a filter are so small that a second thread costs more than it saves, and many times more where the
     processor is shared.
     """
-    # Takes some 10 ms, which only the commands that compute shall wait for.
+    # This import takes some 10 ms, and only commands that compute need it.
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, user_api="blas"):

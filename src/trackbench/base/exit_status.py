@@ -1,4 +1,4 @@
-"""Exit statuses of the command line beside 0 and 1, which the README explains."""
+"""Exit statuses of the command line other than 0 and 1, which the README explains."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FAILED_PLUGIN = 3
 CANNOT_WRITE = 4
 #: An internal error, or a command that ended without a status (sysexits.h).
 FAULT = 70
-#: What a shell reports of a program that Ctrl-C ended, and of one whose reader has gone.
+#: Statuses that a shell reports of a program ended by Ctrl-C, and of a program whose output nobody reads.
 INTERRUPTED, UNREAD = 130, 141
 
 

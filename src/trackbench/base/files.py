@@ -14,10 +14,10 @@ from trackbench.base.errors import InputError
 
 
 def require_regular(file: Path) -> None:
-    """Make sure that a file is one that can be read to its end.
+    """Make sure that a path is a regular file.
 
     Raises:
-        FileNotFoundError: it is not there.
+        FileNotFoundError: there is no such file.
         InputError: it is a folder, a pipe or a device.
     """
     try:
@@ -33,11 +33,11 @@ def require_regular(file: Path) -> None:
 
 
 def read_bytes(file: Path) -> bytes:
-    """The content of a file.
+    """Return the content of a regular file.
 
     Raises:
-        FileNotFoundError: it is not there.
-        InputError: as :func:`require_regular`; it cannot be read.
+        FileNotFoundError: there is no such file.
+        InputError: it is no regular file, or cannot be read.
     """
     require_regular(file)
     try:
@@ -48,27 +48,27 @@ def read_bytes(file: Path) -> bytes:
         raise InputError(f"cannot be read: {error.strerror}", file=file) from None
 
 
-def path_from(path: str, folder: Path, elsewhere: Path) -> str:
-    """A path as seen from another folder.
+def path_from(path: str, folder: Path, new_folder: Path) -> str:
+    """Return a relative path as seen from another folder.
 
     Args:
-        path: of a file or folder, relative to its folder or to the working directory. One that is absolute, has a
-            variable or leads nowhere stays as it is.
-        folder: where the path is relative to.
-        elsewhere: where it will be relative to.
+        path: file or folder, relative to ``folder`` or to the working directory; returned unchanged if it is absolute,
+            has a variable or leads nowhere.
+        folder: folder from which the path leads now.
+        new_folder: folder from which the returned path leads.
     """
     if "$" in path or Path(path).expanduser().is_absolute():
         return path
     file = next((place for place in (folder / path, Path(path)) if place.exists()), None)
-    return path if file is None else os.path.relpath(file.resolve(), elsewhere.resolve())
+    return path if file is None else os.path.relpath(file.resolve(), new_folder.resolve())
 
 
 def read_text(file: Path, remedy: str = "") -> str:
-    """The text of a file in UTF-8; ``remedy`` ends the message about any other.
+    """Return the text of a file in UTF-8; ``remedy`` ends the message about a file in another encoding.
 
     Raises:
-        FileNotFoundError: it is not there.
-        InputError: as :func:`read_bytes`; it is not UTF-8.
+        FileNotFoundError: there is no such file.
+        InputError: it is no regular file, cannot be read, or is not UTF-8.
     """
     raw = read_bytes(file)
     try:
@@ -79,11 +79,11 @@ def read_text(file: Path, remedy: str = "") -> str:
 
 
 def read_json(file: Path) -> Any:
-    """The value in a JSON file.
+    """Return the value in a JSON file.
 
     Raises:
-        FileNotFoundError: it is not there.
-        InputError: as :func:`read_bytes`.
+        FileNotFoundError: there is no such file.
+        InputError: it is no regular file, or cannot be read.
         ValueError: it is not JSON.
         RecursionError: it is nested too deeply.
     """
@@ -96,10 +96,10 @@ def _temporary_folder() -> Path:
 
 
 def cache_folder() -> Path:
-    """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache; without a home a new folder of each process."""
-    own = os.environ.get("TRACKBENCH_CACHE")
-    if own:
-        return Path(own)
+    """Return TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache, else a temporary folder."""
+    stated = os.environ.get("TRACKBENCH_CACHE")
+    if stated:
+        return Path(stated)
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "trackbench"
     except RuntimeError:
@@ -107,7 +107,7 @@ def cache_folder() -> Path:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file, under its final name only when it is whole.
+    """Write a file that gets its final name only when it is whole.
 
     Raises:
         OSError: the folder cannot be written.

@@ -17,22 +17,22 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.units import TWO_PI
 
 _einsum: Callable[..., Array] = np.einsum
-#: What an array can be filled with.
+#: Types of entries with which an array can be filled.
 _NUMBERS = frozenset({float, int, bool, np.float64, np.int64, np.ndarray})
 
 
 def matrix(rows: Sequence[Sequence[Array | float]]) -> Array:
-    """A matrix ``(n, m, ...)`` from its entries, each a number or an array over the batch."""
+    """Build a matrix ``(n, m, ...)`` from its entries, each a number or an array over the batch."""
     flat = vector([entry for row in rows for entry in row])
     return flat.reshape(len(rows), len(rows[0]), *flat.shape[1:])
 
 
 def vector(entries: Sequence[Array | float]) -> Array:
-    """A vector ``(n, ...)`` from its entries, each a number or an array over the batch."""
+    """Build a vector ``(n, ...)`` from its entries, each a number or an array over the batch."""
     if not _NUMBERS.issuperset(map(type, entries)):
         return np.stack(np.broadcast_arrays(*entries))
     # Filling is several times faster than numpy.stack, which needs every entry at its full size.
-    # numpy.broadcast is three times faster than numpy.broadcast_shapes, and takes so many at most.
+    # numpy.broadcast is three times faster than numpy.broadcast_shapes, but takes 64 arrays at most.
     shape = np.broadcast(*entries).shape if len(entries) <= 64 else np.broadcast_shapes(*map(np.shape, entries))
     filled = np.empty((len(entries), *shape))
     for i, entry in enumerate(entries):
@@ -41,7 +41,7 @@ def vector(entries: Sequence[Array | float]) -> Array:
 
 
 def matmul(a: Array, b: Array) -> Array:
-    """``A B``."""
+    """Compute ``A B``."""
     if a.ndim == 2 and b.ndim > 2:
         # One matrix for the whole batch: a product with one wide matrix, for which BLAS is twice as fast.
         return (a @ b.reshape(len(b), -1)).reshape(len(a), *b.shape[1:])
@@ -49,55 +49,55 @@ def matmul(a: Array, b: Array) -> Array:
 
 
 def matmul_transposed(a: Array, b: Array) -> Array:
-    """``A B^T``."""
+    """Compute ``A B^T``."""
     return _einsum("ik...,jk...->ij...", a, b)
 
 
 def transposed_matmul(a: Array, b: Array) -> Array:
-    """``A^T B``."""
+    """Compute ``A^T B``."""
     return _einsum("ki...,kj...->ij...", a, b)
 
 
 def gram(a: Array) -> Array:
-    """``A^T A``, symmetric to the last bit."""
+    """Compute ``A^T A``, symmetric to the last bit."""
     return _einsum("ki...,kj...->ij...", a, a)
 
 
 def matvec(a: Array, x: Array) -> Array:
-    """``A x``."""
+    """Compute ``A x``."""
     return _einsum("ik...,k...->i...", a, x)
 
 
 def apply_transposed(a: Array, x: Array) -> Array:
-    """``A^T x``."""
+    """Compute ``A^T x``."""
     return _einsum("ki...,k...->i...", a, x)
 
 
 def quadratic(a: Array, p: Array) -> Array:
-    """``A P A^T``."""
+    """Compute ``A P A^T``."""
     product = matmul(a, p)
     if a.ndim == 2 and p.ndim > 2:
-        # Each row of A P is again one wide matrix.
+        # One product with a wide matrix for each row of A P.
         rows = product.reshape(len(a), len(p), -1)
         return (a @ rows).reshape(len(a), len(a), *p.shape[2:])
     return matmul_transposed(product, a)
 
 
 def symmetrise(p: Array) -> Array:
-    """``(P + P^T) / 2``."""
+    """Compute ``(P + P^T) / 2``."""
     return 0.5 * (p + np.swapaxes(p, 0, 1))
 
 
-#: Share of itself by which a variance is rounded up: 64 units in the last place.
+#: Relative amount by which a variance is rounded up: 64 units in the last place.
 MARGIN = 2.0**-46
 
 
 def rounded_up(p: Array) -> Array:
-    """A computed covariance: its lower triangle on both sides, each variance larger by ``MARGIN`` of itself.
+    """Return a computed covariance with its lower triangle on both sides and each variance larger by ``MARGIN``.
 
-    A sum of products, exactly semidefinite, has a Cholesky factor then, whatever the units of its components: rounding
-    moves an entry by a few units in the last place of its two standard deviations, and a matrix that is semidefinite
-    and has this margin keeps its factor (Demmel 1989; Higham 2002, theorem 10.7).
+    A sum of products that would be exactly semidefinite has a Cholesky factor then, whatever its units. Rounding moves
+    an entry by a few units in the last place of the two standard deviations, and a semidefinite matrix with this margin
+    keeps its factor (Demmel 1989; Higham 2002, theorem 10.7).
     """
     result: Array = p[_lower(len(p))]
     for i in range(len(p)):
@@ -112,32 +112,32 @@ def _lower(size: int) -> tuple[Indices, Indices]:
 
 
 def expand(a: Array, like: Array) -> Array:
-    """``a`` with trailing axes of length one, so that it broadcasts against the batch axes of the matrix ``like``."""
+    """Append axes of length one to ``a``, so that it broadcasts against the batch axes of the matrix ``like``."""
     return a.reshape(a.shape + (1,) * (like.ndim - a.ndim))
 
 
 class Cholesky(NamedTuple):
-    """A lower triangular factor ``L`` with ``P = L L^T``, kept as its entries."""
+    """Lower triangular factor ``L`` with ``P = L L^T``, stored as its entries."""
 
     rows: tuple[tuple[Array, ...], ...]
     """``rows[i][j]`` for ``j <= i``, each ``(...)``."""
     inverse_diagonal: tuple[Array, ...]
     positive: Mask
-    """``(...)``: False where a pivot was not positive; the entries there mean nothing."""
+    """``(...)``: False where a pivot was not positive; the entries of ``L`` mean nothing there."""
 
     def lower(self) -> Array:
-        """``L`` as an array ``(n, n, ...)``."""
+        """Return ``L`` as an array ``(n, n, ...)``."""
         size = len(self.rows)
         return matrix([[*row, *[0.0] * (size - len(row))] for row in self.rows])
 
     def log_density(self, whitened: Array) -> Array:
-        """``(...)`` logarithm of ``N(y; 0, P)``, for ``L^-1 y`` ``(n, ...)``."""
+        """Return ``(...)`` logarithms of ``N(y; 0, P)``, for ``L^-1 y`` ``(n, ...)``."""
         normalised = np.prod(np.stack(self.inverse_diagonal), axis=0) * TWO_PI ** (-len(whitened) / 2)
         logarithm: Array = np.log(normalised) - 0.5 * _einsum("i...,i...->...", whitened, whitened)
         return logarithm
 
     def whiten(self, b: Array) -> Array:
-        """``L^-1 B`` for a vector or a matrix ``b`` of ``n`` rows."""
+        """Compute ``L^-1 B`` for a vector or a matrix ``b`` of ``n`` rows."""
         solved: list[Array] = []
         for i, row in enumerate(self.rows):
             rest = b[i]
@@ -147,7 +147,7 @@ class Cholesky(NamedTuple):
         return vector(solved)
 
     def whiten_transposed(self, b: Array) -> Array:
-        """``L^-T B`` for a vector or a matrix ``b`` of ``n`` rows."""
+        """Compute ``L^-T B`` for a vector or a matrix ``b`` of ``n`` rows."""
         size = len(self.rows)
         solved: list[Array] = [*b]
         for i in reversed(range(size)):
@@ -158,7 +158,7 @@ class Cholesky(NamedTuple):
 
 
 def cholesky(p: Array) -> Cholesky:
-    """The Cholesky factor of each matrix in a stack ``(n, n, ...)``; reads the lower triangle.
+    """Factor each matrix in a stack ``(n, n, ...)``, from its lower triangle.
 
     A pivot that is not positive is replaced by one, and the matrix is marked in ``positive``.
     """
@@ -186,7 +186,7 @@ def cholesky(p: Array) -> Cholesky:
 
 
 class Definite(NamedTuple):
-    """A covariance known to be positive definite, with its factor."""
+    """Positive definite covariance with its Cholesky factor."""
 
     covariance: Array
     factor: Cholesky
@@ -194,15 +194,15 @@ class Definite(NamedTuple):
     """``(...)`` True where the covariance had to be changed; None where none had to be."""
 
 
-#: Smallest eigenvalue left by a repair, relative to the largest.
+#: Smallest eigenvalue after a repair, relative to the largest.
 RELATIVE_FLOOR = 1e-9
 
 
 def ensure_definite(p: Array) -> Definite:
-    """``p`` with each matrix that has no Cholesky factor replaced by the nearest one that has.
+    """Replace each matrix that has no Cholesky factor by the nearest one that has.
 
     The nearest symmetric matrix in the Frobenius norm whose eigenvalues are at least ``RELATIVE_FLOOR`` of the largest
-    (Higham 1988, Theorem 2.1). Matrices with entries that are not finite are left as they are, and not marked.
+    (Higham 1988, Theorem 2.1). Matrices with entries that are not finite are left unchanged, and not marked.
     """
     factor = cholesky(p)
     if factor.positive.all():

@@ -1,4 +1,4 @@
-"""Classes and functions of a notebook or a script, which no other process can import: cloudpickle sends them there."""
+"""Classes and functions of a notebook or a script, which cloudpickle sends to other processes."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Any
 
 from trackbench.base.errors import InputError, printable
 
-#: Module that references to these classes name.
+#: Module in the references to classes of a notebook or a script.
 NOTEBOOK = "__main__"
 _classes: dict[str, Any] = {}
 
 
 def reference_to(plugin: Any) -> str:
-    """Return the text by which a scenario names a class or a function: its module, or the notebook.
+    """Return the text by which a scenario names a class or a function.
 
-    A class that is defined anew gets a name of its own, so that scenarios which were loaded before keep theirs.
+    A class of a notebook that is defined a second time gets a second name; scenarios keep the class that they loaded.
 
     Raises:
-        InputError: others can neither import nor unpickle it.
+        InputError: other processes can neither import nor unpickle it.
     """
     imported: Any = sys.modules.get(plugin.__module__) if plugin.__module__ != NOTEBOOK else None
     for part in plugin.__qualname__.split("."):
         imported = getattr(imported, part, None)
     if imported is plugin:
         return f"{plugin.__module__}:{plugin.__qualname__}"
-    # Takes its time to import, which most programs need not wait for.
+    # The import is slow, and most programs do not need it.
     import cloudpickle
 
     try:
@@ -42,12 +42,12 @@ def reference_to(plugin: Any) -> str:
 
 
 def notebook_class(reference: str) -> Any | None:
-    """Return the class of a notebook that a reference names; None where it names no such class."""
+    """Return the notebook's class of a reference; None for any other reference."""
     return _classes.get(reference)
 
 
 def dumps(value: Any) -> bytes:
-    """Return a value and the classes of the notebook, pickled for ``loads`` in another process."""
+    """Pickle a value and the classes of the notebook, for ``loads`` in another process."""
     if not _classes:
         return pickle.dumps(({}, value))
     import cloudpickle
@@ -57,7 +57,7 @@ def dumps(value: Any) -> bytes:
 
 
 def loads(content: bytes) -> Any:
-    """Return a value that another process pickled, and take the classes of its notebook."""
+    """Unpickle a value from another process, and register the classes of its notebook here."""
     classes, value = pickle.loads(content)
     _classes.update(classes)
     return value

@@ -1,4 +1,4 @@
-"""Numbers as people and programs write them."""
+"""Numbers in texts of people and programs."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 def stated_number(text: str) -> float:
-    """Return the number that a text is, in the digits 0 to 9; NaN where it is none, infinity where it is too large."""
+    """Return the number in a text of digits 0 to 9; NaN for any other text, infinity for a number too large."""
     return float(text) if _NUMBER.fullmatch(text) else math.nan

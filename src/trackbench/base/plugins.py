@@ -1,6 +1,6 @@
 """Plug-ins: motion models, sensors, truth sources, trackers and metrics that a scenario names.
 
-Those of one kind are published by installed packages, or named ``"module:Class"``.
+An installed package publishes plug-ins under names; any other is named ``"module:Class"``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from trackbench.base.notebook_classes import NOTEBOOK, notebook_class
 
 
 def attribute(reference: str) -> Any:
-    """Import a module and return the attribute of it that ``"module:attribute"`` names.
+    """Import a module and return its attribute that ``"module:attribute"`` names.
 
     Raises:
         InputError: the module has no such attribute, a module of the same name is loaded, or it is no module's name.
@@ -38,7 +38,7 @@ def attribute(reference: str) -> Any:
     plugin: Any = importlib.import_module(module)
     for name in path.split("."):
         if not hasattr(plugin, name):
-            classes = [other for other, value in vars(plugin).items() if isinstance(value, type) and other[0] != "_"]
+            classes = [key for key, value in vars(plugin).items() if isinstance(value, type) and key[0] != "_"]
             raise InputError(f"module {module!r} has no {name!r}: {nearest_choices(name, classes)}")
         plugin = getattr(plugin, name)
     return plugin
@@ -46,7 +46,7 @@ def attribute(reference: str) -> Any:
 
 @contextmanager
 def searched(*folders: Path | None) -> Iterator[None]:
-    """With some folders, such as a scenario's, and the working directory first on the module path."""
+    """Put some folders and the working directory first on the module path while the context lasts."""
     before = list(sys.path)
     sys.path[:0] = [str(place) for place in (*folders, Path.cwd()) if place is not None]
     try:
@@ -56,13 +56,13 @@ def searched(*folders: Path | None) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str:
-    """An error's type and text in one line."""
+    """Return an error's type and text in one line."""
     text = printable(str(error))
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _require_unambiguous(module: str) -> None:
-    """Python loads one module of a name: the tracker.py of a second scenario's folder would be that of the first."""
+    # Python loads one module of each name.
     top = module.partition(".")[0]
     spec = PathFinder.find_spec(top)
     loaded = getattr(sys.modules.get(top), "__file__", None)
@@ -76,38 +76,38 @@ T = TypeVar("T")
 
 
 class Registry(Generic[T]):
-    """Looks plug-ins of one kind up. What is found is looked at, and never called.
+    """Registry of the plug-ins of one kind; a plug-in is imported and checked, but never called.
 
-    ``registry[reference]`` is as ``get``, remembered: for code that runs often, once a scenario has named the plug-in.
+    ``registry[reference]`` is ``get`` with a memory, for code that runs often.
 
     Args:
-        group: the entry-point group under which packages publish them.
-        what: one of them, as a message says it: "motion model".
-        lacks: what something lacks to be one, as the end of a sentence; None where it is one.
+        group: entry-point group under which packages publish plug-ins of this kind.
+        what: noun for such a plug-in in messages, such as "motion model".
+        lacks: function that says what an object lacks to be such a plug-in, as the end of a sentence; None if nothing.
     """
 
     def __init__(self, group: str, what: str, lacks: Callable[[Any], str | None]) -> None:
         self.group = group
         self.what = what
         self.lacks = lacks
-        self.found: dict[str, T] = {}
-        """What has been looked up, by reference."""
+        self.plugins: dict[str, T] = {}
+        """Plug-ins that have been looked up, by reference."""
 
     def names(self) -> list[str]:
-        """The published names, whether or not they can be imported."""
+        """Return the published names, whether or not they can be imported."""
         return sorted(self._published())
 
     def get(self, reference: str, folder: Path | None = None) -> T:
-        """What a published name or a ``"module:Class"`` stands for.
+        """Import and return the plug-in of a published name or of a ``"module:Class"``.
 
         Args:
-            reference: the name.
-            folder: a scenario's, searched for modules before the working directory and the installed packages.
+            reference: published name or ``"module:Class"``.
+            folder: folder of a scenario, searched for modules before the working directory and the installed packages.
 
         Raises:
-            InputError: there is no such name, it cannot be imported, or it is something else; says why.
+            InputError: there is no such name, it cannot be imported, or it is no plug-in of this kind.
         """
-        own = not self.home_of(reference).startswith("trackbench.")
+        is_foreign = not self.home_of(reference).startswith("trackbench.")
         try:
             with searched(folder):
                 plugin = notebook_class(reference)
@@ -121,7 +121,7 @@ class Registry(Generic[T]):
             raise InputError(problem) from error
         except (Exception, SystemExit) as error:
             raise InputError(f"cannot import {reference!r}: {one_line(error)}") from error
-        if own:
+        if is_foreign:
             _loaded[repr(reference)] = None
         try:
             lacking = self.lacks(plugin)
@@ -129,30 +129,30 @@ class Registry(Generic[T]):
             lacking = one_line(error)
         if lacking is not None:
             raise InputError(f"{reference!r} is no {self.what}: {lacking}")
-        self.found[reference] = cast(T, plugin)
-        return self.found[reference]
+        self.plugins[reference] = cast(T, plugin)
+        return self.plugins[reference]
 
     def __getitem__(self, reference: str) -> T:
-        return self.found.get(reference) or self.get(reference)
+        return self.plugins.get(reference) or self.get(reference)
 
     def loaded(self) -> dict[str, T]:
-        """Every published one that can be imported, by name."""
+        """Return every published plug-in that can be imported, by name."""
         return {name: result for name, result in self._tried().items() if not isinstance(result, InputError)}
 
     def failures(self) -> dict[str, str]:
-        """Why the others cannot, by name."""
+        """Return the reason for each published plug-in that cannot be imported, by name."""
         return {name: result.message for name, result in self._tried().items() if isinstance(result, InputError)}
 
     def home_of(self, reference: str) -> str:
-        """The module in which a name is found, which is not imported; empty where the name is not published once."""
+        """Return the module of a reference without importing it; empty where the name is not published once."""
         if ":" not in reference:
             entries = self._published().get(reference, [])
             reference = entries[0].value if len(entries) == 1 else ""
         return reference.partition(":")[0]
 
     def name_of(self, plugin: Any) -> str:
-        """The name under which a scenario can ask for a plug-in that is at hand."""
-        looked_up = next((name for name, other in self.found.items() if other is plugin), None)
+        """Return the name under which a scenario can ask for a class that is already loaded."""
+        looked_up = next((name for name, known in self.plugins.items() if known is plugin), None)
         if looked_up is not None:
             return looked_up
         reference = f"{plugin.__module__}:{plugin.__qualname__}"
@@ -184,30 +184,30 @@ class Registry(Generic[T]):
 
 
 def with_plugins() -> str:
-    """Return "with the plug-ins 'a:A', 'b:B'": those that were loaded in this process; empty where none was."""
+    """Return words such as "with the plug-ins 'a:A', 'b:B'" on the plug-ins loaded in this process; empty without."""
     return f"with the plug-in{'s' if len(_loaded) > 1 else ''} {', '.join(_loaded)}" if _loaded else ""
 
 
-#: References of the plug-ins that were loaded in this process, in their order.
+#: References of the plug-ins from outside trackbench that this process has loaded, in their order.
 _loaded: dict[str, None] = {}
 
 
 @cache
 def _entries(group: str, places: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
     published: dict[str, list[EntryPoint]] = {}
-    for entry in _of_all_groups(places).select(group=group):
+    for entry in _entries_of_all_groups(places).select(group=group):
         published.setdefault(entry.name, []).append(entry)
     return published
 
 
 @cache
-def _of_all_groups(_places: tuple[str, ...]) -> Any:
-    """All entry points. To read the metadata of all packages takes as long as to read a scenario."""
+def _entries_of_all_groups(_places: tuple[str, ...]) -> Any:
+    # Cached: the metadata of all packages takes as long to read as a scenario.
     return entry_points()
 
 
 def lacks_class(base: type) -> Callable[[Any], str | None]:
-    """For a registry of classes: what something lacks to be a whole subclass of ``base``."""
+    """Return a check for a registry of classes: what an object lacks to be a concrete subclass of ``base``."""
 
     def lacks(result: Any) -> str | None:
         wanted = f"{base.__module__}.{base.__qualname__}"

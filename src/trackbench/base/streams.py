@@ -1,6 +1,6 @@
-"""Random streams, each derived from what it is for and from nothing else.
+"""Random streams, each derived from a seed, a scenario, a run and a purpose alone.
 
-Run 17's noise does not depend on how many runs, workers, trackers or other sensors there are.
+The noise of run 17 does not depend on how many runs, workers, trackers or other sensors there are.
 """
 
 from __future__ import annotations
@@ -18,37 +18,37 @@ from numpy.random.bit_generator import ISeedSequence
 from trackbench.base.types import Array
 
 _Words = npt.NDArray[np.uint32]
-#: So many generators are made one by one in less time than together.
+#: Largest number of generators that are made faster one by one than in one call.
 FEW = 12
 
 
 def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Generator:
-    """The generator of one run for one purpose (a sensor's name, or the draw of the initial error)."""
-    words = (*_words(seed), *_key(scenario), *_words(run), *_key(purpose))
-    # What it makes of a list of whole numbers as well, in four times the time.
+    """Return the generator of one run for one purpose (a sensor's name, or the draw of the initial error)."""
+    words = (*_split_32_bits(seed), *_key(scenario), *_split_32_bits(run), *_key(purpose))
+    # SeedSequence accepts a list of whole numbers too, but takes four times as long.
     entropy = np.array(words, dtype=np.uint32)
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 
 def streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
-    """The generators that ``stream`` makes for some runs, in a fifth of the time; their numbers are of equal length."""
+    """Return ``stream`` of each run in a fifth of the time; all run numbers have the same count of 32-bit words."""
     if len(runs) <= FEW:
         return [stream(seed, scenario, run, purpose) for run in runs]
-    numbers = np.array([*map(_words, runs)]).T
-    entropy = np.broadcast_arrays(*_words(seed), *_key(scenario), *numbers, *_key(purpose))
+    numbers = np.array([*map(_split_32_bits, runs)]).T
+    entropy = np.broadcast_arrays(*_split_32_bits(seed), *_key(scenario), *numbers, *_key(purpose))
     states = _mixed(np.array(entropy, dtype=np.uint32))
     return [np.random.Generator(np.random.PCG64(_State(state))) for state in states]  # type: ignore[arg-type]
 
 
 def fast_streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
-    """The generators of some runs for one purpose, which draw faster than those of ``streams``."""
+    """Return one generator for each run, which draws faster than one of ``streams`` and gives other numbers."""
     digests = (hashlib.sha256(repr((seed, scenario, run, purpose)).encode()).digest() for run in runs)
     states = (np.frombuffer(digest, np.uint64) for digest in digests)
     return [np.random.Generator(np.random.SFC64(_State(state))) for state in states]  # type: ignore[arg-type]
 
 
 class _State(ISeedSequence):
-    """State of a generator, in words of 64 bits that need no more mixing."""
+    """Generator state of 64-bit words that need no more mixing."""
 
     def __init__(self, words: npt.NDArray[np.uint64]) -> None:
         self._words = words
@@ -58,7 +58,7 @@ class _State(ISeedSequence):
 
 
 def _mixed(entropy: _Words) -> npt.NDArray[np.uint64]:
-    """``(runs, 4)`` what ``np.random.SeedSequence`` makes of ``(words, runs)``, at least four words of each run.
+    """Compute ``(runs, 4)`` states as ``np.random.SeedSequence`` does from ``(words, runs)``, with four words or more.
 
     Source: O'Neill (2015), "Developing a seed_seq alternative", seed_seq_fe with a pool of four words.
     """
@@ -66,11 +66,11 @@ def _mixed(entropy: _Words) -> npt.NDArray[np.uint64]:
     constants = 0x43B0D7E5 * 0x931E8875**powers
     pool, used = _hashed(entropy[:4], constants[:5]), 4
     for number, word in enumerate(entropy):
-        others = [place for place in range(4) if place != number]
-        hashed = _hashed(pool[number] if number < 4 else word, constants[used : used + len(others) + 1])
-        mixed = 0xCA01F9DD * pool[others] - 0x4973F715 * hashed
-        pool[others] = mixed ^ (mixed >> 16)
-        used += len(others)
+        targets = [place for place in range(4) if place != number]
+        hashed = _hashed(pool[number] if number < 4 else word, constants[used : used + len(targets) + 1])
+        mixed = 0xCA01F9DD * pool[targets] - 0x4973F715 * hashed
+        pool[targets] = mixed ^ (mixed >> 16)
+        used += len(targets)
     return _hashed(np.tile(pool, (2, 1)), 0x8B51F9DD * 0x58F38DED ** powers[:9]).T.copy().view(np.uint64)
 
 
@@ -81,33 +81,32 @@ def _hashed(words: _Words, constants: _Words) -> _Words:
 
 @lru_cache(maxsize=1024)
 def _key(name: str) -> tuple[int, ...]:
-    return _words(int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little"))
+    return _split_32_bits(int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little"))
 
 
-def _words(number: int) -> tuple[int, ...]:
-    """A whole number in words of 32 bits, the lowest first."""
+def _split_32_bits(number: int) -> tuple[int, ...]:
     low, high = number & 0xFFFFFFFF, number >> 32
-    return (low, *_words(high)) if high else (low,)
+    return (low, *_split_32_bits(high)) if high else (low,)
 
 
 class RunStreams:
-    """The generators of some runs for one purpose; what is drawn has a last axis of runs, which lie one by one."""
+    """Generators of several runs for one purpose; drawn arrays are ``(*shape, runs)``, each run contiguous."""
 
     def __init__(self, each: Sequence[np.random.Generator]) -> None:
         self.each = each
         """One generator for each run."""
 
     def standard_normal(self, shape: int | tuple[int, ...] = ()) -> Array:
-        """``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""
+        """Draw ``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""
         return self._drawn(np.random.Generator.standard_normal, shape)
 
     def random(self, shape: int | tuple[int, ...] = ()) -> Array:
-        """``(*shape, runs)`` uniform from 0 to 1."""
+        """Draw ``(*shape, runs)`` uniformly from 0 to 1."""
         return self._drawn(np.random.Generator.random, shape)
 
     def _drawn(self, draw: Callable[..., Array], shape: int | tuple[int, ...]) -> Array:
         shape = (shape,) if isinstance(shape, int) else shape
         drawn = np.empty((len(self.each), math.prod(shape)))
-        for random, of_run in zip(self.each, drawn, strict=True):
-            draw(random, out=of_run)
+        for random, numbers_of_run in zip(self.each, drawn, strict=True):
+            draw(random, out=numbers_of_run)
         return np.moveaxis(drawn.reshape(len(drawn), *shape), 0, -1)

@@ -1,6 +1,6 @@
-"""The subjects, and what each adds to the command line and the API.
+"""Registry of the subjects, with what each subject adds to the command line and the API.
 
-Every package of ``trackbench.subjects`` names what it has in a ``SUBJECT``, by strings: it is imported when it is used.
+Every package of ``trackbench.subjects`` lists its additions in a ``SUBJECT``, as strings, imported when they are used.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ PACKAGE = "trackbench.subjects"
 
 
 class Offer(NamedTuple):
-    """What a subject adds to the command line, the folder of a run or a list."""
+    """Addition of a subject to the command line, to the folder of a run or to a list, with its help text."""
 
     target: str
-    """``module:attribute``."""
+    """Import target, ``module:attribute``."""
     summary: str
-    """What the help says of it."""
+    """Sentence about the target for the help."""
 
 
 class TermPage(NamedTuple):
@@ -29,54 +29,59 @@ class TermPage(NamedTuple):
 
     name: str
     page: tuple[tuple[str, str], ...]
-    """Each a heading and its text, whose paragraphs are apart by an empty line."""
+    """Pairs of a heading and its text, whose paragraphs are apart by an empty line."""
 
 
 class FieldBlock(NamedTuple):
-    """A key of a scenario at its top level whose value is no class of its own, such as a mapping by name."""
+    """Top-level key of a scenario whose value is not a configuration class, such as a mapping by name."""
 
     type: Any
     field: Any
-    """A field of pydantic, with the default and the description."""
+    """Pydantic field with the default and the description."""
     EXAMPLE: str
-    """Lines of YAML."""
+    """Example, in lines of YAML."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What a user comes for beside a run. Each value is ``module:attribute``, alone or in an :class:`Offer`."""
+    """Purpose of a user beside a run, such as tuning, with its commands, API calls and pages.
+
+    Each value is an import target ``module:attribute``, alone or in an :class:`Offer`.
+    """
 
     commands: Mapping[str, Offer] = field(default_factory=dict)
-    """By name: a Click command, and the first sentence of its help."""
+    """Click commands by name, each with the first sentence of its help."""
     api: Mapping[str, str] = field(default_factory=dict)
-    """By the name in ``trackbench``."""
+    """Attributes of ``trackbench`` by name."""
     lists: Mapping[str, Offer] = field(default_factory=dict)
-    """For ``trackbench list``: a function that gives rows of a name and a description, and a sentence on them."""
+    """Lists of ``trackbench list`` by name: functions that return rows of a name and a description, and a sentence
+    about them."""
     terms: Mapping[str, str] = field(default_factory=dict)
-    """For ``trackbench explain``, by the heading of a group: a function that gives a :class:`TermPage` for each."""
+    """Groups of ``trackbench explain`` by heading: functions that return each a :class:`TermPage` per term."""
     documents: Mapping[str, Offer] = field(default_factory=dict)
-    """By the main file of a folder, for ``trackbench report``: a function from that file to a Document, and what to
-    know of its formats."""
+    """Pages of ``trackbench report`` by the main file of a folder: functions from that file to a Document, each with a
+    sentence about the page's formats."""
     artifacts: Mapping[str, Offer] = field(default_factory=dict)
-    """By the file in the folder of a run: a function ``(result, path)`` that writes it, and what it is."""
+    """Files in the folder of a run by name: functions ``(result, path)`` that write the file, each with a description
+    of its content."""
     replays: Mapping[str, str] = field(default_factory=dict)
-    """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
+    """Replay files by name: functions of a :class:`trackbench.document.replay.Replay` and a path."""
     blocks: Mapping[str, str] = field(default_factory=dict)
     """Top-level keys of a scenario, each with the class of its value, which has an ``EXAMPLE``, or a
     :class:`FieldBlock`."""
     examiners: Mapping[str, str] = field(default_factory=dict)
-    """Functions that take a scenario and the name of one of its trackers and return a sentence on what is wrong with
-    the tracker, or None. The names are free, as are those of all functions below."""
+    """Functions from a scenario and a tracker's name to a sentence about a fault of the tracker, or None. The keys of
+    this mapping and of all mappings below only tell the entries apart."""
     metrics: Mapping[str, str] = field(default_factory=dict)
-    """Keys of blocks, each with a function that takes the block, and whether identities are hidden, and returns the
+    """Keys of blocks, each with a function that takes the block and whether identities are hidden, and returns the
     metrics of a run."""
     examples_of_metrics: Mapping[str, str] = field(default_factory=dict)
     """Headings of lists, each with a function that returns one metric of each kind."""
     checks: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a scenario and yield the problems of the subject's blocks."""
     records: Mapping[str, str] = field(default_factory=dict)
-    """Functions that take the :class:`trackbench.runner.work.Work` of a run, its evaluated trackers, and what each
-    tracker left of the recorded run, and yield the name of a table with its records."""
+    """Functions that take the :class:`trackbench.runner.work.Work` of a run, its evaluated trackers and the tables of
+    its recorded run, and yield the name of each table with its records."""
     sections: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a result and the styles of its trackers and yield sections of the report."""
     tables: Mapping[str, str] = field(default_factory=dict)
@@ -86,19 +91,19 @@ class Subject:
     shown_metrics: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a result and yield the paths of the metrics that the subject's sections show."""
     run_options: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a :class:`trackbench.cli.options.RunOptions`, for ``trackbench run``."""
+    """Further options of ``trackbench run``, each a :class:`trackbench.cli.options.RunOptions`."""
 
 
 @cache
 def subjects() -> tuple[Subject, ...]:
-    """All of them, in the order of their names."""
+    """Return all subjects in the order of their names."""
     package = import_module(PACKAGE)
     names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
     return tuple(import_module(f"{PACKAGE}.{name}").SUBJECT for name in names)
 
 
 def offered(kind: str) -> Iterator[tuple[str, Any]]:
-    """What all subjects have of one kind, by name.
+    """Yield the name and the value of each entry of one kind, over all subjects.
 
     Args:
         kind: a field of :class:`Subject`.
@@ -108,23 +113,23 @@ def offered(kind: str) -> Iterator[tuple[str, Any]]:
 
 
 def collected(kind: str, *arguments: Any) -> Iterator[Any]:
-    """Yield what the functions of all subjects yield, one subject after the other.
+    """Yield everything that the functions of all subjects yield, one subject after the other.
 
     Args:
         kind: a field of :class:`Subject` whose functions yield something.
-        arguments: that each function is called with.
+        arguments: arguments of each function.
     """
     for _, target in offered(kind):
         yield from resolve(target)(*arguments)
 
 
 def kind_of_file(file: str) -> str:
-    """What a file of a subject holds, such as "an examination" for ``examination.json``."""
+    """Return the content of a subject's file in words, such as "an examination" for ``examination.json``."""
     stem = file.rpartition(".")[0]
     return f"{'an' if stem[0] in 'aeiou' else 'a'} {stem}"
 
 
 def resolve(target: str) -> Any:
-    """The object that ``module:attribute`` names."""
+    """Import and return the object that ``module:attribute`` names."""
     module, attribute = target.split(":")
     return getattr(import_module(module), attribute)

@@ -1,8 +1,8 @@
-"""The values that travel between the layers.
+"""Values that travel between the layers.
 
 Arrays put component axes first and batch axes last: a state is ``(n, ...)``, a covariance ``(n, n, ...)``, a
-measurement ``(m, ...)``. The trailing axes are whatever runs in parallel (Monte-Carlo runs, objects) or nothing.
-SI units and radians throughout; angles are counter-clockwise.
+measurement ``(m, ...)``. The trailing axes are whatever runs in parallel (Monte-Carlo runs, objects) or nothing. SI
+units and radians throughout; angles are counter-clockwise.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ T = TypeVar("T", bound=np.generic)
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
-#: Called, often, with how much of some work is done and how much there is.
+#: Function that is often called with the amount of work that is done and the whole amount.
 Progress = Callable[[float, float], None]
 
 
 class NotedProgress(Protocol):
-    """The same, which may say what was reached, such as "best 0.12"."""
+    """Progress function that also takes a note on the work, such as "best 0.12"."""
 
     def __call__(self, done: float, total: float, note: str = "") -> None: ...
 
@@ -34,92 +34,92 @@ def no_progress(done: float, total: float, note: str = "") -> None:
 
 
 def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
-    """Some runs of an array whose last axis is the runs, or has length 1 where all are alike."""
+    """Take some runs of an array whose last axis is the runs, or has length 1 where all runs are alike."""
     return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
 
-#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+#: Largest difference between equal times, s: times are sums of periods, with rounding errors.
 SAME_TIME = 1e-9
-#: Status of an object at an instant: not in the scene; there, but a tracker need not have it; a tracker has to have it.
+#: Status of an object at an instant: not in the scene; in the scene, a track is optional; a track is required.
 ABSENT, OPTIONAL, DUE = 0, 1, 2
 #: Object number of a false alarm.
 FALSE_ALARM = -1
-#: In place of an object's number: a recorded detection of which nothing says what caused it.
+#: Object number of a recorded detection whose cause is unknown.
 UNKNOWN_ORIGIN = -3
 
-#: The space in which trackers of different state are compared, in the fixed frame.
+#: State in the fixed frame by which trackers with different states are compared.
 COMMON_STATE = ("px", "py", "vx", "vy")
 
 
 def indices(where: npt.NDArray[Any]) -> Indices:
-    """``(K,)`` where a mask ``(batch,)`` holds: ``np.flatnonzero``, which takes six times as long for a few."""
+    """Return ``(K,)`` indices where a mask ``(batch,)`` holds, six times faster than ``np.flatnonzero`` for a few."""
     return where.nonzero()[0]
 
 
 class Gaussian(NamedTuple):
-    """A mean ``(n, ...)`` and its covariance ``(n, n, ...)``."""
+    """Mean ``(n, ...)`` and its covariance ``(n, n, ...)``."""
 
     mean: Array
     covariance: Array
 
     def where(self, mask: Mask, other: Gaussian) -> Gaussian:
-        """This one where the mask ``(...)`` holds, the other one elsewhere."""
+        """Take this Gaussian where the mask ``(...)`` holds, and the other one elsewhere."""
         return Gaussian(np.where(mask, self.mean, other.mean), np.where(mask, self.covariance, other.covariance))
 
 
 class FieldOfView(NamedTuple):
-    """Where a sensor can detect anything, in its own frame."""
+    """Region in which a sensor can detect anything, in the sensor's frame."""
 
     half_angle: float
-    """To either side of the boresight, rad."""
+    """Largest angle to either side of the boresight, rad."""
     max_range: float
     """m; infinite where there is no limit."""
     volume: float | None = None
-    """Of the part of the measurement space that is in view, in the units of a measurement: the expected number of false
-    alarms in a scan is the clutter density times this. None where it has no end."""
+    """Volume of the visible part of the measurement space, in units of a measurement; None if infinite. The expected
+    number of false alarms in a scan is the clutter density times this volume."""
 
 
 class Scan(NamedTuple):
-    """One sensor's measurements at one instant: what a real tracker would know, and nothing of the truth.
+    """One sensor's measurements at one instant, with nothing of the ground truth.
 
-    With known identities the trailing axes of ``measurement`` and ``valid`` are the objects. With hidden ones there is
-    one trailing axis, of the D detections, whose order means nothing, and D may be 0; in a batch of runs a second one,
-    where D is that of the run with most of them: in the others, columns of NaN that are not valid come last.
+    With known identities the trailing axes of ``measurement`` and ``valid`` are the objects. With hidden identities
+    there is one trailing axis, of the D detections, in arbitrary order; D may be 0. A batch of runs adds a last axis. D
+    is then the largest number of detections of a run; shorter runs end in columns of NaN that are not valid.
     """
 
     time: float
-    """When the measurement was taken, s."""
+    """Time at which the measurement was taken, s."""
     sensor: str
-    """The sensor's name in the scenario."""
+    """Name of the sensor in the scenario."""
     kind: str
-    """The type of the sensor, "radar", "lidar" or that of a plug-in; "radar(range, azimuth)" where it measures less."""
+    """Type of the sensor: "radar", "lidar" or a plug-in's; "radar(range, azimuth)" if it measures only these."""
     measurement: Array
-    """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
-    sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m. NaN where not valid."""
+    """``(m, ...)``; NaN where not valid. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to
+    the moving sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m."""
     valid: Mask
     """``(...)``: False where the sensor did not detect the object."""
     noise_covariance: Array
     """``(m, m)`` covariance of the measurement noise that the sensor states."""
     sensor_pose: Array
     """``(3,)`` x m, y m, yaw rad of the sensor in the fixed frame; ``(3, runs)`` where a built-in tracker of several
-    objects takes runs of several scenes at once, and the velocity ``(2, runs)``."""
+    objects takes runs of several scenes at once."""
     sensor_velocity: Array
-    """``(2,)`` vx, vy of the sensor in the fixed frame, m/s."""
+    """``(2,)`` vx, vy of the sensor in the fixed frame, m/s; ``(2, runs)`` with a pose ``(3, runs)``."""
     arrival_time: float
-    """When the measurement reached the tracker (``time`` plus the sensor's latency), s."""
+    """Time at which the measurement reaches the tracker (``time`` plus the sensor's latency), s."""
     detection_probability: float | None = None
-    """Of an object in the field of view, as the sensor states it; None where identities are known, as the next two."""
+    """P_D of an object in the field of view as the sensor states it; None with known identities."""
     clutter_density: float | None = None
-    """Detections that stem from no object, per unit volume of the measurement space and scan, as the sensor states."""
+    """Expected false alarms per scan and unit volume of the measurement space; None with known identities."""
     field_of_view: FieldOfView | None = None
-    """Where the sensor can detect anything."""
+    """Region in which the sensor can detect anything; None with known identities."""
     asked: bool = False
-    """True where no measurement has arrived and the estimate at ``time`` is asked for. What is predicted for it is not
-    to be kept: measurements that are still on their way were taken earlier."""
+    """True where no measurement has arrived and only the estimate at ``time`` is wanted. The tracker must not keep this
+    prediction: measurements still on their way were taken earlier."""
     place: int = 0
-    """Of the sensor in the scenario, from 0. Scans of one time are in this order where none is late."""
+    """Position of the sensor in the scenario, from 0; it orders scans of one time where none is late."""
     half_range_m: float | None = None
-    """Range at which half of ``detection_probability`` holds, m; None where it is the same at all ranges."""
+    """Range at which P_D is half of ``detection_probability``, m; None where P_D is constant over range."""
 
     def __repr__(self) -> str:
         valid = np.asarray(self.valid)
@@ -128,28 +128,27 @@ class Scan(NamedTuple):
         return f"<scan of {self.sensor} ({self.kind}) at {self.time:g} s{late}: {seen}>"
 
     def prompt(self) -> Scan:
-        """The same scan, arrived when it was taken."""
+        """Return this scan with its arrival at the time of measurement."""
         return self._replace(arrival_time=self.time)
 
 
 def scan_of_member(scan: Scan, member: int) -> Scan:
-    """With known identities the scan of one member of a batch: ``measurement`` ``(m,)``."""
+    """Return the scan of one member of a batch with known identities: ``measurement`` ``(m,)``."""
     return scan._replace(measurement=scan.measurement[:, member], valid=scan.valid[member])
 
 
 def scan_of_run(scan: Scan, run: int) -> Scan:
-    """With hidden identities the detections of one run of a batch, without padding: ``measurement`` ``(m, D)``."""
-    there = scan.valid[:, run]
-    measurement, valid = scan.measurement[:, there, run], there[there]
+    """Return the detections of one run of a batch with hidden identities, unpadded: ``measurement`` ``(m, D)``."""
+    is_detection = scan.valid[:, run]
+    measurement, valid = scan.measurement[:, is_detection, run], is_detection[is_detection]
     for values in (measurement, valid):
-        # What one tracker must not change of what the next one reads.
+        # Several trackers read one scan, so none may change it.
         values.setflags(write=scan.measurement.flags.writeable)
     return with_sensor_of(scan, run, measurement=measurement, valid=valid)
 
 
 def with_sensor_of(scan: Scan, run: Indices | int, **values: Any) -> Scan:
-    """The scan with the sensor's pose ``(3, ...)`` and velocity ``(2, ...)`` in each of some runs ``(...)``; as it is
-    where the sensor is the same in all. ``values``: what else of the scan is replaced."""
+    """Return the scan with the sensor's pose and velocity in some runs ``(...)``, and other ``values`` replaced."""
     if scan.sensor_pose.ndim > 1:
         values["sensor_pose"] = scan.sensor_pose.take(run, axis=1)
         values["sensor_velocity"] = scan.sensor_velocity.take(run, axis=1)
@@ -157,7 +156,7 @@ def with_sensor_of(scan: Scan, run: Indices | int, **values: Any) -> Scan:
 
 
 class Tracks(NamedTuple):
-    """What a tracker of several objects says after a scan: its K confirmed tracks."""
+    """The K confirmed tracks of a multi-object tracker after a scan."""
 
     ids: Indices
     """``(K,)``; an id is never used again."""
@@ -168,7 +167,7 @@ class Tracks(NamedTuple):
     existence: Array | None = None
     """``(K,)`` probability that the object exists."""
     used: Indices | None = None
-    """``(K,)`` the detection's column that the track took in; -1 where it took none."""
+    """``(K,)`` column of the detection that updated the track; -1 for a track without one."""
 
     def __repr__(self) -> str:
         shown = np.array2string(np.asarray(self.ids), threshold=12, separator=", ", max_line_width=1000)
@@ -177,14 +176,14 @@ class Tracks(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What a tracker says after a scan. Only ``mean`` and ``covariance`` are required."""
+    """Answer of a single-object tracker to a scan; only ``mean`` and ``covariance`` are required."""
 
     mean: Array
     """``(4, ...)`` px, py, vx, vy in the fixed frame."""
     covariance: Array
     """``(4, 4, ...)``."""
     state: Array | None = None
-    """``(n, ...)`` the tracker's own state."""
+    """``(n, ...)`` state of the tracker, in its state space."""
     state_covariance: Array | None = None
     """``(n, n, ...)``."""
     innovation: Array | None = None
@@ -192,14 +191,14 @@ class Estimate(NamedTuple):
     innovation_covariance: Array | None = None
     """``(m, m, ...)``."""
     whitened_innovation: Array | None = None
-    """``(m, ...)`` ``L^-1`` times the innovation, where its covariance is ``L L^T``: saves computing it again."""
+    """``(m, ...)`` ``L^-1`` times the innovation, where its covariance is ``L L^T``: saves the factorisation."""
     repaired: Mask | None = None
-    """``(...)`` True where a covariance had to be made positive definite again at this scan."""
+    """``(...)`` True where a covariance was not positive definite at this scan and was repaired."""
     mode_probabilities: Array | None = None
-    """``(M, ...)`` of each motion model of a tracker with several."""
+    """``(M, ...)`` probabilities of the motion models of a tracker with several."""
     log_likelihood: Array | None = None
-    """``(...)`` logarithm of the density of the measurement given all that arrived before it, where that is not the
-    Gaussian of the innovation; NaN where there was no prediction."""
+    """``(...)`` logarithm of the measurement's density given all earlier arrivals; NaN without a prediction. Stated
+    where that density is not the Gaussian of the innovation."""
 
     def __repr__(self) -> str:
         mean = np.asarray(self.mean)
@@ -211,48 +210,46 @@ class Estimate(NamedTuple):
 
 
 class RecordedAlarms(NamedTuple):
-    """Detections of one sensor of which a recording says that they are of no object."""
+    """Detections of one sensor that a recording marks as false alarms."""
 
     scan: Indices
-    """``(rows,)`` number of the scan of each."""
+    """``(rows,)`` number of the scan of each detection."""
     measurement: Array
     """``(m, rows)``."""
 
 
 class RecordedMeasurements(NamedTuple):
-    """What one sensor read, where its measurements come from a recording instead of being synthesised."""
+    """One sensor's recorded measurements, labelled with objects."""
 
     steps: Indices
-    """``(scans,)`` indices into the truth's times; a scan may have detected nothing."""
+    """``(scans,)`` indices into the times of the ground truth; a scan may be empty."""
     measurement: Array
     """``(m, scans, objects)``, NaN where not valid."""
     valid: Mask
     """``(scans, objects)``: False where the sensor did not detect the object."""
     cycle: Indices | None = None
-    """``(scans,)`` the number of the sensor's cycle, which may give its detections at several instants; each scan is a
-    cycle of its own unless given."""
+    """``(scans,)`` number of the sensor's cycle, which may span several scans; None: each is one."""
     alarms: RecordedAlarms | None = None
-    """What it detected beside the objects."""
+    """Recorded false alarms of the sensor; None without any."""
 
 
 class RecordedDetections(NamedTuple):
-    """What one sensor detected, where nothing says of which object a detection is."""
+    """One sensor's recorded detections, not labelled with objects."""
 
     steps: Indices
-    """``(scans,)`` indices into the truth's times; a scan may have detected nothing."""
+    """``(scans,)`` indices into the times of the ground truth; a scan may be empty."""
     scan: Indices
     """``(rows,)`` number of the scan of each detection."""
     measurement: Array
     """``(m, rows)``."""
     own_track: Indices
-    """``(rows,)`` number of the sensor's own track that it says a detection is of; -1 where it says nothing."""
+    """``(rows,)`` number of the sensor's own track to which it assigns a detection; -1 for none."""
     own_tracks: tuple[str, ...]
-    """A name for each."""
 
 
 @dataclass(frozen=True)
 class Observer:
-    """The body that carries the sensors, at each step of the truth."""
+    """Body that carries the sensors (the ego), at each step of the ground truth."""
 
     px: Array
     """``(steps,)`` m."""
@@ -273,7 +270,7 @@ class Observer:
 
 
 class RecordedNoise(NamedTuple):
-    """How far recorded motion may be from the true one, which is not known: standard deviation per axis."""
+    """Unknown error of recorded motion: standard deviation per axis."""
 
     position_m: float
     velocity_mps: float
@@ -283,34 +280,33 @@ EXACT = RecordedNoise(0.0, 0.0)
 
 
 class Unscored(NamedTuple):
-    """Where neither an object nor a track counts: out of range, and on don't-care boxes."""
+    """Regions where neither objects nor tracks are scored: out of range, and on don't-care boxes."""
 
     range_m: float
-    """From the observer, up to which they count; infinite where there is no limit."""
+    """Distance from the observer up to which objects and tracks are scored; infinite without a limit."""
     boxes: Array
-    """``(7, boxes)`` from when to when, s; x, y, m; heading, rad; half length and half width, m."""
+    """``(7, boxes)``: start and end, s; x, y, m; heading, rad; half length and half width, m."""
     others: bool = False
-    """Whether tracks on no object count nowhere, since objects without a truth are there too."""
+    """Whether tracks on no object are never scored, because objects without ground truth are present."""
 
 
-#: The arrays of a truth that are ``(steps, objects, runs)``.
+#: Fields of a truth that are ``(steps, objects, runs)``.
 KINEMATICS = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate")
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The motion of every object and of the observer, on a grid of times that is regular unless it was recorded.
+    """Motion of every object and of the observer, on a grid of times that is regular unless it was recorded.
 
     With known identities every object is a target. With hidden ones all objects cause detections and hide each other.
-
-    Kinematic arrays are ``(steps, objects, runs)``, where the last axis has length 1 if the motion is the same in
-    every run. Values where ``alive`` is False are finite but mean nothing.
+    Kinematic arrays are ``(steps, objects, runs)``, where the last axis has length 1 if the motion is the same in every
+    run. Values where ``alive`` is False are finite but mean nothing.
     """
 
     time: Array
     """``(steps,)`` s, from 0."""
     ids: tuple[str, ...]
-    """A name for each object."""
+    """Names of the objects."""
     px: Array
     """m."""
     py: Array
@@ -318,7 +314,7 @@ class Truth:
     heading: Array
     """Direction in which the body points, rad."""
     course: Array
-    """Direction in which it moves (heading plus slip angle), rad."""
+    """Direction of motion (heading plus slip angle), rad."""
     speed: Array
     """Along the course, m/s."""
     acceleration: Array
@@ -335,24 +331,24 @@ class Truth:
     roads: tuple[Array, ...] = ()
     """Lane edges to draw, each ``(points, 2)`` m."""
     source: dict[str, Any] = field(default_factory=dict)
-    """Where the truth came from, as it goes into the result (JSON values only)."""
+    """Origin of the ground truth, for the result (JSON values only)."""
     audit: dict[str, Any] = field(default_factory=dict)
-    """What the audit found and did, as it goes into the result (JSON values only)."""
+    """Findings and corrections of the audit, for the result (JSON values only)."""
     target: Mask = field(default_factory=lambda: np.ones(0, dtype=bool))
-    """``(objects,)``: whether tracks of it are wanted; all unless given."""
+    """``(objects,)``: whether an object is to be tracked; default: all objects."""
     hiders: Truth | None = None
-    """With known identities: the objects that are no targets and hide them from sensors with ``occlusion``."""
+    """Objects, with known identities, that are no targets but hide targets from sensors with ``occlusion``."""
     known: bool = True
-    """False where a recording has measurements alone: no object is known then."""
+    """False where a recording has measurements but no objects."""
     recorded_noise: RecordedNoise = EXACT
-    """The noise of recorded motion; 0 where the motion is exact."""
+    """Error of recorded motion; 0 where the motion is exact."""
     unscored: Unscored | None = None
-    """None where objects and tracks count everywhere."""
+    """Regions without scoring; None where objects and tracks are scored everywhere."""
     beside: Mask | None = None
-    """``(steps, objects)`` where it is just before or after its time: a track of it is neither right nor false there,
-    and its motion is not known."""
+    """``(steps, objects)`` True shortly before and after an object's recorded time: its motion is unknown there, and a
+    track of it is neither right nor false."""
     start: Decimal = Decimal(0)
-    """s of the recording's clock at time 0: other files may state times of the same clock."""
+    """Time of the recording's clock at time 0, s; other files may state times of this clock."""
 
     def __repr__(self) -> str:
         names = ", ".join(self.ids[:6]) + (", ..." if len(self.ids) > 6 else "")
@@ -364,14 +360,14 @@ class Truth:
             object.__setattr__(self, "target", np.ones(len(self.ids), dtype=bool))
 
     def with_hiders(self) -> Truth:
-        """Its targets alone, and what else there is as ``hiders``."""
+        """Return the truth of the targets alone, with all other objects as ``hiders``."""
         rest = ~self.target
-        return replace(self._of(self.target), hiders=self._of(rest)) if rest.any() else self
+        return replace(self._select(self.target), hiders=self._select(rest)) if rest.any() else self
 
-    def _of(self, chosen: Mask) -> Truth:
+    def _select(self, chosen: Mask) -> Truth:
         return replace(
             self,
-            ids=tuple(name for name, kept in zip(self.ids, chosen, strict=True) if kept),
+            ids=tuple(name for name, is_chosen in zip(self.ids, chosen, strict=True) if is_chosen),
             **{name: getattr(self, name)[:, chosen] for name in (*KINEMATICS, "alive")},
             beside=None if self.beside is None else self.beside[:, chosen],
             **{name: getattr(self, name)[chosen] for name in ("length", "width", "target")},
@@ -393,5 +389,5 @@ class Truth:
         return np.stack([self.px, self.py, self.vx, self.vy])
 
     def state_of_run(self, run: int) -> Array:
-        """``(4, steps, objects)`` in one run."""
+        """Return ``(4, steps, objects)`` px, py, vx, vy in one run."""
         return np.stack([of_runs(each, range(run, run + 1))[..., 0] for each in (self.px, self.py, self.vx, self.vy)])

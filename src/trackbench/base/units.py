@@ -1,4 +1,4 @@
-"""Angles, and the units in which the outside world states them."""
+"""Functions of angles, and numerically careful sines and exponentials."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from trackbench.base.types import Array
 
 TWO_PI = 2.0 * np.pi
 PER_TURN = 1.0 / TWO_PI
-#: The least angle of the range (-pi, pi].
+#: Least angle of the range (-pi, pi].
 LEAST = np.nextafter(-np.pi, 0.0)
 
 
 def wrap_angle(angle: Array) -> Array:
-    """Any angle in rad, to the same direction in (-pi, pi]."""
+    """Wrap any angle in rad to the same direction in (-pi, pi]."""
     turned = angle - TWO_PI * np.ceil((angle - np.pi) * PER_TURN)
     # Rounding may leave the range by a unit in the last place.
     return np.clip(turned, LEAST, np.pi)
 
 
 def difference(a: Array, b: Array, angular: tuple[int, ...]) -> Array:
-    """``a - b`` along the first axis, with the components named in ``angular`` wrapped to (-pi, pi]."""
+    """Return ``a - b`` along the first axis; components with an index in ``angular`` are wrapped to (-pi, pi]."""
     result = a - b
     for i in angular:
         result[i] = wrap_angle(result[i])
@@ -28,10 +28,10 @@ def difference(a: Array, b: Array, angular: tuple[int, ...]) -> Array:
 
 
 def cos_sin(angle: Array) -> tuple[Array, Array]:
-    """Cosine and sine; of arrays from the tangent of half the angle.
+    """Return cosine and sine of an angle in rad; for numbers and arrays from the tangent of half the angle.
 
-    NumPy has vector instructions for the tangent but not for a sine of doubles: this is five times faster, and agrees
-    to a few units in the last place of one.
+    NumPy has vector instructions for the tangent but not for a sine of doubles. So the tangent is five times faster,
+    and agrees to a few units in the last place of one.
     """
     if not isinstance(angle, np.ndarray | float):
         return np.cos(angle), np.sin(angle)
@@ -42,7 +42,7 @@ def cos_sin(angle: Array) -> tuple[Array, Array]:
 
 
 def exp_minus_one(x: Array) -> Array:
-    """``exp(x) - 1`` without the loss of digits at small ``x``, from functions that the fused engine has.
+    """Compute ``exp(x) - 1`` without loss of digits at small ``x``, from functions that the fused engine has.
 
     Source: Kahan, as Higham (2002), "Accuracy and stability of numerical algorithms", section 1.14.1.
     """

@@ -208,7 +208,7 @@ class FusedFilter:
         kind = "" if scan is None else scan.kind
         named = scan.sensor if scan is not None and self._sensors_matter else None
         # A sensor that is edited in a notebook has another class of the same name.
-        place = name, SENSOR_MODELS.found.get(kind), named, made_for, tuple(values)
+        place = name, SENSOR_MODELS.plugins.get(kind), named, made_for, tuple(values)
         if place in self._equations:
             return self._equations[place]
         sensors = () if scan is None else (SENSOR_MODELS[kind],)

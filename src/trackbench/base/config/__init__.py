@@ -1,4 +1,4 @@
-"""What every configuration class shares: frozen, no unknown keys, no silent conversions."""
+"""Base of all configuration classes: frozen, no unknown keys, no silent conversions."""
 
 from __future__ import annotations
 
@@ -28,16 +28,15 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 
 
 class Config(BaseModel):
-    """Base of the configuration classes: field names are the keys of the scenario file.
+    """Base of the configuration classes, whose field names are the keys of the scenario file.
 
-    An integer is accepted where a float is meant; text is never turned into a number, and NaN and infinity
-    are refused.
+    An integer is accepted where a float is meant. Text is never turned into a number; NaN and infinity are refused.
     """
 
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def problems(self) -> Iterator[Problem]:
-        """Yield what is wrong between the fields, each of which is valid by itself."""
+        """Yield the contradictions between fields, where each field is valid by itself."""
         yield from ()
 
     @classmethod
@@ -47,7 +46,7 @@ class Config(BaseModel):
 
     @classmethod
     def located(cls, path: KeyPath, data: Any) -> KeyPath:
-        """Return the path in the file of what pydantic finds at ``path``."""
+        """Return the path in the file of a value that pydantic reports at ``path``."""
         return path
 
     @model_validator(mode="wrap")
@@ -63,24 +62,24 @@ class Config(BaseModel):
         return made
 
 
-#: Tags of unions. They appear in pydantic's locations, where the brackets tell them from keys.
+#: Tags of the members of unions. Pydantic puts tags into its locations, where the brackets tell tags from keys.
 WORD, MAPPING, NUMBER, LIST = "<word>", "<mapping>", "<number>", "<list>"
 
 
 def shape(value: Any) -> str | None:
-    """Return the tag of a union of a word and a mapping."""
+    """Return the tag for a union of a word and a mapping; None for a value of neither kind."""
     if isinstance(value, str):
         return WORD
     return MAPPING if isinstance(value, dict | BaseModel) else None
 
 
 def number_or_list(value: Any) -> str | None:
-    """Return the tag of a union of a number and a list; text counts as a number, so that the message is about that."""
+    """Return the tag for a number or a list; text counts as a number, so that the message says that one is needed."""
     if isinstance(value, list):
         return LIST
     return NUMBER if isinstance(value, int | float | str) and not isinstance(value, bool) else None
 
 
 def text_or_list(value: Any) -> str | None:
-    """Return the tag of a union of a text and a list."""
+    """Return the tag for a union of a text and a list; None for a value of neither kind."""
     return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None

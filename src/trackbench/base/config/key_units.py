@@ -1,4 +1,4 @@
-"""The unit that a key's name ends in, and conversion between units of one kind."""
+"""Units at the end of key names, and conversion between units of one quantity."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 
 class Unit(NamedTuple):
-    """A unit as keys and users write it."""
+    """Unit of a quantity, with its size and its spellings in texts."""
 
     quantity: str
-    """What it measures; units of one quantity convert into each other."""
+    """Name of the measured quantity; units of one quantity convert into each other."""
     factor: float
-    """Its size in SI units (rad for angles)."""
+    """Size in SI units (rad for angles)."""
     words: str
-    """As it is read in a sentence."""
+    """Spelling within a sentence."""
     symbol: str
-    """As it stands after a number."""
+    """Spelling after a number."""
 
 
 UNITS = {
@@ -46,7 +46,7 @@ UNITS = {
     "degps2": Unit("turn acceleration", math.pi / 180, "degrees per second squared", "deg/s^2"),
 }
 
-#: Other spellings, as they are found in keys and after numbers.
+#: Other spellings of units, in keys and after numbers.
 SPELLINGS = {
     "°": "deg",
     "kph": "kmh",
@@ -68,37 +68,37 @@ SPELLINGS = {
 
 
 def find_unit(name: str) -> Unit | None:
-    """The unit of this name or spelling, in any case."""
+    """Return the unit with this name or spelling, in any case; None for an unknown one."""
     low = name.lower()
     return UNITS.get(SPELLINGS.get(low, low))
 
 
 def split_key(key: str) -> tuple[str, Unit | None]:
-    """A key without its unit, and the unit: ``range_sigma_m`` gives ``range_sigma`` and metres."""
+    """Split a key into its stem and its unit: ``range_sigma_m`` gives ``range_sigma`` and metres."""
     stem, _, last = key.rpartition("_")
     unit = find_unit(last) if stem else None
     return (stem, unit) if unit else (key, None)
 
 
 def in_si(key: str, value: float) -> float:
-    """The value of a key whose name ends in its unit, in SI units and radians."""
+    """Return the value of a key whose name ends in its unit, in SI units and radians."""
     unit = split_key(key)[1]
     assert unit is not None
     return value * unit.factor
 
 
 def convert(value: float, source: Unit, target: Unit) -> float | None:
-    """``value`` in another unit; None between different quantities."""
+    """Convert ``value`` to another unit; None between different quantities."""
     return value * source.factor / target.factor if source.quantity == target.quantity else None
 
 
 def show(value: float) -> str:
-    """A number as it is written in a scenario file, to four digits where it was converted."""
+    """Format a number as a scenario file has it; a fraction has four digits."""
     return f"{value:.4g}" if abs(value) < 1e4 and value != round(value) else f"{value:.10g}"
 
 
 def option_in_words(key: str, value: object) -> str:
-    """An option in a few words: "acceleration sigma 3 m/s^2"."""
+    """Return an option in a few words: "acceleration sigma 3 m/s^2"."""
     stem, unit = split_key(key)
     shown = f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
     return " ".join([stem.replace("_", " "), shown, *([unit.symbol] if unit else [])])

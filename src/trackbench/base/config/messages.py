@@ -17,10 +17,10 @@ from trackbench.base.errors import did_you_mean, nearest_choices, similar_names
 
 Fields = Mapping[str, FieldInfo | None]
 _TAG = re.compile(r"<.+>")
-#: The part of a location by which pydantic says that the key of a mapping is at fault, not its value.
+#: Part of a pydantic location that blames the key of a mapping instead of its value.
 _KEY = "[key]"
 
-#: The value that is needed, by the type of an error of pydantic.
+#: Needed kind of value, by the type of pydantic's error.
 _NEEDED = {
     **dict.fromkeys(("float_type", "float_parsing", "finite_number"), "a number"),
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
@@ -28,7 +28,7 @@ _NEEDED = {
     "string_type": "text",
     "list_type": "a list",
 }
-#: The name of a limit in the context of an error, and how it is said, by the type of the error.
+#: Name of a limit in the context of pydantic's error, and its wording, by the type of the error.
 _LIMITS = {
     "greater_than": ("gt", "above"),
     "greater_than_equal": ("ge", "at least"),
@@ -43,27 +43,26 @@ def keyed_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def explain(invalid: ValidationError, fields: Fields) -> list[Problem]:
-    """Return what is wrong with the data of a class, with the nearest valid choice.
+    """Return the problems of invalid data, each with the nearest valid choice.
 
     Args:
-        invalid: what pydantic says of the data; errors of a :class:`Config` within it are explained already.
-        fields: those that the data may have, by their keys.
+        invalid: pydantic's error about the data; errors of a :class:`Config` within the data are explained already.
+        fields: fields that the data may have, by their keys.
     """
     errors = invalid.errors(include_url=False)
     unknown = [error for error in errors if error["type"] == "extra_forbidden" and len(error["loc"]) == 1]
-    meant = {_meant(str(error["loc"][0]), fields) for error in unknown}
+    meant = {_nearest_key(str(error["loc"][0]), fields) for error in unknown}
     problems = []
     for error in errors:
         path = tuple(part for part in error["loc"] if not _TAG.fullmatch(str(part)) and part != _KEY)
         near = _fields_within(fields, path[:-1])
-        # A key under a wrong name is one mistake: that the right one is missing follows from it.
+        # A misspelt key is one mistake: the right key is missing because of it.
         if error["type"] != "missing" or path not in {(key,) for key in meant}:
             problems.append(Problem(path, _message(error, path, near)))
     return problems
 
 
 def _fields_within(fields: Fields, path: KeyPath) -> Fields:
-    """Return the fields of the plain pydantic class that a user's own options have at a path."""
     for part in path:
         model = getattr(fields.get(str(part)), "annotation", None)
         fields = keyed_fields(model) if isinstance(model, type) and issubclass(model, BaseModel) else {}
@@ -71,28 +70,28 @@ def _fields_within(fields: Fields, path: KeyPath) -> Fields:
 
 
 def advise(key: str, value: Any, fields: Fields) -> str:
-    """Return what to write in place of an unknown key: that of its quantity, the value converted, or the nearest."""
-    unit, meant = split_key(key)[1], _meant(key, fields)
-    own = split_key(meant)[1] if meant else None
-    if meant and (own or unit):
-        use = f"unknown key; use {meant}" + (f" ({own.words})" if own else "")
+    """Return advice for an unknown key: the key of its quantity with the value converted, else the nearest key."""
+    unit, meant = split_key(key)[1], _nearest_key(key, fields)
+    key_unit = split_key(meant)[1] if meant else None
+    if meant and (key_unit or unit):
+        use = f"unknown key; use {meant}" + (f" ({key_unit.words})" if key_unit else "")
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        converted = convert(value, unit, own) if is_number and unit and own else None
+        converted = convert(value, unit, key_unit) if is_number and unit and key_unit else None
         return use if converted is None else f"{use}: {show(converted)}"
     if {"use", "options"} <= {*fields} and not get_close_matches(key, fields, 1, 0.8):
         return "unknown key; options of a class go under options"
-    # Where no key measures the quantity, one that is spelt alike would mislead.
+    # Where no key has the quantity of the unit, a key that is spelt alike would mislead.
     hint = f"choose from: {', '.join(fields)}" if unit else nearest_choices(key, fields)
     return f"unknown key; {hint}"
 
 
-def _meant(key: str, fields: Fields) -> str | None:
-    """The key of the same quantity, else the one that is spelt most alike."""
+def _nearest_key(key: str, fields: Fields) -> str | None:
+    """Return the key of the same quantity, else the key spelt most alike; None where there is neither."""
     stem, unit = split_key(key)
     if unit is not None and stem in fields:
         return stem
-    measured = {name: own for name in fields if (own := split_key(name)[1])}
-    stems = {split_key(name)[0]: name for name, own in measured.items() if not unit or unit.quantity == own.quantity}
+    units = {name: key_unit for name in fields if (key_unit := split_key(name)[1])}
+    stems = {split_key(name)[0]: name for name, other in units.items() if not unit or unit.quantity == other.quantity}
     if same := get_close_matches(stem, stems, 1, 0.8 if unit else 0.9):
         return stems[same[0]]
     return next(iter(similar_names(key, fields, cutoff=0.7)), None) if unit is None else None
@@ -102,7 +101,7 @@ def _message(error: ErrorDetails, path: KeyPath, fields: Fields) -> str:
     kind, value, context = error["type"], error["input"], error.get("ctx", {})
     match kind:
         case _ if kind == PROBLEM:
-            return error["msg"] + _near_words(value, error["msg"])
+            return error["msg"] + _spelling_hint(value, error["msg"])
         case _ if _KEY in error["loc"]:
             return "a name starts with a letter and has only letters, digits, _ and -, at most 64"
         case "extra_forbidden":
@@ -140,8 +139,8 @@ def _message(error: ErrorDetails, path: KeyPath, fields: Fields) -> str:
             return error["msg"][0].lower() + error["msg"][1:]
 
 
-def _near_words(value: Any, message: str) -> str:
-    """Return which key of a message is spelt like one that a mapping of no known form has."""
+def _spelling_hint(value: Any, message: str) -> str:
+    """Return a hint where a mapping has a key that is spelt like a word of the message."""
     words = set(re.findall(r"\w+", message))
     unknown = [str(key) for key in value if key not in words] if isinstance(value, dict) else []
     near = [name for key in unknown for name in get_close_matches(key, words, 1, 0.8)]
@@ -149,20 +148,20 @@ def _near_words(value: Any, message: str) -> str:
 
 
 def unknown_word(value: Any, choices: list[str]) -> str:
-    """Return what is said of a value that is none of some words, with the nearest of them."""
+    """Return the message about a value that is none of the choices, with the nearest choice."""
     if isinstance(value, str):
         return f"{shown(value)} is not known; {nearest_choices(value, choices)}"
     return f"must be a word, not {shown(value)}; choose from: {', '.join(choices)}"
 
 
 def mapping_needed(value: Any, keys: Iterable[str] = ()) -> str:
-    """Return what is said of a value that is no mapping, with the keys that one has."""
+    """Return the message about a value that is no mapping, with the keys that are possible."""
     listed = f" (keys: {', '.join(keys)})" if keys else ""
     return f"a mapping of keys to values is needed, not {shown(value)}{listed}"
 
 
 def shown(value: Any) -> str:
-    """Return a value as it is named in a message."""
+    """Return a short form of a value for a message."""
     match value:
         case None:
             return "nothing"

@@ -1,6 +1,6 @@
-"""A field whose class is a plug-in: the member of a union that a registry has under the name in the file.
+"""Fields whose class is a plug-in, which the file names and a registry holds.
 
-In a file the class is named by a key of a mapping (``type: radar``), or by a single word beside which its options stand
+In a file, a key of a mapping names the class (``type: radar``), or a single word does, with the options beside it
 (``motion: cv``).
 """
 
@@ -22,13 +22,13 @@ from trackbench.base.config.problems import KeyPath, Problem, problem_error, rej
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry, one_line
 
-#: JSON Schema of a class of the user's own, whose options no schema knows.
+#: JSON Schema of a user's class, whose options no schema knows.
 REFERENCE = {"type": "string", "pattern": ":"}
 
 
 @dataclass(frozen=True)
 class PluginName:
-    """Marks a text that names a plug-in."""
+    """Mark of a text field that names a plug-in."""
 
     registry: Registry[Any]
 
@@ -43,10 +43,10 @@ class PluginName:
         return {"anyOf": [{"enum": list(self.registry.loaded())}, REFERENCE]}
 
     def find(self, name: Any, info: ValidationInfo) -> Any:
-        """Return the class behind a name, in the folder that the validation's context names.
+        """Return the class behind a name, searched in the folder that the validation's context states.
 
         Raises:
-            PydanticCustomError: it cannot be found.
+            PydanticCustomError: there is no such class, or it cannot be imported.
         """
         names = self.registry.names()
         if not isinstance(name, str) or (names and ":" not in name and name not in names):
@@ -59,18 +59,18 @@ class PluginName:
 
 @dataclass(frozen=True)
 class Plugin(PluginName):
-    """Marks a field that holds an instance of a plug-in's class.
+    """Mark of a field that holds an instance of a plug-in's class.
 
-    The members of the union are looked up while the field is validated: a file pays for the plug-ins that it names, and
-    may name a class of the user's own.
+    A class is looked up while the field is validated. So a file loads only the plug-ins that it names, and may name a
+    class of the user.
     """
 
     key: str
-    """The key that names the class in a mapping; a field of the class, or else no option of it."""
+    """Key that names the class in a mapping; either a field of the class, or no option at all."""
     word: bool = False
     """Whether a single word is short for ``{key: word}``."""
     options: str = ""
-    """The key under which the options stand in the mapping; empty where they stand beside ``key``."""
+    """Key under which the options stand in the mapping; empty where they stand beside ``key``."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(partial(self._made, source))
@@ -81,7 +81,7 @@ class Plugin(PluginName):
         return {"anyOf": [*words, *forms, _mapping({self.key: REFERENCE}, [self.key])]}
 
     def _form(self, name: str, model: type[Config], handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        reference = _definition(model, handler)
+        reference = _schema_reference(model, handler)
         form = handler.resolve_ref_schema(reference)
         described = form["properties"].get(self.key, {}).get("description", f"{name}.")
         beside = {"$comment": self.key} if self.word else {}
@@ -118,13 +118,13 @@ class Plugin(PluginName):
             reject(base.__name__, [Problem((self.options, *each.at), each.message) for each in explain(invalid, {})])
 
 
-def _definition(model: type[Config], handler: GetJsonSchemaHandler) -> dict[str, Any]:
+def _schema_reference(model: type[Config], handler: GetJsonSchemaHandler) -> dict[str, Any]:
     """Return a reference to the JSON Schema of a plug-in's options, which stands among the definitions once."""
     model.model_rebuild()
     schema: Any = model.__pydantic_core_schema__
     name = {"ref": f"{model.__module__}.{model.__qualname__}:{id(model)}"}
-    own, others = (schema["schema"], schema["definitions"]) if schema["type"] == "definitions" else (schema, [])
-    return handler(core_schema.definitions_schema(own | name, others))
+    body, definitions = (schema["schema"], schema["definitions"]) if schema["type"] == "definitions" else (schema, [])
+    return handler(core_schema.definitions_schema(body | name, definitions))
 
 
 def _mapping(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
@@ -141,40 +141,39 @@ def _validated(model: type[Config], name: Any, values: Any, info: ValidationInfo
 
 
 class OptionsBeside(Config):
-    """A class with a plug-in that a single word names, whose options stand beside that word or within a mapping."""
+    """Class with one plug-in named by a single word; the plug-in's options stand beside the word or in a mapping."""
 
     @classmethod
     def keys_of(cls, data: Any) -> Mapping[str, FieldInfo]:
         key, plugin = plugin_field(cls)
         name = data.get(key) if isinstance(data, dict) else None
-        model = plugin.registry.found.get(name) if isinstance(name, str) else None
+        model = plugin.registry.plugins.get(name) if isinstance(name, str) else None
         return keyed_fields(cls) if model is None else {**keyed_fields(model), **keyed_fields(cls)}
 
     @model_validator(mode="before")
     @classmethod
-    def _gathered(cls, data: Any, info: ValidationInfo) -> Any:
-        """Move the options beside the word that names a plug-in into a mapping with it."""
+    def _gather_options(cls, data: Any, info: ValidationInfo) -> Any:
         key, plugin = plugin_field(cls)
         word = data.get(key) if isinstance(data, dict) else None
         if not isinstance(word, str):
             return data
-        own = keyed_fields(cls)
+        class_fields = keyed_fields(cls)
         try:
             fields = keyed_fields(plugin.find(word, info))
         except PydanticCustomError:
-            # The one mistake is said of the word: whose options the others are is not known.
-            return {name: item for name, item in data.items() if name in own}
-        if strange := [name for name in data if name not in own and name not in fields]:
-            of_others = {name for other in plugin.registry.loaded().values() for name in keyed_fields(other)}
+            # Only the unknown word is reported: without its class, no option can be checked.
+            return {name: item for name, item in data.items() if name in class_fields}
+        if strange := [name for name in data if name not in class_fields and name not in fields]:
+            of_other_plugins = {name for other in plugin.registry.loaded().values() for name in keyed_fields(other)}
             uses = f"{key} {word} does not use this; it uses {' and '.join(fields) or 'no option'}"
-            reject(cls.__name__, [Problem((name,), uses) for name in strange if name in of_others])
-        options = {name: item for name, item in data.items() if name in fields and name not in own}
+            reject(cls.__name__, [Problem((name,), uses) for name in strange if name in of_other_plugins])
+        options = {name: item for name, item in data.items() if name in fields and name not in class_fields}
         rest = {name: item for name, item in data.items() if name not in options}
         return {**rest, key: {plugin.key: word, **options}}
 
     @classmethod
     def located(cls, path: KeyPath, data: Any) -> KeyPath:
-        """Return the path in the file: options that stand beside a word are not within its key."""
+        """Return the path in the file, where options stand beside the word and not within its key."""
         key, _ = plugin_field(cls)
         return path[1:] if path[:1] == (key,) and len(path) > 1 and isinstance(data.get(key), str) else path
 
@@ -183,8 +182,8 @@ class OptionsBeside(Config):
         reference = handler(schema)
         form, (key, plugin) = handler.resolve_ref_schema(reference), plugin_field(cls)
         for model in plugin.registry.loaded().values():
-            own = handler.resolve_ref_schema(_definition(model, handler))["properties"]
-            beside = {name: {**item, "$comment": key} for name, item in own.items() if name != plugin.key}
+            options = handler.resolve_ref_schema(_schema_reference(model, handler))["properties"]
+            beside = {name: {**item, "$comment": key} for name, item in options.items() if name != plugin.key}
             form["properties"] = {**beside, **form["properties"]}
         form.pop("additionalProperties")
         own_class = {"properties": {key: REFERENCE}, "required": [key]}
@@ -193,7 +192,7 @@ class OptionsBeside(Config):
 
 
 def plugin_field(model: type[Config]) -> tuple[str, Plugin]:
-    """Return the key of a class beside which a plug-in's options may stand, and its mark."""
+    """Return the name and the mark of the field that a single word fills with a plug-in."""
     for name, field in model.model_fields.items():
         members = (getattr(member, "__metadata__", ()) for member in get_args(field.annotation))
         for mark in chain(field.metadata, *members):

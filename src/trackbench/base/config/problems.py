@@ -1,4 +1,4 @@
-"""What is wrong with a configuration: a key path and a message."""
+"""Problems of a configuration: a key path and a message each."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from typing import Any, NamedTuple
 from pydantic import Discriminator, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-#: Keys and list indices, from the root of a file.
+#: Keys and list indices that lead to a value.
 KeyPath = tuple[str | int, ...]
 
-#: The type of the pydantic error that carries a message of our own, word for word.
+#: Type of the pydantic error that carries a message of trackbench word for word.
 PROBLEM = "problem"
 
 
 class Problem(NamedTuple):
-    """A value that cannot be meant."""
+    """Invalid value in a configuration."""
 
     at: KeyPath
-    """Keys and list indices, from the model that reports it."""
+    """Keys and list indices, from the model that reports the problem."""
     message: str
-    """What is wrong and what would be right."""
+    """Description of the fault and of a valid value."""
 
 
 def problem_error(message: str) -> PydanticCustomError:
-    """Return what a validator raises: the message, word for word."""
+    """Return an error for a validator to raise, which carries the message word for word."""
     return PydanticCustomError(PROBLEM, "{message}", {"message": message})
 
 
@@ -37,10 +37,10 @@ def reject(model: str, problems: Iterable[Problem]) -> None:
 
 
 def chosen_by(tag: Callable[[Any], str | None], message: str) -> Discriminator:
-    """Return what chooses the member of a union by its tag.
+    """Return a pydantic discriminator that chooses the member of a union by a tag.
 
     Args:
-        tag: from a value to the tag, which is in angle brackets; None for a value of no member.
-        message: what is said of a value of no member.
+        tag: function from a value to its tag in angle brackets; None for a value of no member.
+        message: message about a value of no member.
     """
     return Discriminator(tag, custom_error_type=PROBLEM, custom_error_message=message)

@@ -176,7 +176,7 @@ def _partial_radar(components: tuple[str, ...]) -> type[Radar]:
     model = create_model(name, __base__=Radar, __module__=__name__, **fields)
     model.components, model.unused, model.angular = components, unused, tuple(rows.index(i) for i in {1} & {*rows})
     model.sigma_options, model.units = (tuple(of[i] for i in rows) for of in (Radar.sigma_options, Radar.units))
-    SENSOR_MODELS.found[f"radar({', '.join(components)})"] = globals()[name] = model
+    SENSOR_MODELS.plugins[f"radar({', '.join(components)})"] = globals()[name] = model
     return model
 
 
