@@ -57,11 +57,11 @@ class MotionWithErrors(WrappedMotion):
 
     def transition(self, x: Array, dt: float) -> Array:
         kept = linalg.expand(linalg.vector(self._decays(dt)), x)
-        return np.concatenate([self.motion.transition(self._own(x), dt), kept * x[self._size :]])
+        return np.concatenate([self.motion.transition(self._inner_state(x), dt), kept * x[self._inner_size :]])
 
     def jacobian(self, x: Array, dt: float) -> Array:
         return _block_diagonal(
-            self.motion.jacobian(self._own(x), dt), np.diag(np.ones(len(self.errors))), self._decays(dt)
+            self.motion.jacobian(self._inner_state(x), dt), np.diag(np.ones(len(self.errors))), self._decays(dt)
         )
 
     def noise_gain(self, x: Array, dt: float) -> Array:
@@ -69,7 +69,7 @@ class MotionWithErrors(WrappedMotion):
         pushes = [np.sqrt(1.0 - a * a) for a in decays]
         moving = np.diag([1.0 if error.rate else 0.0 for error in self.errors])
         columns = moving[:, [bool(error.rate) for error in self.errors]]
-        return _block_diagonal(self.motion.noise_gain(self._own(x), dt), columns, pushes)
+        return _block_diagonal(self.motion.noise_gain(self._inner_state(x), dt), columns, pushes)
 
     def cartesian_jacobian(self, x: Array) -> Array:
         slope = super().cartesian_jacobian(x)
@@ -88,7 +88,7 @@ class MotionWithErrors(WrappedMotion):
         names, noise = SENSOR_MODELS[scan.kind].components, scan.noise_covariance
         white, zero = [1.0] * len(names), 0.0 * noise[0, 0]
         rows: list[list[Any]] = [[zero] * len(self.components) for _ in names]
-        for column, error in enumerate(self.errors, start=self._size):
+        for column, error in enumerate(self.errors, start=self._inner_size):
             if error.sensor == scan.sensor:
                 i = names.index(error.component)
                 rows[i][column] = np.sqrt(error.share * noise[i, i] + error.sigma**2)
@@ -125,7 +125,7 @@ class MotionWithErrors(WrappedMotion):
         errors = self.sensor_errors(scan)
         if errors is None:
             return self.padded(state_of(self.motion, scan))
-        gain = errors.gain[:, self._size :]
+        gain = errors.gain[:, self._inner_size :]
         noise = linalg.expand(errors.noise, gain) + linalg.matmul_transposed(gain, gain)
         scan = scan._replace(noise_covariance=noise)
         slopes = []

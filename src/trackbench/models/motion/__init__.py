@@ -1,4 +1,4 @@
-"""Motion models. Those that a scenario can name are published under the entry points of ``MOTION_MODELS``."""
+"""Motion models; ``MOTION_MODELS`` holds the models that a scenario can name."""
 
 from trackbench.models.motion.base import (
     MOTION_MODELS,

@@ -1,4 +1,4 @@
-"""What a motion model is, and the models that a scenario can name."""
+"""Base class of motion models, and the registry of the models that a scenario can name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.base.types import Array, Gaussian, Scan
 
 
 class Kinematics(NamedTuple):
-    """The motion of a rigid body in the fixed frame, each ``(...)``: the way into the state of any model."""
+    """Motion of a rigid body in the fixed frame, each ``(...)``, from which the state of any model can be built."""
 
     px: Array
     py: Array
@@ -26,12 +26,12 @@ class Kinematics(NamedTuple):
     yaw_rate: Array
 
 
-#: Standard deviation of an angle of which nothing is known (uniform over the circle), rad.
+#: Standard deviation of an unknown angle (uniform over the circle), rad.
 UNKNOWN_ANGLE = np.pi / np.sqrt(3.0)
 
 
 class InitialSigmas(NamedTuple):
-    """Standard deviations for the components of a state that position and velocity do not determine."""
+    """Standard deviations of state components that position and velocity do not determine."""
 
     acceleration: float
     """m/s^2"""
@@ -39,97 +39,97 @@ class InitialSigmas(NamedTuple):
     """rad/s"""
 
 
-#: The components for which a scenario states how uncertain they are at first, by the quantity.
+#: Components whose initial uncertainty a scenario states, by quantity.
 POSITION, VELOCITY, ACCELERATION = ("px", "py"), ("vx", "vy", "v"), ("ax", "ay", "a")
 YAW, YAW_RATE = ("yaw",), ("yaw_rate",)
 
 
 class SensorErrors(NamedTuple):
-    """Errors of a sensor's measurements that are part of the state: ``z = h(x) + E x + w``."""
+    """Errors of a sensor that are part of the state: ``z = h(x) + E x + w``."""
 
     gain: Array
     """``E``, ``(m, n, ...)``"""
     noise: Array
-    """``(m, m, ...)`` covariance of the white rest ``w``."""
+    """``(m, m, ...)`` covariance of the remaining white noise ``w``."""
 
 
 class MotionModel(Config, ABC):
-    """How a state moves, driven by white noise that is constant over each step.
+    """Model of a state's motion, driven by white noise that is constant over each step.
 
-    The fields of a subclass are its options in a scenario, and its methods the equations. What is written out here is
-    right for a state that begins with px, py, vx, vy. A state is ``(n, ...)``; ``dt`` is in seconds and may be zero.
+    The fields of a subclass are its options in a scenario, and its methods the equations. The default methods suit a
+    state that begins with px, py, vx, vy. A state is ``(n, ...)``; ``dt`` is in seconds and may be zero.
     """
 
     components: ClassVar[tuple[str, ...]]
     """Names of the state's components."""
     angular: ClassVar[tuple[int, ...]] = ()
-    """Which components are angles."""
+    """Indices of the components that are angles."""
     linear: ClassVar[bool] = False
-    """Whether the transition, its noise gain and the way to Cartesian are linear."""
+    """Whether the transition, its noise gain and the conversion to Cartesian are linear."""
     driving_noise: ClassVar[tuple[str, ...]]
-    """For each column of the noise gain, the option that is the standard deviation of that noise."""
+    """Name of the option with the standard deviation, for each column of the noise gain."""
     pure: ClassVar[bool] = False
     """Whether the equations depend on their arguments and the options alone, so that the fused engine may compile them.
-    A class that inherits from one that says so has to say it again."""
+    A subclass must state this anew."""
     first_sigmas: ClassVar[Mapping[str, float]] = {}
-    """Standard deviations at a track's start of components other than positions, velocities, accelerations (px, py, vx,
-    vy, v, ax, ay, a), yaw and yaw_rate, for which a scenario has keys."""
+    """Standard deviations at a track's start of components without a key in the scenario. Keys exist for positions,
+    velocities, accelerations (px, py, vx, vy, v, ax, ay, a), yaw and yaw_rate."""
 
     @property
     def noise_sigma(self) -> tuple[float, ...]:
-        """``(q,)`` standard deviation of each driving noise; ``(q, ...)`` where each of a batch has its own."""
+        """``(q,)`` standard deviations of the driving noises; ``(q, ...)`` if they differ within the batch."""
         return tuple(getattr(self, name) for name in self.driving_noise)
 
     @property
     def batched(self) -> bool:
-        """Whether each of a batch has its own noise."""
+        """Whether the members of a batch have different driving noise."""
         return any(np.ndim(sigma) > 0 for sigma in self.noise_sigma)
 
     @abstractmethod
     def transition(self, x: Array, dt: float) -> Array:
-        """``(n, ...)`` the state after ``dt``, without noise."""
+        """Return the state ``(n, ...)`` after ``dt``, without noise."""
 
     @abstractmethod
     def jacobian(self, x: Array, dt: float) -> Array:
-        """``(n, n, ...)`` derivative of the transition."""
+        """Return the derivative ``(n, n, ...)`` of the transition."""
 
     @abstractmethod
     def noise_gain(self, x: Array, dt: float) -> Array:
-        """``(n, q, ...)`` effect of each driving noise on the state, where the noise is constant over ``dt``."""
+        """Return the effect ``(n, q, ...)`` of each driving noise, constant over ``dt``, on the state."""
 
     def to_cartesian(self, x: Array) -> Array:
-        """``(4, ...)`` px, py, vx, vy."""
+        """Return ``(4, ...)`` px, py, vx, vy."""
         return x[:4]
 
     def cartesian_jacobian(self, x: Array) -> Array:
-        """``(4, n, ...)`` derivative of ``to_cartesian``."""
+        """Return the derivative ``(4, n, ...)`` of ``to_cartesian``."""
         return np.eye(4, len(self.components))
 
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
-        """The distribution of px, py, vx, vy under a belief of the state."""
+        """Return an approximate mean and covariance of px, py, vx, vy under a belief of the state."""
         return Gaussian(belief.mean[:4], belief.covariance[:4, :4])
 
     def cartesian_moments(self, belief: Gaussian) -> Gaussian:
-        """Mean and covariance of px, py, vx, vy under a belief of the state, exactly."""
+        """Return the exact mean and covariance of px, py, vx, vy under a belief of the state."""
         return self.cartesian_belief(belief)
 
     @property
     def sensors_with_errors(self) -> frozenset[str]:
-        """Names of the sensors of which errors are part of the state."""
+        """Names of the sensors with errors in the state."""
         return frozenset()
 
     def sensor_errors(self, scan: Scan) -> SensorErrors | None:
-        """The errors of a scan's sensor that are part of the state; None where none are."""
+        """Return the errors of the scan's sensor in the state; None if the state has none."""
         return None
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
-        """The state whose position and velocity have the given distribution; its other components are zero."""
+        """Return a belief of the state with a Cartesian position and velocity, other components zero."""
         if len(self.components) == 4:
             return belief
         return pad_state(self, belief, sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
-        """``(n, ...)`` the state of a body in the given motion."""
+        """Return the state ``(n, ...)`` of a body with the given motion."""
         c, s = np.cos(motion.course), np.sin(motion.course)
         tangential, normal = motion.acceleration, motion.speed * motion.yaw_rate
         values = {
@@ -144,12 +144,12 @@ class MotionModel(Config, ABC):
         return linalg.vector([values.get(name, np.zeros_like(motion.px)) for name in self.components])
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
-        """The motion of a body in the state ``x``, whose rates that the state does not have are driven by noise.
+        """Return the motion of a body in the state ``x``; driving noise stands in for rates that the state lacks.
 
         Args:
             x: ``(n, ...)``.
-            noise: ``(q, ...)`` the driving noise at that time.
-            resting: ``(...)`` the course of a body that stands still, which its velocity does not tell.
+            noise: ``(q, ...)`` driving noise at that time.
+            resting: ``(...)`` course of a body at rest, whose velocity has no direction.
         """
         px, py, vx, vy = x[:4]
         if "ax" in self.components:
@@ -165,7 +165,7 @@ class MotionModel(Config, ABC):
 
 
 def pad_state(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gaussian:
-    """A belief of the first four components of a model's state, its other components at zero."""
+    """Return a belief of a model's state from its first four components; other components have mean zero."""
     size, batch = len(model.components), first.mean.shape[1:]
     mean = np.zeros_like(first.mean, dtype=float, shape=(size, *batch))
     mean[:4] = first.mean
@@ -178,54 +178,54 @@ def pad_state(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gau
 
 
 def scaled_noise_gain(model: MotionModel, x: Array, dt: float) -> Array:
-    """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``: ``G diag(sigma)``."""
+    """Return ``G diag(sigma)``, ``(n, q, ...)``: the effect of one standard deviation of each driving noise."""
     sigma = linalg.vector(model.noise_sigma)
     gain = linalg.expand(model.noise_gain(x, dt), sigma[None])
     return gain * linalg.expand(sigma, gain[0])
 
 
 def process_noise_covariance(model: MotionModel, x: Array, dt: float) -> Array:
-    """``(n, n, ...)`` covariance of the process noise over ``dt``: ``G diag(sigma^2) G^T``."""
+    """Return the covariance ``G diag(sigma^2) G^T``, ``(n, n, ...)``, of the process noise over ``dt``."""
     scaled = scaled_noise_gain(model, x, dt)
     return linalg.matmul_transposed(scaled, scaled)
 
 
 class WrappedMotion(MotionModel):
-    """A motion model around another, whose state comes first in its own."""
+    """Motion model around another one, whose state comes first in the combined state."""
 
     motion: MotionModel
 
     def to_cartesian(self, x: Array) -> Array:
-        return self.motion.to_cartesian(self._own(x))
+        return self.motion.to_cartesian(self._inner_state(x))
 
     def cartesian_jacobian(self, x: Array) -> Array:
-        return self.motion.cartesian_jacobian(self._own(x))
+        return self.motion.cartesian_jacobian(self._inner_state(x))
 
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
-        return self.motion.cartesian_belief(self._own_belief(belief))
+        return self.motion.cartesian_belief(self._inner_belief(belief))
 
     def cartesian_moments(self, belief: Gaussian) -> Gaussian:
-        return self.motion.cartesian_moments(self._own_belief(belief))
+        return self.motion.cartesian_moments(self._inner_belief(belief))
 
     @property
-    def _size(self) -> int:
+    def _inner_size(self) -> int:
         return len(self.motion.components)
 
-    def _own(self, x: Array) -> Array:
-        return x[: self._size]
+    def _inner_state(self, x: Array) -> Array:
+        return x[: self._inner_size]
 
-    def _own_belief(self, belief: Gaussian) -> Gaussian:
-        return Gaussian(belief.mean[: self._size], belief.covariance[: self._size, : self._size])
+    def _inner_belief(self, belief: Gaussian) -> Gaussian:
+        return Gaussian(belief.mean[: self._inner_size], belief.covariance[: self._inner_size, : self._inner_size])
 
 
 class ConstantProcessNoise(WrappedMotion):
-    """A motion model whose process noise is the same at every step, however long the step is.
+    """Motion model with the same process noise at every step, however long the step is.
 
-    Each component of the state is driven by a noise of its own; a step of no time has none.
+    Each component of the state has a driving noise. A step of zero length adds none.
     """
 
     variances: tuple[float, ...]
-    """``(n,)`` diagonal of the covariance that a step adds, in the units of the state's components squared."""
+    """``(n,)`` diagonal of the covariance that a step adds, in squared units of the components."""
 
     def model_post_init(self, context: Any) -> None:
         for name in ("components", "angular", "linear", "first_sigmas"):
@@ -251,7 +251,7 @@ class ConstantProcessNoise(WrappedMotion):
         return self.motion.from_kinematics(motion)
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
-        # Its noise drives the state, and no rate that the state does not have.
+        # This noise drives the state only, and stands in for no rate that the state lacks.
         none = np.zeros((len(self.motion.noise_sigma), *noise.shape[1:]))
         return self.motion.to_kinematics(x, none, resting)
 
@@ -286,5 +286,5 @@ def _names(value: Any) -> bool:
     return isinstance(value, tuple) and all(isinstance(name, str) for name in value)
 
 
-#: The motion models by the names that scenarios use.
+#: Motion models by the names that scenarios use.
 MOTION_MODELS: Registry[type[MotionModel]] = Registry("trackbench.motion_models", "motion model", _lacks)

@@ -15,7 +15,7 @@ from trackbench.models.motion.axes import DrivenAxes, Rows
 class ConstantAcceleration(DrivenAxes):
     """State px, py, vx, vy, ax, ay; white-noise jerk on each axis, constant over each step.
 
-    Source: the counterpart, one derivative higher, of Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2.
+    Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2, one derivative higher.
     """
 
     jerk_sigma_mps3: Sigma = Field(description="Standard deviation of the jerk that drives the motion, m/s^3.")

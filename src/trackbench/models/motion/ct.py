@@ -16,7 +16,7 @@ from trackbench.models.motion.turning import bessel0, bessel1
 
 
 def turned(velocity: Array, angle: Array) -> Array:
-    """``(2, ...)`` a vector turned counter-clockwise."""
+    """Turn a vector ``(2, ...)`` counter-clockwise by an angle in rad."""
     c, s = cos_sin(angle)
     return linalg.vector([c * velocity[0] - s * velocity[1], s * velocity[0] + c * velocity[1]])
 
@@ -52,7 +52,7 @@ class Turn(MotionModel):
         way = dt * bessel0(half)
         (c, s), (cv, sv) = cos_sin(half), cos_sin(2 * half)
         middle, end = turned(x[2:4], half), turned(x[2:4], 2 * half)
-        # The derivative of a turn is a turn by 90 degrees more.
+        # A turn has as derivative the turn by 90 degrees more.
         shrink = dt * bessel1(half)
         px, py = dt / 2 * (-shrink * middle[0] - way * middle[1]), dt / 2 * (-shrink * middle[1] + way * middle[0])
         return linalg.matrix(

@@ -13,7 +13,7 @@ from trackbench.models.motion.axes import DrivenAxes, Rows
 
 
 class VelocityAxes(DrivenAxes):
-    """A state px, py, vx, vy that keeps its velocity."""
+    """State px, py, vx, vy with constant velocity."""
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy")
 
@@ -41,9 +41,9 @@ class ConstantVelocity(VelocityAxes):
 
 
 class ContinuousNoiseVelocity(VelocityAxes):
-    """State px, py, vx, vy; continuous white-noise acceleration on each axis, whatever the rate of the scans.
+    """State px, py, vx, vy; continuous white-noise acceleration on each axis, whatever the scan rate.
 
-    What it adds to position and velocity has a covariance of full rank: the gain is a square root of it, for two
+    The covariance that the noise adds to position and velocity has full rank. The gain is a square root of it, for two
     independent numbers on each axis. Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.2.2.
     """
 

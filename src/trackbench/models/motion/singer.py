@@ -1,4 +1,4 @@
-"""Acceleration that is correlated in time: the model of Singer."""
+"""Singer's model of an acceleration that is correlated in time."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from trackbench.base.config import Positive, Sigma
 from trackbench.base.types import Array
 from trackbench.models.motion.axes import DrivenAxes, Rows
 
-#: How many terms of a series are taken; below a ratio of 1 they are exact to double precision.
+#: Number of terms of each series, exact to double precision below a ratio of 1.
 TERMS = 24
 
 
 def _series(first: int, share: Callable[[int], int]) -> Sequence[float]:
-    """Coefficients of ``(-1)^k share(k) / (k + 1)! b^(k - first)``, from the first power on."""
+    """Return the coefficients of ``(-1)^k share(k) / (k + 1)! b^(k - first)``, from the lowest power on."""
     return [(-1) ** k * share(k) / factorial(k + 1) for k in range(first, first + TERMS)]
 
 
-#: Of the position that an acceleration of 1 leaves, and of entries of the covariance; each is smooth at b = 0.
+#: Coefficients for the effect of an acceleration of 1 on the position, and for entries of the covariance.
 TO_P = _series(2, lambda k: k + 1)
 VELOCITY = _series(2, lambda k: 2**k - 2)
 POSITION_ACCELERATION = _series(2, lambda k: 2**k - k - 1)
@@ -30,40 +30,40 @@ POSITION = _series(4, lambda k: 2**k - 2 * k - 2)
 
 
 class _UnitStep(NamedTuple):
-    """The model over a step of 1, for a ratio b of step and time constant, driven by noise of density 1."""
+    """Singer's model over a step of 1, for a ratio b of step and time constant and a noise density of 1."""
 
-    kept: Array
-    """What an acceleration of 1 leaves of itself."""
+    to_a: Array
+    """Acceleration after the step for an acceleration of 1 before."""
     to_v: Array
-    """Of the velocity."""
+    """Change of the velocity for an acceleration of 1 before."""
     to_p: Array
-    """Of the position."""
+    """Change of the position for an acceleration of 1 before."""
     velocity: Array
-    """Variance that the noise adds to the velocity; the rest is made of the above."""
+    """Variance that the noise adds to the velocity."""
     position_acceleration: Array
     position: Array
 
 
 def _unit_step(b: Any) -> _UnitStep:
-    """Closed forms, and their series where these are differences of near-equal terms."""
+    """Evaluate closed forms, and their series where terms nearly cancel."""
     near = b < 1.0
     small, far = np.where(near, b, 0.0), np.where(near, 1.0, b)
     e = np.exp(-far)
 
-    def chosen(coefficients: Sequence[float], closed: Array) -> Array:
+    def evaluate(coefficients: Sequence[float], closed: Array) -> Array:
         series: Any = coefficients[-1]
         for coefficient in coefficients[-2::-1]:
             series = series * small + coefficient
         return np.where(near, series, closed)
 
-    to_p = chosen(TO_P, (far - 1 + e) / far**2)
+    to_p = evaluate(TO_P, (far - 1 + e) / far**2)
     return _UnitStep(
         np.exp(-b),
         np.where(near, 1 - small * to_p, (1 - e) / far),
         to_p,
-        chosen(VELOCITY, (far - (1 - e) * (3 - e) / 2) / far**3),
-        chosen(POSITION_ACCELERATION, ((1 - e * e) / 2 - far * e) / far**3),
-        chosen(POSITION, (far**3 / 3 - far**2 + far - 2 * far * e + (1 - e * e) / 2) / far**5),
+        evaluate(VELOCITY, (far - (1 - e) * (3 - e) / 2) / far**3),
+        evaluate(POSITION_ACCELERATION, ((1 - e * e) / 2 - far * e) / far**3),
+        evaluate(POSITION, (far**3 / 3 - far**2 + far - 2 * far * e + (1 - e * e) / 2) / far**5),
     )
 
 
@@ -71,13 +71,13 @@ class Singer(DrivenAxes):
     """State px, py, vx, vy, ax, ay; exponentially correlated acceleration on each axis, driven by white noise.
 
     Source: Singer (1970), "Estimating optimal tracking filter performance for manned maneuvering targets", equations 9
-    to 12. Exact for any step, from far below the time constant to far above it.
+    to 12. Exact for any step, from far below the time constant to far above.
     """
 
     acceleration_sigma_mps2: Sigma = Field(description="Standard deviation of the acceleration, m/s^2.")
     time_constant_s: Positive = Field(
-        description="Time after which the acceleration keeps 1/e of itself, s: some 60 s of a slow turn, 10 s to 20 s "
-        "of an evasive manoeuvre."
+        description="Time after which the autocorrelation of the acceleration is 1/e, s: some 60 s for a slow turn, "
+        "10 s to 20 s for an evasive manoeuvre."
     )
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy", "ax", "ay")
@@ -86,20 +86,20 @@ class Singer(DrivenAxes):
     def transition(self, x: Array, dt: float) -> Array:
         p, v, a = x[:2], x[2:4], x[4:]
         unit = _unit_step(dt / self.time_constant_s)
-        return np.concatenate([p + dt * v + dt**2 * unit.to_p * a, v + dt * unit.to_v * a, unit.kept * a])
+        return np.concatenate([p + dt * v + dt**2 * unit.to_p * a, v + dt * unit.to_v * a, unit.to_a * a])
 
     def axis_jacobian(self, dt: float) -> Rows:
         unit = _unit_step(dt / self.time_constant_s)
-        return [[1, dt, dt**2 * unit.to_p], [0, 1, dt * unit.to_v], [0, 0, unit.kept]]
+        return [[1, dt, dt**2 * unit.to_p], [0, 1, dt * unit.to_v], [0, 0, unit.to_a]]
 
     def axis_gain(self, dt: float) -> Rows:
         unit = _unit_step(dt / self.time_constant_s)
-        # The Cholesky factor of the covariance of acceleration, velocity and position.
-        a = np.sqrt(unit.to_v * (1 + unit.kept) / 2)
+        # Cholesky factor of the covariance of acceleration, velocity and position.
+        a = np.sqrt(unit.to_v * (1 + unit.to_a) / 2)
         va, pa = unit.to_v**2 / (2 * a), unit.position_acceleration / a
         v = np.sqrt(unit.velocity - va**2)
         pv = (unit.to_p**2 / 2 - va * pa) / v
         p = np.sqrt(unit.position - pa**2 - pv**2)
-        to_a = np.sqrt(2 * dt / self.time_constant_s)
-        to_v, to_p = to_a * dt, to_a * dt**2
-        return [[to_p * pa, to_p * pv, to_p * p], [to_v * va, to_v * v, 0], [to_a * a, 0, 0]]
+        scale_a = np.sqrt(2 * dt / self.time_constant_s)
+        scale_v, scale_p = scale_a * dt, scale_a * dt**2
+        return [[scale_p * pa, scale_p * pv, scale_p * p], [scale_v * va, scale_v * v, 0], [scale_a * a, 0, 0]]

@@ -1,4 +1,4 @@
-"""What the models share that have speed, yaw and yaw rate in their state."""
+"""Base of the models with speed, yaw and yaw rate in their state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Gaussian
 from trackbench.base.units import cos_sin
 from trackbench.models.motion.base import UNKNOWN_ANGLE, InitialSigmas, Kinematics, MotionModel, pad_state
 
-#: Below this half turn (rad) the series of the spherical Bessel functions are exact to double precision.
+#: Half turn, rad, below which the series of the spherical Bessel functions are exact to double precision.
 SMALL = 0.5
 TERMS = range(8)
 #: Coefficients of the powers of h^2 in j0(h), in j1(h) / h and in the derivative of j1(h).
@@ -23,12 +23,12 @@ J1_SLOPE = [(2 * k + 1) * coefficient for k, coefficient in zip(TERMS, J1, stric
 
 
 def bessel0(h: Array) -> Array:
-    """``sin(h) / h``, the spherical Bessel function j0."""
+    """Compute ``sin(h) / h``, the spherical Bessel function j0."""
     return _near_and_far(h, _series(J0, h), lambda far: cos_sin(far)[1] / far)
 
 
 def bessel1(h: Array) -> Array:
-    """``(sin(h) - h cos(h)) / h^2``, the spherical Bessel function j1; j0' = -j1."""
+    """Compute ``(sin(h) - h cos(h)) / h^2``, the spherical Bessel function j1; j0' = -j1."""
 
     def closed(far: Array) -> Array:
         c, s = cos_sin(far)
@@ -38,7 +38,7 @@ def bessel1(h: Array) -> Array:
 
 
 def bessel1_slope(h: Array) -> Array:
-    """Derivative of j1: ``j0(h) - 2 j1(h) / h``."""
+    """Compute the derivative of j1: ``j0(h) - 2 j1(h) / h``."""
     return _near_and_far(h, _series(J1_SLOPE, h), lambda far: bessel0(far) - 2.0 * bessel1(far) / far)
 
 
@@ -51,7 +51,6 @@ def _series(coefficients: Sequence[float], h: Array) -> Array:
 
 
 def _near_and_far(h: Array, series: Array, closed: Callable[[Array], Array]) -> Array:
-    """The series where it is exact, which is nearly everywhere; the closed form elsewhere."""
     near = np.abs(h) < SMALL
     if np.all(near):
         return series
@@ -68,12 +67,12 @@ class Arc(NamedTuple):
     dx: Array
     dy: Array
     cos: Array
-    """Of the direction half way."""
+    """Cosine of the direction half way."""
     sin: Array
 
 
 def arc(yaw: Array, yaw_rate: Array, mean_speed: Array, half_gain: Array | None, dt: float | Array) -> Arc:
-    """The displacement of a body with the given yaw and yaw rate at its start; see ``Arc``."""
+    """Compute the displacement of a body from its yaw and yaw rate at the start; see ``Arc`` for ``half_gain``, b."""
     half = yaw_rate * (0.5 * dt)
     c, s = cos_sin(yaw + half)
     along = dt * mean_speed * bessel0(half)
@@ -84,14 +83,14 @@ def arc(yaw: Array, yaw_rate: Array, mean_speed: Array, half_gain: Array | None,
 
 
 def to_cartesian(x: Array) -> Array:
-    """px, py, v, yaw, ... to px, py, vx, vy."""
+    """Convert px, py, v, yaw, ... to px, py, vx, vy."""
     px, py, v, yaw = x[:4]
     c, s = cos_sin(yaw)
     return linalg.vector([px, py, v * c, v * s])
 
 
 def cartesian_jacobian(x: Array) -> Array:
-    """``(4, n, ...)`` derivative of ``to_cartesian``."""
+    """Return the derivative ``(4, n, ...)`` of ``to_cartesian``."""
     v, yaw = x[2], x[3]
     c, s = cos_sin(yaw)
     rest = [0.0] * (len(x) - 4)
@@ -99,10 +98,10 @@ def cartesian_jacobian(x: Array) -> Array:
 
 
 def cartesian_belief(belief: Gaussian) -> Gaussian:
-    """px, py, vx, vy of a belief: the mean to first order, the covariance to second.
+    """Convert a belief to px, py, vx, vy: the mean to first order, the covariance to second.
 
-    The second-order term keeps the velocity's covariance definite where the speed is zero, at which the first-order
-    one says that the velocity across the yaw is known. Source: Bar-Shalom, Li and Kirubarajan (2001), section 10.3.2.
+    To first order a speed of zero would make the velocity across the yaw certain; the second-order term keeps the
+    covariance definite there. Source: Bar-Shalom, Li and Kirubarajan (2001), section 10.3.2.
     """
     x, p = belief
     v = x[2]
@@ -123,10 +122,10 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
 
 
 def _cartesian_moments(belief: Gaussian) -> Gaussian:
-    """Mean and covariance of px, py, vx, vy under a belief, however little is known of the yaw.
+    """Return the exact mean and covariance of px, py, vx, vy under a belief with any variance of the yaw.
 
     With ``u = v exp(i yaw)``: under a Gaussian ``z``, ``E[g(z) exp(i k yaw)]`` is ``exp(i k m_yaw - k^2 P_yaw / 2)``
-    times ``E[g(z + i k P_{:,yaw})]``, the characteristic function with its mean moved.
+    times ``E[g(z + i k P_{:,yaw})]``, the characteristic function with a shifted mean.
     """
     x, p = belief
     v, common = x[2], p[2, 3]
@@ -147,7 +146,7 @@ def _cartesian_moments(belief: Gaussian) -> Gaussian:
 
 
 class SpeedAndYaw(MotionModel):
-    """A model whose state begins with px, py, v, yaw, yaw rate: the way to Cartesian and back."""
+    """Base of models whose state begins with px, py, v, yaw, yaw rate, with conversions from and to Cartesian."""
 
     def to_cartesian(self, x: Array) -> Array:
         return to_cartesian(x)
@@ -162,10 +161,10 @@ class SpeedAndYaw(MotionModel):
         return _cartesian_moments(belief)
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
-        """Position, speed and yaw from a Cartesian belief, to first order; the other components start at zero.
+        """Convert a Cartesian belief to position, speed and yaw, to first order; other components are zero.
 
-        The sigma of the yaw is limited to that of an angle of which nothing is known, with its correlations kept, since
-        the first-order one grows without bound as the speed goes to zero.
+        To first order the sigma of the yaw grows without bound as the speed goes to zero. It is limited to the sigma of
+        an unknown angle; correlations stay.
         """
         px, py, vx, vy = belief.mean
         speed = np.hypot(vx, vy)

@@ -1,4 +1,4 @@
-"""Sensors. Those that a scenario can name are published under the entry points of ``SENSOR_MODELS``."""
+"""Sensor models; ``SENSOR_MODELS`` holds the sensors that a scenario can name."""
 
 from trackbench.models.sensors.base import SENSOR_MODELS, Dropout, Sensor, sensor_type
 from trackbench.models.sensors.lidar import Lidar

@@ -1,4 +1,4 @@
-"""A sensor of a scenario: a model with effects, latency and times without measurements."""
+"""Sensors of a scenario: a model with effects, latency and times without measurements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from trackbench.models.sensors.effects import EFFECTS, Effect
 from trackbench.models.sensors.model import SensorModel
 from trackbench.models.sensors.presets import WORDS, Words, presets, typical
 
-#: A time for which a measurement is on its way, s.
+#: Time from a measurement to its arrival, s.
 Delay = Annotated[float, Field(ge=0, le=60)]
 
 
@@ -40,12 +40,12 @@ Latency = Annotated[
 
 
 def sensor_type(kind: str) -> str:
-    """Return the type of the sensor whose scans are of a kind: "radar" of "radar(range, azimuth)"."""
+    """Return the type of sensor with a kind of scan: "radar" for "radar(range, azimuth)"."""
     return kind.partition("(")[0]
 
 
 class Dropout(Config):
-    """An interval in which the sensor is silent."""
+    """Interval without measurements."""
 
     from_s: NonNegative = Field(description="First instant without a measurement, s.")
     to_s: NonNegative = Field(description="First instant with measurements again, s.")
@@ -56,19 +56,16 @@ class Dropout(Config):
 
 
 class Sensor(SensorModel):
-    """A sensor model with its effects, and when its scans come.
-
-    A sensor of your own derives from this class.
-    """
+    """Sensor model with effects, latency and dropouts; base class of a user's sensor."""
 
     effects: Annotated[list[Annotated[Effect, Plugin(EFFECTS, "type")]], Words()] = Field(
         default_factory=list,
-        description="How it differs from an ideal sensor with white noise: nothing (`ideal`), what is `typical` of its "
-        "kind, or a list of effects, which act in this order.",
+        description="Differences from an ideal sensor with white noise: none (`ideal`), the `typical` effects of its "
+        "type, or a list of effects, which act in this order.",
     )
     states: StatedDetection = Field(
         default_factory=StatedDetection,
-        description="What it tells trackers where that is not what is simulated, to study wrong figures.",
+        description="Figures that trackers get in place of the simulated ones, to study wrong figures.",
     )
     dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
     latency_s: Latency = Field(
@@ -88,10 +85,10 @@ class Sensor(SensorModel):
             data = {**data, "effects": typical(sensor_type(kind), cls.components) if is_typical else []}
         if not isinstance(data.get("preset"), str):
             return {"type": kind, **data}
-        of_kind = {name: preset for name, preset in presets().items() if preset.kind == sensor_type(kind)}
-        preset = of_kind.get(data["preset"])
+        presets_of_type = {name: preset for name, preset in presets().items() if preset.kind == sensor_type(kind)}
+        preset = presets_of_type.get(data["preset"])
         if preset is None:
-            nearest = nearest_choices(data["preset"], of_kind)
+            nearest = nearest_choices(data["preset"], presets_of_type)
             problem = f"no {sensor_type(kind)} preset has the name {data['preset']!r}; {nearest}"
             reject(cls.__name__, [Problem(("preset",), problem)])
             return data
@@ -123,12 +120,12 @@ class Sensor(SensorModel):
 
     @classmethod
     def kind(cls) -> str:
-        """The name by which a scenario asks for this class."""
+        """Return the name by which a scenario asks for this class."""
         return SENSOR_MODELS.name_of(cls)
 
     @property
     def latency(self) -> tuple[float, float]:
-        """The least and the most time from a measurement to its arrival, s."""
+        """Least and largest time from a measurement to its arrival, s."""
         low, high = self.latency_s if isinstance(self.latency_s, list) else (self.latency_s, self.latency_s)
         return low, high
 
@@ -147,5 +144,5 @@ def _lacks(sensor: Any) -> str | None:
     return None
 
 
-#: The sensors by the names that scenarios use; ``SENSOR_MODELS[scan.kind]`` has the equations of a scan.
+#: Sensors by the names that scenarios use; ``SENSOR_MODELS[scan.kind]`` has the equations of a scan.
 SENSOR_MODELS: Registry[type[Sensor]] = Registry("trackbench.sensors", "sensor", _lacks)

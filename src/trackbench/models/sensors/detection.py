@@ -1,4 +1,4 @@
-"""What a sensor detects, misses, merges and makes up: options of every sensor, each off unless stated."""
+"""Options on detections, misses, false alarms and merged measurements, for every sensor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import Field
 from trackbench.base.config import Config, NonNegative, Positive, Probability, Problem
 from trackbench.base.types import Array
 
-#: Probability of a false alarm in a cell of the radar, to which ``half_range_m`` refers.
+#: Probability of a false alarm in a radar cell, at which ``half_range_m`` holds.
 FALSE_ALARM_PROBABILITY = 1e-6
 
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -19,23 +19,23 @@ Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 def signal_ratio(distance: Array, half_range_m: float) -> Array:
-    """``(...)`` mean signal-to-noise ratio at distances in m: by the radar equation, and such that half of the targets
-    at ``half_range_m`` are detected.
+    """Compute mean signal-to-noise ratios ``(...)`` at distances in m, by the radar equation.
 
-    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1, where
-    ``P = P_fa^(1 / (1 + S))``, with the signal-to-noise ratio S proportional to ``range^-4``.
+    Half of the targets at ``half_range_m`` are detected. Source: Swerling (1954), "Probability of detection for
+    fluctuating targets", case 1: ``P = P_fa^(1 / (1 + S))``, with the signal-to-noise ratio S proportional to
+    ``range^-4``.
     """
     at_half = np.log(FALSE_ALARM_PROBABILITY) / np.log(0.5) - 1.0
     return np.asarray(at_half * (half_range_m / distance) ** 4)
 
 
 def detected_share(distance: Array, half_range_m: float) -> Array:
-    """``(...)`` share of the targets at distances in m that are detected at that ratio."""
+    """Compute P_D ``(...)`` of a Swerling 1 target at distances in m; it is 0.5 at ``half_range_m``."""
     return np.asarray(FALSE_ALARM_PROBABILITY ** (1.0 / (1.0 + signal_ratio(distance, half_range_m))))
 
 
 class DetectionFactors(Config):
-    """Factors of the detection probability."""
+    """Dependence of the detection probability on the range."""
 
     half_range_m: Positive | None = Field(
         None,
@@ -45,36 +45,36 @@ class DetectionFactors(Config):
 
 
 class ClutterPlace(Config):
-    """A thing at rest that causes false alarms, such as a guard rail."""
+    """Object at rest that causes false alarms, such as a guard rail."""
 
-    line: list[Point] = Field(min_length=1, description="Its corners [x, y], m; a single one is a point.")
+    line: list[Point] = Field(min_length=1, description="Corners [x, y], m; a single corner is a point.")
     frame: Literal["fixed", "observer"] = Field(
         "fixed",
-        description="fixed: the frame of the world. observer: x forward of the observer and y to its left, for what "
-        "runs along the road.",
+        description="fixed: the frame of the world. observer: x forward of the observer and y to its left, for an "
+        "object along the road.",
     )
     per_scan: Positive = Field(
-        le=1000, description="Mean number of false alarms per scan from all of it; those out of view are not detected."
+        le=1000, description="Mean number of false alarms per scan, in view or not; only those in view are detected."
     )
     spread_m: NonNegative = Field(
-        0, description="Standard deviation of the place along each axis, m, beside the sensor's noise."
+        0, description="Standard deviation of the place along each axis, m, in addition to the sensor's noise."
     )
 
 
 class Clutter(Config):
-    """False alarms: detections that stem from no vehicle. Their numbers are Poisson distributed."""
+    """False alarms: detections that no vehicle causes. Their number is Poisson distributed."""
 
     per_scan: float = Field(
         0,
         ge=0,
         le=1000,
-        description="Mean number per scan of those that are uniform in the field of view: of a radar in range, azimuth "
-        "and range rate, of a lidar in x and y.",
+        description="Mean number per scan of false alarms uniform in the field of view: for a radar in range, azimuth "
+        "and range rate, for a lidar in x and y.",
     )
     range_rate_mps: Interval = Field(
-        default_factory=lambda: [-50.0, 50.0], description="A radar's interval of range rate, m/s."
+        default_factory=lambda: [-50.0, 50.0], description="Interval of a radar's range rate, m/s."
     )
-    places: list[ClutterPlace] = Field(default_factory=list, description="Things at rest that cause more of them.")
+    places: list[ClutterPlace] = Field(default_factory=list, description="Objects at rest that cause false alarms.")
 
     def problems(self) -> Iterator[Problem]:
         low, high = self.range_rate_mps
@@ -83,11 +83,11 @@ class Clutter(Config):
 
 
 class Resolution(Config):
-    """The cell in which two vehicles give one measurement. A quantity without a size does not tell them apart."""
+    """Cell in which two vehicles give one measurement; a quantity without a size does not separate vehicles."""
 
     range_m: Positive | None = Field(None, description="Size in range, m.")
     azimuth_deg: Positive | None = Field(None, description="Size in azimuth, degrees.")
-    range_rate_mps: Positive | None = Field(None, description="Size in range rate, m/s; not of a lidar.")
+    range_rate_mps: Positive | None = Field(None, description="Size in range rate, m/s; not for a lidar.")
 
     def problems(self) -> Iterator[Problem]:
         if not self.model_fields_set:
@@ -95,16 +95,16 @@ class Resolution(Config):
 
 
 class StatedDetection(Config):
-    """What the sensor tells trackers where that is not what is simulated."""
+    """Figures that the sensor states to trackers in place of the simulated ones."""
 
     detection_probability: Probability | None = Field(
-        None, description="Of a vehicle in the field of view; the sensor's detection_probability unless given."
+        None, description="P_D of a vehicle in the field of view; default: detection_probability of the sensor."
     )
     half_range_m: Positive | None = Field(
         None,
-        description="Range at which half of these vehicles are detected, m: the probability falls with the range by "
-        "the curve of detection.half_range_m. It is the same at all ranges unless given.",
+        description="Range at which P_D is half of the stated detection probability, m; P_D falls with the range by "
+        "the curve of detection.half_range_m. Default: the same P_D at all ranges.",
     )
     clutter_per_scan: NonNegative | None = Field(
-        None, description="Mean number of false alarms per scan, uniform in view; clutter.per_scan unless given."
+        None, description="Mean number of false alarms per scan, uniform in view; default: clutter.per_scan."
     )

@@ -24,7 +24,7 @@ from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resol
 
 
 class Mount(Config):
-    """The sensor's pose on the observer."""
+    """Pose of the sensor on the observer."""
 
     x_m: float = Field(0, ge=-100, le=100, description="Forward of the observer's centre, m.")
     y_m: float = Field(0, ge=-100, le=100, description="Left of the observer's centre, m.")
@@ -32,7 +32,7 @@ class Mount(Config):
 
 
 class SensorModel(Config, ABC):
-    """A sensor at a known pose and velocity that sees a target of Cartesian state px, py, vx, vy (fixed frame).
+    """Sensor with a known pose and velocity that measures a target with the state px, py, vx, vy (fixed frame).
 
     The fields of a subclass are its options in a scenario, and its class methods the equations, which need no options.
     ``pose`` is ``(3, ...)`` x, y, yaw and ``velocity`` ``(2, ...)`` vx, vy of the sensor.
@@ -41,18 +41,18 @@ class SensorModel(Config, ABC):
     components: ClassVar[tuple[str, ...]]
     """Names of the measurement's components."""
     angular: ClassVar[tuple[int, ...]] = ()
-    """Which components are angles."""
+    """Indices of the components that are angles."""
     units: ClassVar[tuple[str, ...]]
-    """The unit of each in a measurement: "m", "rad", "m/s"."""
+    """Unit of each component: "m", "rad" or "m/s"."""
     sigma_options: ClassVar[tuple[str, ...]]
-    """The option that is the standard deviation of each, its unit at the end: "azimuth_sigma_deg"."""
+    """Option with the standard deviation of each component, which ends in a unit: "azimuth_sigma_deg"."""
     pure: ClassVar[bool] = False
-    """Whether the equations depend on their arguments alone, so that the fused engine may compile them. A class that
-    inherits from one that says so has to say it again."""
+    """Whether the equations depend on their arguments alone, so that the fused engine may compile them. A subclass must
+    state this anew."""
     unused: ClassVar[tuple[str, ...]] = ()
-    """Options that a preset may give and this kind does not use."""
+    """Options that a preset may give and this class does not use."""
 
-    type: str = Field("", description="The kind of sensor.")
+    type: str = Field("", description="Type of the sensor.")
     preset: str | None = Field(
         None,
         description="A real sensor whose published figures are the defaults of the other keys "
@@ -62,7 +62,7 @@ class SensorModel(Config, ABC):
         None,
         gt=0,
         le=1000,
-        description="Measurements per second, Hz; it divides truth.rate_hz. Required, but not where they are recorded.",
+        description="Scans per second, Hz; it divides truth.rate_hz. Required unless the measurements are recorded.",
     )
     phase_s: NonNegative = Field(
         0, description="Time of the first measurement, s; a whole number of truth steps, shorter than a period."
@@ -72,35 +72,35 @@ class SensorModel(Config, ABC):
         360, gt=0, le=360, description="Full horizontal field of view, centred on the boresight, degrees."
     )
     max_range_m: Positive | None = Field(
-        None, description="Beyond this range nothing is detected, m; no limit unless given."
+        None, description="Range beyond which nothing is detected, m; default: no limit."
     )
     detection_probability: Probability = Field(
         1, description="Probability that a vehicle within range and field of view gives a measurement, 0 to 1."
     )
     detection: DetectionFactors = Field(
         default_factory=DetectionFactors,
-        description="How that probability falls with the range; it does not unless given.",
+        description="Fall of the detection probability with the range; default: none.",
     )
-    occlusion: bool = Field(False, description="Whether vehicles hide those behind them.")
-    clutter: Clutter = Field(default_factory=Clutter, description="False alarms; none unless given.")
+    occlusion: bool = Field(False, description="Whether vehicles hide the vehicles behind them.")
+    clutter: Clutter = Field(default_factory=Clutter, description="False alarms; default: none.")
     resolution: Resolution | None = Field(
-        None, description="The cell in which two vehicles give one measurement; every vehicle has its own unless given."
+        None, description="Cell in which two vehicles give one measurement; default: every vehicle gives its own."
     )
 
     @classmethod
     @abstractmethod
     def kind(cls) -> str:
-        """The name by which a scenario asks for this class."""
+        """Return the name by which a scenario asks for this class."""
 
     @classmethod
     def why_unmeasured(cls, component: str) -> str:
-        """Say that the sensor does not measure a component, and which it measures; empty where it measures it."""
+        """Say that the sensor does not measure a component, with the nearest one that it measures; else empty."""
         if component in cls.components:
             return ""
         return f"a {cls.kind()} measures no {component!r}; {nearest_choices(component, cls.components)}"
 
     def sigmas(self) -> tuple[float, ...]:
-        """``(m,)`` standard deviation of each component of a measurement, in SI units and radians."""
+        """Return the standard deviations ``(m,)`` of a measurement's components, in SI units and radians."""
         return tuple(in_si(name, getattr(self, name)) for name in self.sigma_options)
 
     def reaches(self, distance: Array, azimuth: Array) -> Mask:
@@ -111,68 +111,68 @@ class SensorModel(Config, ABC):
         return np.asarray(inside)
 
     def uniform(self, shares: Array) -> Array:
-        """Measurements ``(m, n)`` uniform in the field of view, from numbers ``(m, n)`` uniform in 0 to 1.
+        """Return measurements ``(m, n)`` uniform in the field of view, from numbers ``(m, n)`` uniform in 0 to 1.
 
-        What clutter is uniform in; a sensor without it has no uniform clutter.
+        A sensor class without this method has no uniform clutter.
         """
         raise NotImplementedError
 
     @classmethod
     def has_volume(cls) -> bool:
-        """Whether it says in what its clutter is uniform."""
+        """Return whether the class defines ``uniform``, and so can have uniform clutter."""
         return cls.uniform is not SensorModel.uniform
 
     def volume(self) -> float:
-        """Volume of the field of view in the space of measurements, in SI units and radians."""
+        """Return the volume of the field of view in the space of measurements, in SI units and radians."""
         raise NotImplementedError
 
     def noise_covariance(self) -> Array:
-        """``(m, m)`` covariance that the sensor states of its measurements."""
+        """Return the covariance ``(m, m)`` of the measurement noise that the sensor states."""
         return np.diag(np.array(self.sigmas()) ** 2)
 
     @classmethod
     def other_noise(cls, covariance: Array, sigmas: Mapping[str, float]) -> Array:
-        """``(m, m)`` the covariance with other standard deviations, by their option, and the same correlations.
+        """Return the covariance ``(m, m)`` with some standard deviations replaced and unchanged correlations.
 
-        ``(m, m, ...)`` where a standard deviation is ``(...)``.
+        Standard deviations are keyed by option. The result is ``(m, m, ...)`` where a standard deviation is ``(...)``.
         """
-        own = np.sqrt(np.diag(covariance))
-        other = [in_si(name, sigmas[name]) if name in sigmas else own[i] for i, name in enumerate(cls.sigma_options)]
-        ratio = linalg.vector([sigma / own[i] for i, sigma in enumerate(other)])
+        current = np.sqrt(np.diag(covariance))
+        new = [in_si(name, sigmas[name]) if name in sigmas else current[i] for i, name in enumerate(cls.sigma_options)]
+        ratio = linalg.vector([sigma / current[i] for i, sigma in enumerate(new)])
         return np.asarray(linalg.expand(covariance, ratio[None]) * (ratio[:, None] * ratio[None]))
 
     @classmethod
     @abstractmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
-        """``(m, ...)`` what an ideal sensor reads of a target ``(4, ...)``."""
+        """Return the error-free measurement ``(m, ...)`` of a target ``(4, ...)``."""
 
     @classmethod
     @abstractmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
-        """``(m, 4, ...)`` derivative of ``measure`` with respect to the target's state."""
+        """Return the derivative ``(m, 4, ...)`` of ``measure`` with respect to the target's state."""
 
     @classmethod
     @abstractmethod
     def position(cls, scan: Scan) -> Gaussian:
-        """The position ``(2, ...)`` in the fixed frame that a measurement states, with its covariance.
+        """Return the position ``(2, ...)`` in the fixed frame that a measurement states, with its covariance.
 
         NaN where the sensor measures no position.
         """
 
     @classmethod
     def measures_position(cls) -> bool:
-        """Whether one measurement states a position, so that a track can start from it."""
+        """Return whether one measurement states a position, so that a track can start from it."""
         return True
 
     @classmethod
     def radial_velocity(cls, scan: Scan) -> Array:
-        """The velocity ``(2, ...)`` in the fixed frame of a target that moves along the line of sight.
+        """Return the velocity ``(2, ...)``, fixed frame, of a target that moves along the line of sight.
 
-        A first guess from one measurement; zero where the measurement says nothing of the velocity.
+        A first guess from one measurement; zero where the measurement has no information on the velocity.
         """
         return np.zeros((2, *scan.measurement.shape[1:]))
 
     @classmethod
     def measures_velocity(cls) -> bool:
-        """Whether one measurement says something of the velocity."""
+        """Return whether one measurement has information on the velocity."""
         return cls.radial_velocity.__func__ is not SensorModel.radial_velocity.__func__  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Real sensors, whose published figures are defaults of a sensor's keys; and the effects that are typical of a kind."""
+"""Presets of real sensors, whose published figures are defaults of a sensor's keys, and typical effects by type."""
 
 from __future__ import annotations
 
@@ -19,30 +19,29 @@ from trackbench.base.errors import nearest_choices
 
 @dataclass(frozen=True)
 class Preset:
-    """The figures of one sensor model."""
+    """Published figures of one product."""
 
     name: str
     kind: str
-    """The type of sensor whose keys it gives."""
     title: str
-    """Maker and model."""
+    """Maker and product."""
     source: str
-    """Where the published figures are from."""
+    """Origin of the published figures."""
     values: Mapping[str, Any]
     """Defaults for the keys of the sensor's configuration."""
     assumed: Mapping[str, str]
-    """For each value for which the maker gives no figure: the reason for the one used."""
+    """Reason for each value for which the maker gives no figure, by key."""
 
 
 @cache
 def presets() -> Mapping[str, Preset]:
-    """All presets by name, in the order of ``presets.yaml``."""
+    """Return all presets by name, in the order of ``presets.yaml``."""
     text = files("trackbench.models.sensors").joinpath("presets.yaml").read_text(encoding="utf-8")
     return {name: _preset(name, entry) for name, entry in yaml.safe_load(text).items()}
 
 
 def list_presets() -> tuple[Preset, ...]:
-    """All presets, in the order of ``presets.yaml``."""
+    """Return all presets, in the order of ``presets.yaml``."""
     return tuple(presets().values())
 
 
@@ -58,12 +57,12 @@ def _preset(name: str, entry: dict[str, Any]) -> Preset:
     )
 
 
-#: What may stand in place of a list of effects.
+#: Words that may stand in place of a list of effects.
 WORDS = ("ideal", "typical")
 
 
 class Words:
-    """A list for which a word may stand; the sensor's class puts the list in its place."""
+    """Mark of a list of effects that a word may replace; the sensor's class puts the list in its place."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(_require_word, handler(source))
@@ -86,16 +85,15 @@ def _entries() -> dict[str, list[dict[str, Any]]]:
 
 
 def typical(kind: str, components: Collection[str]) -> list[dict[str, Any]]:
-    """Return the typical effects of a kind of sensor on what it measures; none of one that is not built in."""
+    """Return the typical effects of a built-in type of sensor on the components that it measures; else none."""
     every = [
-        {key: _of_components(value, components) for key, value in entry["options"].items()}
+        {key: _keep_measured_sizes(value, components) for key, value in entry["options"].items()}
         for entry in _entries().get(kind, [])
     ]
     stated = [{key: value for key, value in options.items() if value != {}} for options in every]
     return [options for options in stated if set(options) != {"type"}]
 
 
-def _of_components(value: Any, components: Collection[str]) -> Any:
-    """Keep those sizes of a mapping such as {azimuth_deg: 0.1} whose component is measured; return other values."""
+def _keep_measured_sizes(value: Any, components: Collection[str]) -> Any:
     is_sizes = isinstance(value, dict)
     return {key: size for key, size in value.items() if split_key(key)[0] in components} if is_sizes else value

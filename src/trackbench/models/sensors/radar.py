@@ -1,4 +1,4 @@
-"""Radar: range, azimuth, range rate, or some of them."""
+"""Radar: range, azimuth and range rate, or some of these."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from trackbench.models.sensors.base import SENSOR_MODELS, Sensor
 
 T = TypeVar("T")
 
-#: Range below which the direction to a target is not defined, m; keeps Jacobians finite on the sensor itself.
+#: Smallest range with a defined direction to a target, m; keeps Jacobians finite at the sensor.
 MIN_RANGE = 1e-6
 
 
 class Polar(Sensor):
-    """What the kinds of radar have in common: range m, azimuth rad from the boresight, and a third component, m/s."""
+    """Base of all radars: range m, azimuth rad from the boresight, and a third component, m/s."""
 
     range_sigma_m: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range, m.")
     azimuth_sigma_deg: float = Field(ge=1e-7, le=90, description="Standard deviation of the azimuth, degrees.")
@@ -34,11 +34,11 @@ class Polar(Sensor):
 
     @classmethod
     def position(cls, scan: Scan) -> Gaussian:
-        """Unbiased conversion from polar to Cartesian.
+        """Convert polar to Cartesian without bias.
 
-        Source: Mo, Song, Zhou, Sun and Bar-Shalom (1998), "Unbiased converted measurements for tracking", with the
-        covariance conditioned on the measurement, along and across the line of sight: at the axes its squares of the
-        range, which are far larger, would have to cancel.
+        Source: Mo, Song, Zhou, Sun and Bar-Shalom (1998), "Unbiased converted measurements for tracking". The
+        covariance is conditioned on the measurement and computed along and across the line of sight; along x and y,
+        large squares of the range would cancel.
         """
         r, azimuth = scan.measurement[0], scan.measurement[1]
         var_r, var_a = scan.noise_covariance[0, 0], scan.noise_covariance[1, 1]
@@ -55,17 +55,17 @@ class Polar(Sensor):
 
 
 class Radar(Polar):
-    """Measures range, azimuth and range rate (relative to the moving sensor), or those of them that it names."""
+    """Radar that measures range, azimuth and range rate (relative to the moving sensor), or some of these."""
 
     measures: list[Literal["range", "azimuth", "range_rate"]] = Field(
         ["range", "azimuth", "range_rate"],
         min_length=1,
-        description="What it measures: some of range, azimuth and range_rate, such as [range, azimuth]. The standard "
-        "deviation of what it does not measure is left out.",
+        description="Measured components: some of range, azimuth and range_rate, such as [range, azimuth]. Leave out "
+        "the standard deviations of the others.",
     )
     range_rate_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range rate, m/s.")
 
-    # Each choice of fewer has a subclass, in PARTIAL_RADARS.
+    # Each choice of one or two components has a subclass, in PARTIAL_RADARS.
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")
     sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "azimuth_sigma_deg", "range_rate_sigma_mps")
 
@@ -74,7 +74,7 @@ class Radar(Polar):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _of_its_class(cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
+    def _as_partial_radar(cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         model = cls._measuring(data)
         if model is cls:
             return handler(data)
@@ -82,7 +82,7 @@ class Radar(Polar):
 
     @classmethod
     def _measuring(cls, options: Any) -> builtins.type[Radar]:
-        """Return the subclass of ``Radar`` for the components that the options name; this class where there is none."""
+        """Return the subclass for the components that the options name; this class where there is none."""
         named = options.get("measures") if isinstance(options, dict) and cls is Radar else None
         components = tuple(name for name in Radar.components if isinstance(named, list) and name in named)
         return PARTIAL_RADARS.get(components, cls)
@@ -162,13 +162,13 @@ class Radar(Polar):
 
 
 def along_sight(scan: Scan) -> Array:
-    """``(2, ...)`` the third component of a measurement as a vector along the line of sight, in the fixed frame."""
+    """Return the third component of a measurement as a vector ``(2, ...)`` along the line of sight, fixed frame."""
     c, s = cos_sin(scan.measurement[1] + scan.sensor_pose[2])
     return linalg.vector([scan.measurement[2] * c, scan.measurement[2] * s])
 
 
 def _partial_radar(components: tuple[str, ...]) -> type[Radar]:
-    """Return the radar that measures these components, which pickle finds in this module by its name."""
+    """Create the radar class of some components, under a name in this module where pickle finds it."""
     name = "".join(part.title().replace("_", "") for part in components) + "Radar"
     rows = [Radar.components.index(part) for part in components]
     unused = tuple(key for i, key in enumerate(Radar.sigma_options) if i not in rows)
@@ -180,7 +180,7 @@ def _partial_radar(components: tuple[str, ...]) -> type[Radar]:
     return model
 
 
-#: The radars that measure some components and not all, by these.
+#: Radar classes that measure one or two components, by these components.
 PARTIAL_RADARS = {
     components: _partial_radar(components) for size in (1, 2) for components in combinations(Radar.components, size)
 }

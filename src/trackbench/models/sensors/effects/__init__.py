@@ -1,4 +1,4 @@
-"""How a sensor differs from an ideal one. Effects are published under the entry points of ``EFFECTS``."""
+"""Effects of real sensors; ``EFFECTS`` holds the effects that a scenario can name."""
 
 from trackbench.models.sensors.effects.base import EFFECTS, Bodies, Effect, Sensed
 from trackbench.models.sensors.effects.processes import gauss_markov

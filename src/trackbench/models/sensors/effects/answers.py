@@ -1,4 +1,4 @@
-"""The methods of effects, and whether they return what they must."""
+"""Calls of the methods of effects, with checks of the returned values."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from trackbench.base.types import Array, Indices
 from trackbench.models.sensors.effects.base import Effect, Sensed
 from trackbench.models.sensors.model import SensorModel
 
-#: The arrays of a ``Sensed`` that an effect may change; each may be the same in all runs, but the error.
+#: Arrays of a ``Sensed`` that an effect may change. All but the error may have one value for all runs.
 _ARRAYS = ("pose", "velocity", "yaw_rate", "visible", "probability", "scale", "slow_scale", "error", "bodies.target")
 
 
 def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
-    """Return what the effect makes of some runs by its ``before``.
+    """Return the scans after the effect's ``before``.
 
     Raises:
-        TrackbenchError: it is no ``Sensed``, an array has another shape, or a value is no longer finite.
+        TrackbenchError: the value is no ``Sensed``, an array has another shape, or a value is no longer finite.
     """
     changed: Any = effect.before(sensed, random)
     require(
@@ -43,10 +43,10 @@ def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
 
 
 def after(effect: Effect, measurement: Array, sensor: SensorModel) -> Array:
-    """Return measurements as the effect gives them by its ``after``.
+    """Return the measurements after the effect's ``after``.
 
     Raises:
-        TrackbenchError: they are no array of the same shape, or are no longer finite.
+        TrackbenchError: the value is no array of the measurements' shape, or has numbers that are no longer finite.
     """
     changed: Any = effect.after(measurement, sensor)
     if changed is not measurement:
@@ -56,10 +56,10 @@ def after(effect: Effect, measurement: Array, sensor: SensorModel) -> Array:
 
 
 def alarms(effect: Effect, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array] | None:
-    """Return further detections by the effect's ``alarms``.
+    """Return the further detections of the effect's ``alarms``.
 
     Raises:
-        TrackbenchError: they are not numbers of runs and instants and as many finite measurements.
+        TrackbenchError: the value does not consist of numbers of runs and instants and as many finite measurements.
     """
     answer: Any = effect.alarms(sensed, random)
     if answer is None:

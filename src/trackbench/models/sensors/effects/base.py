@@ -1,4 +1,4 @@
-"""What an effect of a sensor is."""
+"""Base class of the effects of real sensors, and the arrays that effects change."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ MOVING = ("target", "heading", "axis", "yaw_rate", "centre")
 
 @dataclass(frozen=True)
 class Bodies:
-    """What a sensor sees at its instants: points that move, and the boxes around them.
+    """Moving points that a sensor measures, and the boxes of their bodies, at the instants of the scans.
 
-    The last axis of each array is that of the runs; of length 1 where the motion is the same in all.
+    The last axis of each array is the runs, or has length 1 where the motion is the same in all runs.
     """
 
     target: Array
-    """``(4, instants, objects, runs or 1)`` x, y, vx, vy in the fixed frame, of the centre unless moved."""
+    """``(4, instants, objects, runs or 1)`` x, y, vx, vy of the points in the fixed frame; the centres at first."""
     heading: Array
     """``(instants, objects, runs or 1)`` rad."""
     axis: Array
@@ -45,21 +45,21 @@ class Bodies:
     """``(2, instants, objects, runs or 1)`` x, y of the centres of the boxes, which no effect moves."""
 
     def of_runs(self, runs: range) -> Bodies:
-        """Those of some runs."""
+        """Return the bodies in some runs."""
         moving = {name: of_runs(getattr(self, name), runs) for name in MOVING}
         return replace(self, **moving)
 
     def seen_from(self, pose: Array) -> Array:
-        """Where a sensor of pose ``(3, instants, runs or 1)`` is, ahead and to the left of each centre, m.
+        """Return ``(2, instants, objects, runs or 1)``: a sensor's position ahead and to the left of each centre, m.
 
-        ``(2, instants, objects, runs or 1)``.
+        The sensor's pose is ``(3, instants, runs or 1)``.
         """
         dx, dy = pose[0][:, None] - self.centre[0], pose[1][:, None] - self.centre[1]
         c, s = self.axis
         return np.stack([c * dx + s * dy, c * dy - s * dx])
 
     def moved(self, ahead: Array, left: Array) -> Bodies:
-        """Points so far ahead of these and to the left on the bodies, m, with the velocity that a turn gives them."""
+        """Move the points ahead and to the left on the bodies, m, and add the velocity that a turn gives them."""
         c, s = self.axis
         target = np.zeros((4, *np.broadcast_shapes(self.target.shape[1:], ahead.shape))).view(type(self.target))
         x, y = np.subtract(c * ahead, s * left, out=target[0]), np.add(s * ahead, c * left, out=target[1])
@@ -71,14 +71,13 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Sensed:
-    """Some runs of one sensor, before its white noise is added.
+    """Scans of one sensor in several runs, before white noise is added.
 
-    The last axis of each array but ``time`` is that of the runs; it may have length 1 where all runs are alike.
+    The last axis of each array but ``time`` is the runs, or has length 1 where all runs are alike.
     """
 
     sensor: SensorModel
     runs: int
-    """How many."""
     time: Array
     """``(instants,)`` s."""
     pose: Array
@@ -88,48 +87,48 @@ class Sensed:
     yaw_rate: Array
     """``(instants, runs or 1)`` rad/s."""
     bodies: Bodies
-    """The points that are measured."""
+    """Measured points and their bodies."""
     visible: Mask
     """``(instants, objects, runs or 1)``."""
     probability: Array
-    """``(instants, objects, runs or 1)`` that an object that is visible is detected."""
+    """``(instants, objects, runs or 1)`` P_D of a visible object."""
     scale: Array
-    """``(m or 1, instants, objects, runs or 1)`` the white noise's standard deviation over that of the options."""
+    """``(m or 1, instants, objects, runs or 1)`` factor on the white noise's standard deviation of the options."""
     slow_scale: Array
-    """``(m or 1, instants, objects, runs or 1)`` standard deviation of slow errors over that of the sensor's options.
-    It has no part of one scan alone, such as the power that is received in it."""
+    """``(m or 1, instants, objects, runs or 1)`` factor on the standard deviation of slow errors. It leaves out all
+    that changes from scan to scan, such as the received power."""
     error: Array
-    """``(m, instants, objects, runs)`` what is added beside the white noise, in SI units and radians."""
+    """``(m, instants, objects, runs)`` error in addition to the white noise, in SI units and radians."""
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Instants and objects: of what is drawn for each measurement of a run."""
+        """Numbers of instants and objects, the shape of a draw for each measurement of a run."""
         instants, objects = self.error.shape[1:3]
         return instants, objects
 
     def replaced(self, **values: Any) -> Sensed:
-        """With other values of these fields."""
+        """Return a copy with some fields replaced."""
         return replace(self, **values)
 
     def ideal(self) -> Array:
-        """``(m, instants, objects, runs or 1)`` what the sensor reads of the points without any error."""
+        """Return the error-free measurements ``(m, instants, objects, runs or 1)`` of the points."""
         return np.asarray(self.sensor.measure(self.bodies.target, self.pose[:, :, None], self.velocity[:, :, None]))
 
     def sigmas(self) -> Array:
-        """``(m, 1, 1, 1)`` standard deviations of the sensor's options, in SI units and radians."""
+        """Return the standard deviations ``(m, 1, 1, 1)`` of the sensor's options, in SI units and radians."""
         return np.array(self.sensor.sigmas())[:, None, None, None]
 
 
 class Effect(Config, ABC):
-    """Something that a real sensor does. The fields of a subclass are its options in a scenario.
+    """Difference of a real sensor from an ideal one. The fields of a subclass are its options in a scenario.
 
-    Effects act in the order in which a sensor lists them. Each draws from a stream of its own.
+    Effects act in the order in which a sensor lists them. Each draws from its own random stream.
     """
 
     one_of: ClassVar[tuple[str, ...]] = ()
-    """Options of which one is to be stated at the least: without it does nothing."""
+    """Options, at least one of them required: the effect does nothing without."""
 
-    type: str = Field("", description="The effect.")
+    type: str = Field("", description="Name of the effect.")
 
     @model_validator(mode="before")
     @classmethod
@@ -141,26 +140,28 @@ class Effect(Config, ABC):
             yield Problem(("type",), f"{self.type} does nothing without one of these: {', '.join(self.one_of)}")
 
     def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
-        """What is wrong with its options on this sensor."""
+        """Yield the problems of the options on this sensor."""
         yield from ()
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
-        """What is changed before the white noise is added."""
+        """Return the scans as they are before the white noise is added."""
         return sensed
 
     def after(self, measurement: Array, sensor: SensorModel) -> Array:
-        """Measurements ``(m, ...)`` as the sensor gives them."""
+        """Return the measurements ``(m, ...)`` as the sensor gives them, from measurements with all noise."""
         return measurement
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array] | None:
-        """Further detections, which belong to no object: numbers of their runs ``(n,)``, the first of ``sensed`` being
-        0, and of their instants ``(n,)``, and measurements ``(m, n)`` without white noise. They matter with hidden
-        identities alone."""
+        """Return further false alarms, which matter with hidden identities alone; None without any.
+
+        Run numbers ``(n,)`` from 0 within ``sensed``, instant numbers ``(n,)`` and measurements ``(m, n)`` without
+        white noise.
+        """
         return None
 
     @classmethod
     def has(cls, method: str) -> bool:
-        """Whether it does something in one of these methods."""
+        """Return whether the class overrides a method."""
         return getattr(cls, method) is not getattr(Effect, method)
 
 
@@ -171,12 +172,12 @@ def _lacks(plugin: Any) -> str | None:
     return lacking
 
 
-#: The effects by the names that scenarios use.
+#: Effects by the names that scenarios use.
 EFFECTS: Registry[type[Effect]] = Registry("trackbench.sensor_effects", "sensor effect", _lacks)
 
 
 def by_component(sizes: Mapping[str, float], sensor: SensorModel) -> Array:
-    """``(m,)`` sizes in SI units and radians from keys such as ``azimuth_deg``; 0 where none is stated."""
+    """Return sizes ``(m,)`` in SI units and radians from keys such as ``azimuth_deg``; 0 where none is stated."""
     stated = {split_key(key)[0]: in_si(key, value) for key, value in sizes.items()}
     return np.array([stated.get(name, 0.0) for name in sensor.components])
 
@@ -184,7 +185,7 @@ def by_component(sizes: Mapping[str, float], sensor: SensorModel) -> Array:
 def component_problems(
     key: str, sizes: Mapping[str, float], sensor: SensorModel | type[SensorModel]
 ) -> Iterator[Problem]:
-    """Keys that are no component of the sensor with a unit of its quantity."""
+    """Yield the keys that do not consist of a component of the sensor and a unit of its quantity."""
     units = dict(zip(sensor.components, map(find_unit, sensor.units), strict=True))
     usual = {"length": "m", "angle": "deg", "speed": "mps"}
     names = [f"{name}_{usual[unit.quantity]}" for name, unit in units.items() if unit]

@@ -1,4 +1,4 @@
-"""Errors that are not white: constant over a run, slowly changing, and those of whole steps."""
+"""Errors that are not white: biases, slowly changing errors, and rounding to whole steps."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from trackbench.models.sensors.model import SensorModel
 
 
 class CorrelatedErrors(Effect):
-    """A part of the sensor's noise that changes slowly, a Gauss-Markov process for each component and vehicle.
+    """Slowly changing part of the sensor's noise, a Gauss-Markov process for each component and vehicle.
 
-    The variance of each measurement stays that of the options; only its errors at different instants are correlated.
-    The slow part does not follow the power of a scan, which ``signal_to_noise`` draws: the white part does.
+    The total variance stays as the options state it; only errors at different instants become correlated. The white
+    part follows the power of a scan, which ``signal_to_noise`` draws; the slow part does not.
     """
 
     share: float = Field(gt=0, le=1, description="Share of the noise variance that changes slowly.")
     share_of: dict[str, Probability] = Field(
-        default_factory=dict, description="That of single components, such as `range_rate: 0.8`."
+        default_factory=dict, description="Shares of single components, such as `range_rate: 0.8`."
     )
     time_s: Positive = Field(description="Correlation time of the process, to 1/e, s.")
     order: Literal[1, 2] = Field(
-        2, description="Order of the process: 2 changes smoothly; 1 is what trackers can assume."
+        2, description="Order of the process: 2 changes smoothly; 1 is the order that trackers can assume."
     )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
@@ -51,7 +51,7 @@ class CorrelatedErrors(Effect):
 
 
 class Bias(Effect):
-    """An error that is drawn once for a run and stays: a mount that is off, a clock that is late."""
+    """Error that is drawn once for a run and stays, such as a mount that is off."""
 
     sigmas: dict[str, NonNegative] = Field(
         min_length=1, description="Standard deviation by component, such as `azimuth_deg: 0.3`."
@@ -67,7 +67,7 @@ class Bias(Effect):
 
 
 class Quantised(Effect):
-    """Measurements are given in whole steps."""
+    """Rounding of measurements to whole steps."""
 
     steps: dict[str, Positive] = Field(min_length=1, description="Step by component, such as `range_m: 0.2`.")
 

@@ -1,4 +1,4 @@
-"""Multipath: a vehicle that is also seen in a mirror."""
+"""Multipath: mirror images of vehicles."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from trackbench.models.sensors.effects.processes import gauss_markov
 
 
 class Ghosts(Effect):
-    """Mirror images of vehicles in walls or guard rails, which stand beside the road.
+    """Mirror images of vehicles in walls or guard rails beside the road.
 
-    The path goes by the wall both ways, so that range, azimuth and range rate are those of the mirror image, which
-    follows its cause. There is an image where sensor and vehicle are on one side of the wall's line, and the path meets
-    the line between its ends. With known identities a measurement is never a ghost.
+    The signal goes by the wall both ways, so an image has the range, azimuth and range rate of the mirrored vehicle.
+    There is an image where sensor and vehicle are on one side of the wall's line, and the path meets the line between
+    its ends. With known identities a measurement is never a ghost.
     """
 
     wall: list[Point] = Field(
         min_length=2,
-        description="Corners [x, y] of the wall in the frame of the world, m: it does not move with the observer.",
+        description="Corners [x, y] of the wall in the frame of the world, m; it does not move with the observer.",
     )
     probability: float = Field(
-        gt=0, lt=1, description="Share of the instants at which a vehicle that the sensor sees has an image in a wall."
+        gt=0, lt=1, description="Share of the instants at which a visible vehicle has an image in a wall."
     )
     time_s: Positive = Field(1, description="Time constant with which images come and go, s.")
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
         presence = gauss_markov(sensed.time, self.time_s, random.standard_normal(sensed.shape))
-        there = sensed.visible & (presence < ndtri(self.probability))
+        is_reflected = sensed.visible & (presence < ndtri(self.probability))
         images = [_images(sensed, np.array(start), np.array(end)) for start, end in pairwise(self.wall)]
-        found = []
+        parts = []
         for measurement, seen in images:
-            instant, number, run = np.nonzero(there & seen)
-            full = np.broadcast_to(measurement, (len(measurement), *there.shape))
-            found.append((run, instant, full[:, instant, number, run]))
-        runs, instants, measurements = zip(*found, strict=True)
+            instant, number, run = np.nonzero(is_reflected & seen)
+            full = np.broadcast_to(measurement, (len(measurement), *is_reflected.shape))
+            parts.append((run, instant, full[:, instant, number, run]))
+        runs, instants, measurements = zip(*parts, strict=True)
         return np.concatenate(runs), np.concatenate(instants), np.concatenate(measurements, axis=1)
 
     def problems(self) -> Iterator[Problem]:
@@ -54,7 +54,7 @@ class Ghosts(Effect):
 
 
 def _images(sensed: Sensed, start: Array, end: Array) -> tuple[Array, Mask]:
-    """Measurements of the mirror images in a straight wall, and which of them are in view."""
+    """Return the measurements of the mirror images in a straight wall, and a mask of the images in view."""
     sensor, target = sensed.sensor, sensed.bodies.target
     pose, velocity = sensed.pose[:, :, None], sensed.velocity[:, :, None]
     length = np.hypot(*(end - start))

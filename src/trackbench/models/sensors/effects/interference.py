@@ -1,4 +1,4 @@
-"""Other radars that transmit in the same band."""
+"""Interference by other radars in the same band."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors.effects.base import Effect, Sensed
 from trackbench.models.sensors.model import SensorModel
 
-#: A burst that begins so many mean durations before the first instant has ended by then, but for 5e-5 of them.
+#: Mean durations before the first instant in which bursts are drawn; all but 5e-5 of older bursts have ended.
 LONGEST_BURST = 10.0
 
 
 class Interference(Effect):
-    """Bursts at random times, as a Poisson process with exponential durations.
+    """Bursts at random times: a Poisson process with exponential durations.
 
-    In a burst detections are fewer, and with hidden identities there are more false alarms.
+    In a burst P_D is lower, and with hidden identities there are more false alarms.
     """
 
     one_of: ClassVar[tuple[str, ...]] = ("detection_factor", "alarms_per_scan")
@@ -34,15 +34,15 @@ class Interference(Effect):
     )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
-        burst = np.stack([self._burst(sensed.time, of_run) for of_run in random.each], axis=-1)[:, None]
+        burst = np.stack([self._draw_bursts(sensed.time, generator) for generator in random.each], axis=-1)[:, None]
         return sensed.replaced(probability=np.where(burst, self.detection_factor, 1.0) * sensed.probability)
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
         instants, shares = [], []
-        for of_run in random.each:
-            burst = np.flatnonzero(self._burst(sensed.time, of_run))
-            instants.append(np.repeat(burst, of_run.poisson(self.alarms_per_scan, len(burst))))
-            shares.append(of_run.random((len(sensed.error), len(instants[-1]))))
+        for generator in random.each:
+            burst = np.flatnonzero(self._draw_bursts(sensed.time, generator))
+            instants.append(np.repeat(burst, generator.poisson(self.alarms_per_scan, len(burst))))
+            shares.append(generator.random((len(sensed.error), len(instants[-1]))))
         run = np.repeat(np.arange(sensed.runs), [len(instant) for instant in instants])
         return run, np.concatenate(instants), sensed.sensor.uniform(np.concatenate(shares, axis=1))
 
@@ -52,7 +52,7 @@ class Interference(Effect):
         elif self.alarms_per_scan and sensor.max_range_m is None:
             yield Problem(("alarms_per_scan",), "needs a field of view that ends: state max_range_m of the sensor")
 
-    def _burst(self, time: Array, random: np.random.Generator) -> Mask:
+    def _draw_bursts(self, time: Array, random: np.random.Generator) -> Mask:
         """``(instants,)`` whether the sensor is in a burst."""
         begin, end = time[0] - LONGEST_BURST * self.duration_s, time[-1]
         count = random.poisson(self.per_minute * (end - begin) / 60.0)

@@ -1,4 +1,4 @@
-"""Where on a body a sensor measures it."""
+"""Effects that move the measured point on a body."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from trackbench.models.sensors.effects.processes import gauss_markov
 
 
 class Reflection(Effect):
-    """A radar's point of reflection: on the line from the centre to the nearest point of the box, and wandering.
+    """Reflection point of a radar, which wanders about the line from the box's centre to its nearest point.
 
-    The range rate is that of the point, to which a turn of the body gives a velocity of its own.
+    The range rate is the point's, with the velocity that a turn of the body gives it.
     """
 
     one_of: ClassVar[tuple[str, ...]] = ("toward_sensor", "along_m", "across_m")
@@ -28,8 +28,8 @@ class Reflection(Effect):
         description="Share of the way from the centre of the vehicle's box (0) to its point nearest to the sensor (1); "
         "less than 1 where the sensor corrects for the size of a car.",
     )
-    along_m: NonNegative = Field(0, description="Standard deviation of its wandering along the vehicle, m.")
-    across_m: NonNegative = Field(0, description="Standard deviation of its wandering across the vehicle, m.")
+    along_m: NonNegative = Field(0, description="Standard deviation of the wandering along the vehicle, m.")
+    across_m: NonNegative = Field(0, description="Standard deviation of the wandering across the vehicle, m.")
     time_s: Positive = Field(1, description="Time constant of the wandering (Gauss-Markov), s.")
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
@@ -45,14 +45,14 @@ class Reflection(Effect):
 
 
 class Faces(Effect):
-    """A lidar's view of a box: the mean of the points on the faces that it sees, as many as the face looks wide."""
+    """Mean point of a lidar on the faces of a box that it sees, weighted by apparent width."""
 
     share: float = Field(
         1,
         gt=0,
         le=1,
-        description="Share of the way from the centre of the box to that mean; less than 1 where the sensor corrects "
-        "for the size of a car.",
+        description="Share of the way from the centre of the box to the mean point; less than 1 where the sensor "
+        "corrects for the size of a car.",
     )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
@@ -60,7 +60,7 @@ class Faces(Effect):
         half = np.stack(np.broadcast_arrays(bodies.length / 2, bodies.width / 2))[:, None]
         sensor = bodies.seen_from(sensed.pose)
         beyond = np.abs(sensor) > half
-        # A face of half width w, seen from an offset d beyond it at range r, looks 2 w d / r wide, about.
+        # A face of half width w, seen from an offset d beyond it at range r, looks about 2 w d / r wide.
         wide = np.where(beyond, half[::-1] * np.abs(sensor), 0.0)
         total = wide.sum(axis=0)
         weight = np.divide(wide, total, out=np.zeros_like(wide), where=total > 0)

@@ -1,4 +1,4 @@
-"""Signal-to-noise ratio: how well and how surely a radar detects what it sees."""
+"""Detection and accuracy of a radar as functions of its signal-to-noise ratio."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ LIGHT_MPS = 299_792_458.0
 
 
 class SignalRange(Config):
-    """How the noise of a radar depends on the range by way of its signal-to-noise ratio."""
+    """Dependence of a radar's noise on the range through the signal-to-noise ratio."""
 
     half_range_m: Positive = Field(
         description="Range at which half of the vehicles that show their front or rear are detected, m."
     )
     stated_at_m: Positive = Field(
-        description="Range at which the sensor's standard deviations are those at the mean power, m."
+        description="Range at which the sensor's standard deviations hold for the mean power, m."
     )
     constant_share: float = Field(
         0, ge=0, le=1, description="Share of the noise variance that does not depend on the signal."
     )
 
     def ratio(self, distance: Array) -> Array:
-        """``(...)`` mean signal-to-noise ratio of a front or rear at distances in m."""
+        """Compute the mean signal-to-noise ratio ``(...)`` of a front or rear at distances in m."""
         return signal_ratio(distance, self.half_range_m)
 
     def variance_factor(self, power: Array) -> Array:
-        """``(...)`` variance of the noise over that of the sensor's options, for a received power."""
+        """Compute the factor ``(...)`` on the noise variance of the sensor's options for a received power."""
         relative = (1.0 + self.ratio(np.array(self.stated_at_m))) / power
         return self.constant_share + (1.0 - self.constant_share) * relative
 
     def mean_variance_factor(self, distance: Array) -> Array:
-        """``(...)`` the mean of that over all detections at distances in m, of vehicles that show front or rear."""
+        """Average ``variance_factor`` over detections at distances in m, of a vehicle's front or rear."""
         return self.factor_at_mean(1.0 + self.ratio(distance))
 
     def factor_at_mean(self, mean: Array) -> Array:
-        """``(...)`` the mean of ``variance_factor`` over all detections with a mean power.
+        """Average ``variance_factor`` over all detections with a mean power, ``(...)``.
 
         With the mean power m, the threshold T and x = T / m: ``E[1 / P | P > T] = exp(x) E1(x) / m``, P being
         exponential and E1 the exponential integral.
@@ -63,13 +63,13 @@ class SignalRange(Config):
 
 
 class SignalToNoise(SignalRange, Effect):
-    """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates."""
+    """Detection and accuracy from one signal-to-noise ratio, by range, aspect and a fluctuating cross-section."""
 
     side_db: float = Field(
         0,
         ge=-40,
         le=40,
-        description="Cross-section of a vehicle's side over that of its front or rear, dB; in between, the logarithm "
+        description="Cross-section of a vehicle's side relative to its front or rear, dB; in between, the logarithm "
         "goes with the square of the sine of the aspect.",
     )
     carrier_ghz: Positive = Field(
@@ -81,14 +81,15 @@ class SignalToNoise(SignalRange, Effect):
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         """Draw which vehicles are detected, and the noise variances of their measurements.
 
-        The received power is ``P = |sqrt(S) s + n|^2``, relative to the noise: S is the mean signal-to-noise ratio, s
-        the vehicle's reflection and n the receiver's noise, both complex Gaussian with power 1, so that P is
-        exponential (Swerling 1). The noise is drawn anew at each scan. The reflection follows the aspect, which is the
-        direction of the line of sight in the vehicle's frame: it is a Gauss-Markov process of second order along the
-        way that the aspect turns, whose correlation is 1/e after ``c / (2 L f)``. L is the extent of the vehicle across
-        the line of sight. (Scatterers spread evenly over L have a correlation of zero there, and 1/e at 0.7 of it.)
-        Where an aspect comes back or a vehicle was hidden, the reflection is another one. A vehicle is detected where P
-        exceeds the threshold of a false alarm probability of 1e-6.
+        The received power is ``P = |sqrt(S) s + n|^2``, relative to the noise. S is the mean signal-to-noise ratio, s
+        the vehicle's reflection and n the receiver's noise, both complex Gaussian with power 1, so P is exponential
+        (Swerling 1). A vehicle is detected where P exceeds the threshold of a false alarm probability of 1e-6.
+
+        Each scan draws a new receiver noise. The reflection follows the aspect, the direction of the line of sight in
+        the vehicle's frame, as a Gauss-Markov process of second order along the turn of the aspect. Its correlation is
+        1/e after ``c / (2 L f)``, where L is the extent of the vehicle across the line of sight. (Scatterers spread
+        evenly over L have a correlation of zero there, and 1/e at 0.7 of it.) Where an aspect returns or a vehicle was
+        hidden, a new reflection is drawn.
 
         The variances of the white noise are those of the sensor's options times ``share + (1 - share) P0 / P``, with
         the mean power P0 at ``stated_at_m``. Slow errors have the mean of this factor over detections.
@@ -100,7 +101,7 @@ class SignalToNoise(SignalRange, Effect):
         ahead, left = sensed.bodies.seen_from(sensed.pose)
         distance = np.hypot(ahead, left)
         side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0)
-        # Of a vehicle that is not there yet the distance is NaN.
+        # A vehicle outside the scene has a distance of NaN.
         ratio = self.ratio(distance) * 10.0 ** (self.side_db * side**2 / 10.0)
         ratio = np.where(np.isnan(ratio), 0.0, ratio)
         across = sensed.bodies.length * np.abs(side) + sensed.bodies.width * np.sqrt(1.0 - side**2)
@@ -108,7 +109,7 @@ class SignalToNoise(SignalRange, Effect):
         turned = np.abs(wrap_angle(np.diff(np.arctan2(left, ahead), axis=0))) * (rate[1:] + rate[:-1]) / 2.0
         instants, objects = sensed.shape
         white = random.standard_normal((instants, 4, objects))
-        # Of the reflection of a vehicle that comes into view nothing is left.
+        # A vehicle that comes into view has a new reflection.
         seen = sensed.visible[:-1] & np.isfinite(turned)
         power = received_power(ratio, np.where(seen, turned, np.inf), white)
         detected = power > THRESHOLD
@@ -125,7 +126,7 @@ def received_power(ratio: Array, turned: Array, white: Array) -> Array:
 
     Args:
         ratio: ``(instants, objects, runs or 1)`` mean signal-to-noise ratio.
-        turned: ``(instants - 1, objects, runs or 1)`` change of the aspect over that which decorrelates, at least 0.
+        turned: ``(instants - 1, objects, runs or 1)`` change of the aspect over the decorrelating change, at least 0.
         white: ``(instants, 4, objects, runs)`` draws of a standard normal: two of the reflection, two of the noise.
 
     Returns:
