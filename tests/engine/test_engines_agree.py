@@ -15,7 +15,7 @@ from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.engine.arithmetic import LARGEST_ANGLE
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
-from trackbench.filters import AnyBelief, Belief, MultiModelBelief, Update, bare, select
+from trackbench.filters import AnyBelief, Belief, MultiModelBelief, Update, compact, select
 
 BATCH, TROUBLED = 21, 13
 YAW = 3
@@ -90,7 +90,7 @@ def test_a_member_in_trouble_gets_what_numpy_gives(name: str, trouble: str, kern
     assert state is not None
     # The noise of the lidar covers the case of another radar.
     scan = of.scans[-2]._replace(time=0.7)
-    sound = bare(state.belief), scan
+    sound = compact(state.belief), scan
     troubled = TROUBLE[trouble](*sound)
     fused = FusedFilter(tracker.filter, kernels)
     with np.errstate(all="ignore"):

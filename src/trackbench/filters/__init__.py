@@ -1,4 +1,8 @@
-"""Filters: pure predict and update on a belief."""
+"""Filters: prediction, update and smoothing of a belief, without any state of the filter.
+
+A belief and a time step or a scan come in; a new belief goes out, with the innovation after an update. Arrays have any
+batch axes. Read ``base.py`` first.
+"""
 
 from trackbench.filters.base import (
     AnyBelief,
@@ -11,8 +15,8 @@ from trackbench.filters.base import (
     Step,
     StepGuard,
     Update,
-    bare,
     choose,
+    compact,
     concatenated,
     select,
     selected_prediction,
@@ -49,8 +53,8 @@ __all__ = [
     "StepGuard",
     "SymmetricSet",
     "Update",
-    "bare",
     "choose",
+    "compact",
     "concatenated",
     "select",
     "selected_prediction",

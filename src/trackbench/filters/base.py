@@ -1,4 +1,4 @@
-"""What a filter is: an algorithm that never changes, through which a belief travels."""
+"""Beliefs, and the filter interface: constant objects whose methods map a belief to a new one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 
 
 class Belief(NamedTuple):
-    """What a filter believes of the state, with what it can reuse at its next step."""
+    """Distribution of the state in a filter, with values that the next step can reuse."""
 
     mean: Array
     """``(n, ...)``"""
@@ -28,29 +28,29 @@ class Belief(NamedTuple):
     factor: Array | None = None
     """``(n, n, ...)`` lower Cholesky factor of the covariance."""
     points: Array | None = None
-    """``(n, s, ...)`` sigma points that a prediction has moved."""
+    """``(n, s, ...)`` sigma points after a prediction."""
     repaired: Mask | None = None
-    """``(...)`` True where the covariance had to be made positive definite again."""
+    """``(...)`` True where the covariance was not positive definite and was repaired."""
 
 
 class MultiModelBelief(NamedTuple):
-    """What a filter with several motion models believes: a mixture of what it believes under each."""
+    """Distribution of the state in a filter with several motion models: a mixture of one belief per model."""
 
     probability: Array
-    """``(M, ...)`` that the motion is that of each model."""
+    """``(M, ...)`` probability of each model."""
     modes: tuple[Belief, ...]
-    """``(M,)`` under each model, in its state."""
+    """``(M,)`` belief under each model, in the state of that model."""
     repaired: Mask | None = None
-    """``(...)`` True where the covariance of a mode had to be made positive definite again."""
+    """``(...)`` True where the covariance of a mode was not positive definite and was repaired."""
 
 
-#: What the filters that trackers run believe.
+#: Belief of any filter in a tracker.
 AnyBelief = Belief | MultiModelBelief
 B = TypeVar("B", bound=AnyBelief)
 
 
 class Update(NamedTuple, Generic[B]):
-    """A belief after a measurement, and what the measurement said."""
+    """Belief after a measurement, with the innovation."""
 
     belief: B
     innovation: Array
@@ -58,15 +58,15 @@ class Update(NamedTuple, Generic[B]):
     innovation_covariance: Array
     """``(m, m, ...)``"""
     whitened_innovation: Array
-    """``(m, ...)`` innovation in units of its own standard deviations: ``L^-1 y`` with ``S = L L^T``."""
+    """``(m, ...)`` innovation with unit covariance: ``L^-1 y`` with ``S = L L^T``."""
     innovation_factor: linalg.Cholesky | None = None
-    """``L``, where it is at hand."""
+    """Cholesky factor ``L``; None where it was not computed."""
     mixture: Array | None = None
-    """``(...)`` logarithm of the density of the measurement, where it is that of a mixture."""
+    """``(...)`` logarithm of the measurement's density, where that density is a mixture."""
 
     @property
     def log_likelihood(self) -> Array:
-        """``(...)`` logarithm of the density of the measurement: ``N(y; 0, S)``, or that of the mixture."""
+        """``(...)`` logarithm of the measurement's density: ``N(y; 0, S)``, or the mixture."""
         if self.mixture is not None:
             return self.mixture
         factor = self.innovation_factor or linalg.cholesky(self.innovation_covariance)
@@ -74,110 +74,109 @@ class Update(NamedTuple, Generic[B]):
 
 
 class Step(NamedTuple, Generic[B]):
-    """What a filter makes of a scan that was taken some time after its belief."""
+    """Result of one prediction and update with a scan."""
 
     update: Update[B]
     cartesian: Gaussian
-    """px, py, vx, vy after it."""
+    """px, py, vx, vy after the update."""
     refused: Mask | None = None
-    """``(...)`` where the prediction was refused by the guard, so that the step should not have been made."""
+    """``(...)`` True where the guard refused the prediction, so that the step must not be used."""
 
 
-#: Tells of a predicted belief where the step is refused.
+#: Function from a predicted belief to a mask that is True where the step is refused.
 StepGuard = Callable[[Any], Mask]
 
 
 class Measured(NamedTuple):
-    """What a filter takes of a scan."""
+    """Measurements of a scan as a filter compares them with its predictions."""
 
     value: Array
     """``(m, ...)``"""
     noise: Array
     """``(m, m)``, or ``(m, m, ...)`` where it depends on the measurement."""
     angular: tuple[int, ...]
-    """Which components are angles."""
+    """Indices of the components that are angles."""
 
 
 class PredictedMeasurement(NamedTuple):
-    """What a belief expects to be measured."""
+    """Predicted distribution of a measurement."""
 
     mean: Array
     """``(m, ...)``"""
     covariance: Array
-    """``(m, m, ...)`` without the noise of the measurement."""
+    """``(m, m, ...)`` without the measurement noise."""
     cross: Array
-    """``(m, n, ...)`` covariance of measurement and state; nothing of a mixture, whose modes have theirs."""
+    """``(m, n, ...)`` covariance of measurement and state; ``n`` is 0 for a mixture."""
     modes: tuple[PredictedMeasurement, ...] = ()
-    """Of a mixture, under each motion model."""
+    """Prediction under each motion model of a mixture; empty for a single model."""
 
 
 class Filter(Protocol[B]):
-    """A recursive Bayesian filter on beliefs with any batch axes."""
+    """Recursive Bayesian filter on beliefs with any batch axes."""
 
     @property
     def motions(self) -> tuple[MotionModel, ...]:
-        """The motion models that it runs."""
+        """Motion models of the filter."""
         ...
 
     def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> B:
-        """The belief of a track that starts; ``state_of`` says where, in the state of a motion model."""
+        """Return the first belief of a track; ``state_of`` returns the start in the state of a motion model."""
         ...
 
     def predict(self, belief: B, dt: float) -> B:
-        """The belief after ``dt`` seconds (zero or more)."""
+        """Return the belief after ``dt`` seconds (zero or more)."""
         ...
 
     def measured(self, scan: Scan) -> Measured:
-        """The measurements of a scan in the space in which the filter compares them with its predictions."""
+        """Return the measurements of a scan in the space in which the filter compares them with predictions."""
         ...
 
     def predict_measurement(self, belief: B, scan: Scan) -> PredictedMeasurement:
-        """What the belief expects of a scan, whose measurements are not looked at."""
+        """Return the predicted measurement for a scan, without a look at the scan's measurements."""
         ...
 
     def update(self, belief: B, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[B]:
-        """The belief after a scan; where the scan is not valid, the mean and covariance stay.
+        """Return the belief after a scan; where the scan is not valid, mean and covariance stay.
 
-        ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
+        ``predicted`` is the result of ``predict_measurement`` for this belief, if there is one; it saves computing it
+        anew.
         """
         ...
 
     def smooth(self, belief: B, later: B, dt: float) -> B:
-        """The belief once it is known what is believed ``dt`` seconds (more than zero) later from more measurements."""
+        """Return the smoothed belief, given the smoothed belief ``dt`` seconds (more than zero) later."""
         ...
 
     def cartesian(self, belief: B) -> Gaussian:
-        """px, py, vx, vy under the belief."""
+        """Return the distribution of px, py, vx, vy under the belief."""
         ...
 
 
 @dataclass(frozen=True)
 class SingleModelFilter(Filter[Belief], ABC):
-    """A filter with one motion model."""
+    """Filter with one motion model."""
 
     motion: MotionModel
 
     @property
     def motions(self) -> tuple[MotionModel, ...]:
-        """The motion model."""
         return (self.motion,)
 
     def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
-        """The belief of a track that starts where ``state_of`` says."""
         return Belief(*state_of(self.motion))
 
     def measured(self, scan: Scan) -> Measured:
-        """The measurements as the sensor gives them, with the noise beside what is part of the state."""
+        """Return the measurements as the sensor gives them, with the noise that is not part of the state."""
         errors = self.motion.sensor_errors(scan)
         noise = scan.noise_covariance if errors is None else errors.noise
         return Measured(scan.measurement, noise, SENSOR_MODELS[scan.kind].angular)
 
     def smooth(self, belief: Belief, later: Belief, dt: float) -> Belief:
-        """The belief once it is known what is believed ``dt`` seconds later, by Rauch, Tung and Striebel.
+        """Return the smoothed belief by Rauch, Tung and Striebel.
 
         With ``D`` the covariance of the states before and after the interval, the prediction ``x^-, P^-`` and the gain
         ``G = D P^-^-1``: ``x <- x + G (x^s - x^-)`` and ``P <- P + G (P^s - P^-) G^T``. Source: Särkkä (2013), theorem
-        8.2 for the Kalman filter, algorithm 9.1 for its linearisations and 10.2 for the sigma points.
+        8.2 for the Kalman filter, algorithm 9.1 for linearised filters and 10.2 for sigma points.
         """
         angular, predicted = self.motion.angular, self.predict(belief, dt)
         definite = linalg.ensure_definite(predicted.covariance)
@@ -193,15 +192,14 @@ class SingleModelFilter(Filter[Belief], ABC):
         return Belief(mean, result.covariance, repaired=repaired)
 
     def cartesian(self, belief: Belief) -> Gaussian:
-        """px, py, vx, vy under the belief."""
         return self.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
 
     @abstractmethod
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        """``(n, n, ...)`` covariance of the state before (rows) and after (columns) ``dt`` seconds."""
+        """Return the covariance ``(n, n, ...)`` of the states before (rows) and after (columns) ``dt`` seconds."""
 
 
-#: What remains of a covariance ``(n, n, ...)``, from the transposed gain ``K^T`` ``(m, n, ...)``.
+#: Function from the transposed gain ``K^T`` ``(m, n, ...)`` to the updated covariance ``(n, n, ...)``.
 Remainder = Callable[[Array], Array]
 
 
@@ -214,11 +212,11 @@ def correct(
     angular: tuple[int, ...],
     remainder: Remainder | None = None,
 ) -> Update[Belief]:
-    """The linear minimum mean square error update.
+    """Update a belief with a measurement, by the linear minimum mean square error.
 
-    With ``S = L L^T`` and ``W = L^-1 C`` the gain is ``K = W^T L^-1``. Unless ``remainder`` says what remains of the
-    covariance, it loses ``W^T W`` and is rounded up by a share of what it was: that is more than what remains after a
-    measurement that is 1e7 times as accurate as the prediction. Source: Särkkä (2013), equations 4.21 to 4.24.
+    With ``S = L L^T`` and ``W = L^-1 C`` the gain is ``K = W^T L^-1``. Without ``remainder``, ``W^T W`` is subtracted
+    from the covariance, which is first rounded up in proportion to its size. After a measurement 1e7 times as accurate
+    as the prediction, that rounding exceeds the true remainder. Source: Särkkä (2013), equations 4.21 to 4.24.
 
     Args:
         belief: predicted mean ``(n, ...)`` and covariance ``(n, n, ...)``.
@@ -226,8 +224,8 @@ def correct(
         innovation_covariance: ``S``, ``(m, m, ...)``.
         cross: covariance of measurement and state ``C``, ``(m, n, ...)``.
         valid: ``(...)`` where there is a measurement.
-        angular: which components of the state are angles.
-        remainder: of the covariance of the belief.
+        angular: indices of the state's components that are angles.
+        remainder: function from ``K^T`` to the updated covariance; None for the subtraction.
     """
     s = linalg.ensure_definite(innovation_covariance)
     whitened = s.factor.whiten(innovation)
@@ -252,7 +250,7 @@ def linear_update(
     angular: tuple[int, ...],
     remainder: Remainder | None = None,
 ) -> Update[Belief]:
-    """The linear update with a measurement and its prediction; the rest as ``correct`` has it."""
+    """Update a belief with a measurement and its prediction, by ``correct``."""
     innovation = difference(measured.value, predicted.mean, measured.angular)
     s = predicted.covariance + linalg.expand(measured.noise, predicted.covariance)
     return correct(belief, innovation, s, predicted.cross, valid, angular, remainder)
@@ -261,17 +259,17 @@ def linear_update(
 def square_root(
     deviations: Array, seen: Array, noise: Array, weighted: Callable[[Array, Array], Array] = linalg.matmul_transposed
 ) -> Remainder:
-    """What remains of a covariance by its square root: ``(D - K Z) (D - K Z)^T + K R K^T``.
+    """Return a function that updates a covariance by its square root: ``(D - K Z) (D - K Z)^T + K R K^T``.
 
-    It is Joseph's form, ``D - K Z`` being ``(I - K H) L`` where the measurement is linear, but a sum of squares, which
-    rounding leaves definite however accurate the measurement is. Source: Bucy and Joseph (1968), "Filtering for
-    stochastic processes with applications to guidance", section 16.2, with the covariance factored.
+    Joseph's form, where ``D - K Z`` is ``(I - K H) L`` for a linear measurement. As a sum of squares it stays definite
+    under rounding, however accurate the measurement is. Source: Bucy and Joseph (1968), "Filtering for stochastic
+    processes with applications to guidance", section 16.2, with the covariance factored.
 
     Args:
         deviations: ``D``, ``(n, s, ...)`` of the state, with the covariance ``D D^T``.
         seen: ``Z``, ``(m, s, ...)`` of the measurement.
         noise: ``R``, ``(m, m)`` or ``(m, m, ...)``.
-        weighted: what ``D D^T`` is, where deviations have weights.
+        weighted: function for ``D D^T`` where deviations have weights.
     """
 
     def remainder(gain: Array) -> Array:
@@ -284,26 +282,25 @@ def square_root(
 
 
 def _root(noise: Array) -> Array:
-    """``A`` with ``A^T A = R``, of a noise that is singular to rounding too."""
+    """Return ``A`` with ``A^T A = R``, even for a noise that is singular to rounding."""
     if isinstance(noise, np.ndarray) and noise.ndim == 2:
-        return _root_of_sensor(noise.astype(float).tobytes(), len(noise))
+        return _cached_root(noise.astype(float).tobytes(), len(noise))
     return np.swapaxes(linalg.ensure_definite(linalg.rounded_up(noise)).factor.lower(), 0, 1)
 
 
 @lru_cache(maxsize=256)
-def _root_of_sensor(noise: bytes, size: int) -> Array:
-    """The same of a noise that is the same for the whole batch, which a sensor has in all its scans."""
+def _cached_root(noise: bytes, size: int) -> Array:
     whole = np.frombuffer(noise).reshape(size, size, 1)
     return np.ascontiguousarray(_root(whole)[..., 0])
 
 
 def wrap_components(x: Array, angular: tuple[int, ...]) -> Array:
-    """``x`` with its angular components in (-pi, pi]."""
+    """Return ``x`` with its angular components wrapped to (-pi, pi]."""
     return x if not angular else difference(x, np.zeros(()), angular)
 
 
-def guarded(belief: Belief) -> Belief:
-    """The belief with its factor, and its covariance repaired (and marked) where it was not positive definite."""
+def with_factor(belief: Belief) -> Belief:
+    """Return the belief with its Cholesky factor; a covariance that has none is repaired and marked."""
     definite = linalg.ensure_definite(belief.covariance)
     return belief._replace(
         covariance=definite.covariance,
@@ -313,20 +310,17 @@ def guarded(belief: Belief) -> Belief:
 
 
 def either(a: Mask | None, b: Mask | None) -> Mask | None:
-    """Where one of two marks is set."""
+    """Return where at least one of two marks is set; None stands for no marks."""
     if a is None or b is None:
         return b if a is None else a
     return a | b
 
 
-def _mapped_belief(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
-    """What a function makes of the mean, of the covariance and of the mode probabilities of beliefs of one filter.
-
-    What a filter could reuse is left out.
-    """
+def _map_arrays(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
+    """Apply a function to the means, covariances and mode probabilities of beliefs of one filter."""
     if isinstance(beliefs[0], Belief):
         return Belief(function(*map(_MEAN, beliefs)), function(*map(_COVARIANCE, beliefs)))
-    modes = [_mapped_belief(function, *each) for each in zip(*map(_MODES, beliefs), strict=True)]
+    modes = [_map_arrays(function, *each) for each in zip(*map(_MODES, beliefs), strict=True)]
     probability = function(*map(_PROBABILITY, beliefs))
     return MultiModelBelief(probability, tuple(mode for mode in modes if isinstance(mode, Belief)))
 
@@ -334,47 +328,47 @@ def _mapped_belief(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBe
 _MEAN, _COVARIANCE, _MODES, _PROBABILITY = map(attrgetter, ("mean", "covariance", "modes", "probability"))
 
 
-def bare(belief: AnyBelief) -> AnyBelief:
-    """Without what it can be computed from."""
+def compact(belief: AnyBelief) -> AnyBelief:
+    """Return the belief without values that follow from its means and covariances."""
     if isinstance(belief, Belief):
         return Belief(*belief[:2])
     return MultiModelBelief(belief.probability, tuple(Belief(*mode[:2]) for mode in belief.modes))
 
 
 def select(belief: AnyBelief, which: Mask | Indices) -> AnyBelief:
-    """Some members of the last batch axis."""
+    """Return some members of the last batch axis."""
     index = indices(which) if which.dtype == bool else which
     # An index in brackets is slower, and leaves an array whose batch axis no longer comes last in memory.
-    return _mapped_belief(methodcaller("take", index, -1), belief)
+    return _map_arrays(methodcaller("take", index, -1), belief)
 
 
 def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> PredictedMeasurement:
-    """The same of a predicted measurement."""
+    """Return some members of the last batch axis of a predicted measurement."""
     modes = tuple(selected_prediction(mode, which) for mode in predicted.modes)
     mean, covariance, cross = (part.take(which, axis=-1) for part in predicted[:3])
     return PredictedMeasurement(mean, covariance, cross, modes)
 
 
 def concatenated(first: AnyBelief, second: AnyBelief) -> AnyBelief:
-    """Along the last batch axis."""
-    return _mapped_belief(lambda *parts: np.concatenate(parts, axis=-1), first, second)
+    """Join two beliefs along the last batch axis."""
+    return _map_arrays(lambda *parts: np.concatenate(parts, axis=-1), first, second)
 
 
 def with_members(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBelief:
-    """The belief with some members of the last batch axis in place of its own."""
+    """Return the belief with some members of the last batch axis replaced by ``members``."""
 
-    def put(values: Array, others: Array) -> Array:
+    def put(values: Array, new_values: Array) -> Array:
         result = values.copy()
-        result[..., where] = others
+        result[..., where] = new_values
         return result
 
-    return _mapped_belief(put, belief, members)
+    return _map_arrays(put, belief, members)
 
 
 def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:
-    """``a`` where it holds, ``b`` elsewhere; both are of the same filter.
+    """Take ``a`` where the mask holds and ``b`` elsewhere, for beliefs of one filter.
 
-    Sigma points are kept if ``a`` has them; if ``b`` has none, it is a placeholder whose points do not count.
+    Where ``b`` has no sigma points, it is a placeholder, and the points of ``a`` are taken everywhere.
     """
     if isinstance(a, Belief):
         assert isinstance(b, Belief)

@@ -1,4 +1,4 @@
-"""Errors of sensors that are part of the state, beside any motion model's own."""
+"""Errors of sensors as components of the state, in addition to any motion model's."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from trackbench.models.sensors import SENSOR_MODELS
 
 @dataclass(frozen=True)
 class ErrorState:
-    """An error of one component of a sensor's measurements, in units of its standard deviation.
+    """Error of one component of a sensor's measurements, in units of its standard deviation.
 
-    It is a stationary Gauss-Markov process, or a constant.
+    A stationary Gauss-Markov process, or a constant.
     """
 
     sensor: str
-    """The sensor's name."""
+    """Name of the sensor."""
     component: str
-    """Of its measurement."""
+    """Component of the sensor's measurement."""
     rate: float
-    """One over the time constant, 1/s; 0: the error is constant."""
+    """Inverse of the time constant, 1/s; 0 for a constant error."""
     share: float = 0.0
-    """Its part of the variance that the sensor states."""
+    """Share of the error in the variance that the sensor states."""
     sigma: float = 0.0
-    """Its standard deviation beside that variance, in SI units and radians."""
+    """Standard deviation in addition to the stated variance, in SI units and radians."""
 
 
 class MotionWithErrors(WrappedMotion):
-    """A motion model whose state also has errors of sensors: ``z = h(x) + E e + w`` with white ``w``.
+    """Motion model whose state ends with sensor errors: ``z = h(x) + E e + w`` with white ``w``.
 
     Each error has ``e_k+1 = a e_k + sqrt(1 - a^2) v_k`` with ``a = exp(-dt rate)`` and white ``v`` of unit variance.
     Source: Bar-Shalom, Li and Kirubarajan (2001), section 8.2 for noise that is autocorrelated, by augmentation of the
@@ -56,8 +56,8 @@ class MotionWithErrors(WrappedMotion):
         return (*self.motion.noise_sigma, *(1.0 for error in self.errors if error.rate))
 
     def transition(self, x: Array, dt: float) -> Array:
-        kept = linalg.expand(linalg.vector(self._decays(dt)), x)
-        return np.concatenate([self.motion.transition(self._inner_state(x), dt), kept * x[self._inner_size :]])
+        decays = linalg.expand(linalg.vector(self._decays(dt)), x)
+        return np.concatenate([self.motion.transition(self._inner_state(x), dt), decays * x[self._inner_size :]])
 
     def jacobian(self, x: Array, dt: float) -> Array:
         return _block_diagonal(
@@ -96,31 +96,31 @@ class MotionWithErrors(WrappedMotion):
         root = np.sqrt(white)
         return SensorErrors(linalg.matrix(rows), linalg.expand(root[:, None] * root, noise) * noise)
 
-    def padded(self, own: Gaussian, cross: Array | None = None) -> Gaussian:
-        """A belief of the motion model's own state with that of the errors, which are not known.
+    def padded(self, belief: Gaussian, cross: Array | None = None) -> Gaussian:
+        """Append unknown errors to a belief in the state of the inner motion model.
 
         Args:
-            own: ``(n, ...)``.
-            cross: ``(n, e, ...)`` covariance of the own state and the errors; none unless given.
+            belief: ``(n, ...)``.
+            cross: ``(n, e, ...)`` covariance of that state and the errors; None for zero.
         """
-        count, batch = len(self.errors), own.mean.shape[1:]
+        count, batch = len(self.errors), belief.mean.shape[1:]
         if cross is None:
-            cross = np.zeros((len(own.mean), count, *batch))
+            cross = np.zeros((len(belief.mean), count, *batch))
         unit = np.broadcast_to(linalg.expand(np.eye(count), cross), (count, count, *batch))
-        upper = np.concatenate([own.covariance, cross], axis=1)
+        upper = np.concatenate([belief.covariance, cross], axis=1)
         lower = np.concatenate([np.swapaxes(cross, 0, 1), unit], axis=1)
-        mean = np.concatenate([own.mean, np.zeros((count, *batch))])
+        mean = np.concatenate([belief.mean, np.zeros((count, *batch))])
         return Gaussian(mean, linalg.rounded_up(np.concatenate([upper, lower])))
 
     def started(self, scan: Scan, state_of: Callable[[MotionModel, Scan], Gaussian]) -> Gaussian:
-        """The state ``(n + e, ...)`` that each measurement of a scan states by itself.
+        """Return the state ``(n + e, ...)`` that each measurement of a scan states by itself.
 
-        What the measurement says has the measurement's error: with the slope D of the own state by the measurement, the
+        Such a state contains the measurement's error. With the slope D of the inner state by the measurement, the
         covariance of state and errors is ``-D E``. The slope is taken over a standard deviation to either side.
 
         Args:
-            scan: with the noise that the sensor states.
-            state_of: the motion model's own state ``(n, ...)`` by a scan.
+            scan: scan with the noise that the sensor states.
+            state_of: function from the inner motion model and a scan to a state ``(n, ...)``.
         """
         errors = self.sensor_errors(scan)
         if errors is None:
@@ -144,7 +144,7 @@ class MotionWithErrors(WrappedMotion):
 
 
 def _block_diagonal(first: Array, pattern: Array, scales: Sequence[Any]) -> Array:
-    """``(n + e, q + v, ...)`` of ``first`` ``(n, q, ...)``, and of a pattern ``(e, v)`` whose rows are scaled."""
+    """Join ``first`` ``(n, q, ...)`` and a pattern ``(e, v)`` with scaled rows into ``(n + e, q + v, ...)``."""
     upper = [[*row, *[0.0] * pattern.shape[1]] for row in first]
     lower = [
         [*[0.0] * first.shape[1], *(scale * entry if entry else 0.0 for entry in row)]

@@ -1,4 +1,4 @@
-"""Kalman filters: linear, extended, iterated, and of sigma points."""
+"""Kalman filters: linear, extended, iterated extended, and with sigma points."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from trackbench.filters.base import (
     SingleModelFilter,
     Update,
     correct,
-    guarded,
     linear_update,
     square_root,
+    with_factor,
     wrap_components,
 )
 from trackbench.models.motion import MotionModel, process_noise_covariance
@@ -30,17 +30,17 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 
 @lru_cache(maxsize=256)
 def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
-    """Transition and process noise of a linear model, which are the same for every state."""
+    """Return transition and process noise of a linear model, which are equal for every state."""
     anywhere = np.zeros(len(motion.components))
     return motion.jacobian(anywhere, dt), process_noise_covariance(motion, anywhere, dt)
 
 
 @dataclass(frozen=True)
 class LinearisedFilter(SingleModelFilter):
-    """What the filters share that linearise by Jacobians."""
+    """Base of the filters that linearise by Jacobians."""
 
     def predict(self, belief: Belief, dt: float) -> Belief:
-        """Time update: ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
+        """Predict by ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
         motion, x, p = self.motion, belief.mean, belief.covariance
         if motion.linear and not motion.batched and isinstance(dt, float):
             f, q = _constant(motion, dt)
@@ -50,23 +50,23 @@ class LinearisedFilter(SingleModelFilter):
         return Belief(mean, linalg.rounded_up(linalg.quadratic(f, p) + linalg.expand(q, p)))
 
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        """Covariance of the state before and after ``dt``: ``P F^T`` (Särkkä 2013, algorithm 9.1)."""
+        """Return the covariance ``P F^T`` of the states before and after ``dt`` (Särkkä 2013, algorithm 9.1)."""
         f = self.motion.jacobian(belief.mean, dt)
         return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
 
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
-        return self._expected(guarded(belief), scan)[0]
+        return self._predict_with_spread(with_factor(belief), scan)[0]
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         measured, remainder = self.measured(scan), None
         if predicted is None:
-            belief = guarded(belief)
-            predicted, seen = self._expected(belief, scan)
+            belief = with_factor(belief)
+            predicted, seen = self._predict_with_spread(belief, scan)
             remainder = square_root(factor_of(belief), seen, measured.noise)
         return linear_update(belief, predicted, measured, scan.valid, self.motion.angular, remainder)
 
-    def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
-        """What a belief with its factor ``L`` expects of a scan, and ``H L`` ``(m, n, ...)``."""
+    def _predict_with_spread(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
+        """Predict the measurement from a belief with its factor ``L``; return also ``H L`` ``(m, n, ...)``."""
         expected, h = observe(self.motion, SENSOR_MODELS[scan.kind], belief.mean, scan)
         factor = factor_of(belief)
         seen = linalg.matmul(h, factor)
@@ -76,7 +76,7 @@ class LinearisedFilter(SingleModelFilter):
 
 @dataclass(frozen=True)
 class KalmanFilter(LinearisedFilter):
-    """The Kalman filter: a linear motion model, and measurements converted to a position with its covariance.
+    """Kalman filter with a linear motion model; measurements are converted to a position with its covariance.
 
     Source: Kalman (1960). The range rate of a radar is not linear in the state and is left out.
     """
@@ -87,14 +87,14 @@ class KalmanFilter(LinearisedFilter):
         noise = np.where(scan.valid, linalg.expand(position.covariance, like), linalg.expand(np.eye(2), like))
         return Measured(position.mean, noise, ())
 
-    def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
+    def _predict_with_spread(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
         p = belief.covariance
         return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2]), factor_of(belief)[:2]
 
 
 @dataclass(frozen=True)
 class ExtendedKalmanFilter(LinearisedFilter):
-    """The extended Kalman filter of first order.
+    """Extended Kalman filter of first order.
 
     Source: Särkkä (2013), "Bayesian Filtering and Smoothing", algorithm 5.4.
     """
@@ -102,7 +102,7 @@ class ExtendedKalmanFilter(LinearisedFilter):
 
 @dataclass(frozen=True)
 class IteratedExtendedKalmanFilter(LinearisedFilter):
-    """The extended Kalman filter, its measurement linearised again at each corrected state (Gauss-Newton).
+    """Extended Kalman filter that repeats the linearisation at each corrected state (Gauss-Newton).
 
     Source: Bell and Cathey (1993), "The iterated Kalman filter update as a Gauss-Newton method", equation 22.
     """
@@ -110,7 +110,7 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
     iterations: int = 5
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        sensor, angular, belief = SENSOR_MODELS[scan.kind], self.motion.angular, guarded(belief)
+        sensor, angular, belief = SENSOR_MODELS[scan.kind], self.motion.angular, with_factor(belief)
         noise = self.measured(scan).noise
         at, factor = belief.mean, factor_of(belief)
         first: Update[Belief] | None = None
@@ -121,11 +121,11 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
             seen = linalg.matmul(h, factor)
             cross, spread = linalg.matmul_transposed(seen, factor), linalg.matmul_transposed(seen, seen)
             s = spread + linalg.expand(noise, cross)
-            # The covariance is that of the last linearisation.
+            # Only the last linearisation changes the covariance.
             last = number == self.iterations - 1
             remainder = square_root(factor, seen, noise) if last else lambda _: belief.covariance
             update = correct(belief, innovation, s, cross, scan.valid, angular, remainder)
-            # What the measurement said is judged against the prediction, which is the first linearisation.
+            # The innovation compares the measurement with the prediction, at which the first linearisation is made.
             first = first or update
             at = update.belief.mean
         assert first is not None
@@ -133,7 +133,7 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:
-    """The expected measurement ``(m, ...)`` of a state ``(n, ...)`` and its derivative ``(m, n, ...)``."""
+    """Return the predicted measurement ``(m, ...)`` of a state ``(n, ...)`` and its derivative ``(m, n, ...)``."""
     target = motion.to_cartesian(x)
     expected = sensor.measure(target, scan.sensor_pose, scan.sensor_velocity)
     h = sensor.jacobian(target, scan.sensor_pose, scan.sensor_velocity)
@@ -147,14 +147,14 @@ def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> 
 
 
 def factor_of(belief: Belief) -> Array:
-    """The factor ``(n, n, ...)`` of a belief that has it."""
+    """Return the factor ``(n, n, ...)`` of a belief that has one."""
     assert belief.factor is not None
     return belief.factor
 
 
 @dataclass(frozen=True)
 class SymmetricSet:
-    """A rule that places the central point and a pair of points along each column of the covariance's factor.
+    """Rule for sigma points: the central point, and a pair of points along each column of the covariance's factor.
 
     Source: Julier (2002), "The scaled unscented transformation"; with alpha 1, beta 0 and no kappa the original points,
     Julier and Uhlmann (1997), equations 11 and 12.
@@ -163,10 +163,13 @@ class SymmetricSet:
     alpha: float
     beta: float
     kappa: float | None
-    """None: three minus the dimension."""
+    """Scaling parameter; None for three minus the dimension."""
 
     def weights(self, dimension: int) -> tuple[float, float, float, float]:
-        """Distance in standard deviations; weight of the centre in the mean and in the covariance; of each other."""
+        """Return the distance in standard deviations and the weights of the points.
+
+        The weights are the centre's in the mean, the centre's in the covariance, and any other point's.
+        """
         kappa = 3.0 - dimension if self.kappa is None else self.kappa
         scaled = self.alpha**2 * (dimension + kappa)
         centre = (scaled - dimension) / scaled
@@ -179,11 +182,11 @@ CUBATURE = SymmetricSet(1.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class SigmaPointFilter(SingleModelFilter):
-    """The unscented Kalman filter, and with ``CUBATURE`` the cubature Kalman filter.
+    """Unscented Kalman filter, and with ``CUBATURE`` cubature Kalman filter.
 
-    ``augmented``: the driving noise is part of the state whose points go through the transition, and the points that
-    the prediction moved serve the update. Otherwise the process noise is added to the predicted covariance and the
-    points are drawn anew. Source: Wan and van der Merwe (2000), algorithm 2.1; Särkkä (2013), algorithms 5.14 and 5.15.
+    ``augmented``: the driving noise is part of the state whose points go through the transition, and the update uses
+    the predicted points. Otherwise the process noise is added to the predicted covariance and new points are drawn.
+    Source: Wan and van der Merwe (2000), algorithm 2.1; Särkkä (2013), algorithms 5.14 and 5.15.
     """
 
     rule: SymmetricSet
@@ -191,8 +194,8 @@ class SigmaPointFilter(SingleModelFilter):
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         motion = self.motion
-        belief = belief if belief.factor is not None else guarded(belief)
-        noises = self._noises
+        belief = belief if belief.factor is not None else with_factor(belief)
+        noises = self._noise_count
         distance, _, centre_weight, weight = self.rule.weights(len(belief.mean) + noises)
         moved = motion.transition(_points(belief, distance), dt)
         if noises:
@@ -208,23 +211,22 @@ class SigmaPointFilter(SingleModelFilter):
         return Belief(mean, linalg.rounded_up(covariance), points=moved if noises else None, repaired=belief.repaired)
 
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        belief, size = guarded(belief), len(belief.mean)
-        distance, _, _, weight = self.rule.weights(size + self._noises)
+        belief, size = with_factor(belief), len(belief.mean)
+        distance, _, _, weight = self.rule.weights(size + self._noise_count)
         moved = self.motion.transition(_points(belief, distance), dt)
         away = difference(moved, moved[:, :1], self.motion.angular)
-        # Of the other points, the centre and those of the noises, the state before has no deviation.
+        # The other points, the centre and those of the noises, have no deviation in the state before.
         across = away[:, 1 : size + 1] - away[:, size + 1 :]
         return weight * distance * linalg.matmul_transposed(factor_of(belief), across)
 
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
-        return self._expected(belief, scan)[0]
+        return self._predict_with_spread(belief, scan)[0]
 
-    def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Remainder]:
-        """What the belief expects of a scan, and what remains of its covariance after it."""
+    def _predict_with_spread(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Remainder]:
         motion, sensor = self.motion, SENSOR_MODELS[scan.kind]
         points = belief.points
         if points is None:
-            belief = guarded(belief)
+            belief = with_factor(belief)
             columns = self.rule.weights(len(belief.mean))[0] * factor_of(belief)
             state_deviations = np.concatenate([np.zeros_like(columns[:, :1]), columns, -columns], axis=1)
             points = belief.mean[:, None] + state_deviations
@@ -244,27 +246,26 @@ class SigmaPointFilter(SingleModelFilter):
         return predicted, square_root(state_deviations, deviations, self.measured(scan).noise, weighted)
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        belief, remainder = belief if belief.points is not None else guarded(belief), None
+        belief, remainder = belief if belief.points is not None else with_factor(belief), None
         if predicted is None:
-            predicted, remainder = self._expected(belief, scan)
+            predicted, remainder = self._predict_with_spread(belief, scan)
         update = linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular, remainder)
-        return update._replace(belief=guarded(update.belief))
+        return update._replace(belief=with_factor(update.belief))
 
     @property
-    def _noises(self) -> int:
-        """How many driving noises are part of the state whose points go through the transition."""
+    def _noise_count(self) -> int:
         return len(self.motion.noise_sigma) if self.augmented else 0
 
 
 def _points(belief: Belief, distance: float) -> Array:
-    """``(n, 2 n + 1, ...)``: the centre, then one and the other point of each pair."""
+    """Return ``(n, 2 n + 1, ...)``: the centre, then the first points of all pairs, then the second points."""
     centre = belief.mean[:, None]
     columns = distance * factor_of(belief)
     return np.concatenate([centre, centre + columns, centre - columns], axis=1)
 
 
 def _weighted(a: Array, b: Array, centre: float, other: float) -> Array:
-    """``sum_s w_s a_s b_s^T`` of deviations ``(n, s, ...)`` and ``(m, s, ...)``; the central point comes first."""
+    """Compute ``sum_s w_s a_s b_s^T`` of deviations ``(n, s, ...)`` and ``(m, s, ...)``, the central point first."""
     outer = linalg.matmul_transposed(a[:, 1:], b[:, 1:]) * other
     if centre == 0.0:
         return outer

@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
 from trackbench.engine.choice import Engine, filter_by, used
 from trackbench.engine.equations import EngineUsed
-from trackbench.filters import Filter, Step, StepGuard, Update, bare, choose
+from trackbench.filters import Filter, Step, StepGuard, Update, choose, compact
 from trackbench.models.motion import Kinematics
 from trackbench.models.motion.base import YAW
 from trackbench.trackers import initial
@@ -306,5 +306,5 @@ class SmoothedTracker:
                 own = own or tracker.advances(scan.sensor)
             assert state is not None
             seen = state if own else tracker.predicted(state, time)
-            instants.append((seen._replace(time=time, belief=bare(seen.belief)), own))
+            instants.append((seen._replace(time=time, belief=compact(seen.belief)), own))
         return instants

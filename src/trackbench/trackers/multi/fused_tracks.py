@@ -20,7 +20,7 @@ from trackbench.engine.beliefs import (
 )
 from trackbench.engine.equations import Values
 from trackbench.engine.filters import FilterCall, FusedFilter, predicted_belief
-from trackbench.filters import AnyBelief, bare, choose
+from trackbench.filters import AnyBelief, choose, compact
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi.mixture import of_slots
 from trackbench.trackers.multi.table import (
@@ -84,7 +84,7 @@ class FusedTrackFilter(TrackFilter):
             few, many = ~large[track], large[track]
             rest = self.mixture(at, scan, track[few], detection[few], share[few], kept)
             mixed = super().mixture(at, scan, track[many], detection[many], share[many], kept)
-            return choose(large, mixed, bare(rest))
+            return choose(large, mixed, compact(rest))
         of_slot, weight = np.full((slots, len(kept)), NONE), np.zeros((slots, len(kept)))
         of_slot[slot, track], weight[slot, track] = detection, share
         in_slot = [selected_detections(scan, which) for which in of_slot]
@@ -111,13 +111,13 @@ def _begun(call: FilterCall, values: Values, initial: InitialConfig) -> Values:
 def _expected(call: FilterCall, values: Values, view: FieldOfView | None) -> Values:
     scan = any_scan(values, call.scan)._replace(field_of_view=view)
     result = expected(call.filter, predicted_belief(call, values), scan)
-    return {**belief_values(bare(result.belief)), **prediction_values(result.measurement), "in view": result.in_view}
+    return {**belief_values(compact(result.belief)), **prediction_values(result.measurement), "in view": result.in_view}
 
 
 def _after(call: FilterCall, values: Values) -> Values:
     before, scan = belief_of(values, call.modes), scan_of(values, call.scan)
     after = call.filter.update(before, scan, prediction_of(values, call.modes)).belief
-    return belief_values(choose(scan.valid, bare(after), bare(before)))
+    return belief_values(choose(scan.valid, compact(after), compact(before)))
 
 
 def _mixture(call: FilterCall, values: Values, slots: int) -> Values:
@@ -126,7 +126,7 @@ def _mixture(call: FilterCall, values: Values, slots: int) -> Values:
     for number in range(slots):
         own = {name: values.get(f"{name} {number}", values.get(name)) for name in ("measurement", "noise")}
         scans.append(scan_of({**values, **own}, call.scan))
-    updated = [bare(call.filter.update(before, scan, predicted).belief) for scan in scans]
+    updated = [compact(call.filter.update(before, scan, predicted).belief) for scan in scans]
     share = [values[f"share {number}"] for number in range(slots)]
-    mixed = of_slots(call.filter.motions, bare(before), updated, share, values["kept"])
-    return belief_values(choose(values["valid"], mixed, bare(before)))
+    mixed = of_slots(call.filter.motions, compact(before), updated, share, values["kept"])
+    return belief_values(choose(values["valid"], mixed, compact(before)))

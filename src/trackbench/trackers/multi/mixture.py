@@ -14,7 +14,7 @@ from trackbench.base.units import difference
 from trackbench.engine.equations import Compute, Equations, by_numpy
 from trackbench.filters import AnyBelief, Belief, MultiModelBelief
 from trackbench.filters.base import wrap_components
-from trackbench.filters.imm import LEAST
+from trackbench.filters.imm import LEAST_PROBABILITY
 from trackbench.models.motion import MotionModel
 
 #: Messages are passed until none of a cluster changes by more than this, relative to the largest that one can be...
@@ -208,7 +208,7 @@ def of_pairs(
     assert isinstance(updated, MultiModelBelief)
     missed, hit = kept * before.probability, share * updated.probability
     probability = np.stack([np.bincount(track, each, len(kept)) for each in hit]) + missed
-    probability = np.maximum(probability, LEAST)
+    probability = np.maximum(probability, LEAST_PROBABILITY)
     modes = [
         one_model(motion.angular, mode, other, hit[j] / probability[j, track], missed[j] / probability[j])
         for j, (motion, mode, other) in enumerate(zip(motions, before.modes, updated.modes, strict=True))
@@ -244,7 +244,7 @@ def of_slots(
         kept * before.probability,
         [weight * belief.probability for belief, weight in zip(several, share, strict=True)],
     )
-    probability = np.maximum(reduce(add, hit) + missed, LEAST)
+    probability = np.maximum(reduce(add, hit) + missed, LEAST_PROBABILITY)
     modes = [
         one_model(
             motion.angular,

@@ -14,7 +14,7 @@ from trackbench.filters import (
     Filter,
     Measured,
     PredictedMeasurement,
-    bare,
+    compact,
     concatenated,
     select,
     selected_prediction,
@@ -182,7 +182,7 @@ class TrackFilter:
 
     def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
         """Of the L tracks: the belief after the detection ``(L,)`` of each; as it was where that is negative."""
-        belief, track = bare(at.belief), np.flatnonzero(detection >= 0)
+        belief, track = compact(at.belief), np.flatnonzero(detection >= 0)
         return with_members(belief, track, self.after(at, scan, track, detection[track])) if len(track) else belief
 
     def mixture(
@@ -197,7 +197,7 @@ class TrackFilter:
             share: ``(P,)`` the probability of each detection.
             kept: ``(L,)`` the probability of none.
         """
-        before = bare(at.belief)
+        before = compact(at.belief)
         if not len(track):
             return before
         return of_pairs(self.filter.motions, before, self.after(at, scan, track, detection), track, share, kept)

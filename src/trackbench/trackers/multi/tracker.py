@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base.types import Indices, Scan, Tracks, with_sensor_of
 from trackbench.engine.choice import compute_by
-from trackbench.filters import AnyBelief, bare
+from trackbench.filters import AnyBelief, compact
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import COUNTING, EXISTENCE, AssociateConfig
 from trackbench.trackers.builtin import filter_of
@@ -154,7 +154,7 @@ class MultiObjectTracker(BuiltInTracker):
     def _prediction(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
         ahead, belief = self._at(state, time), state.table.belief
         if len(state.table.run):
-            belief = bare(self._track_filter.filter.predict(belief, time - state.time))
+            belief = compact(self._track_filter.filter.predict(belief, time - state.time))
         ahead = ahead._replace(table=ahead.table._replace(belief=belief))
         table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
         return ahead, self._tracks(table, len(ahead.next_id))
@@ -163,7 +163,7 @@ class MultiObjectTracker(BuiltInTracker):
         """The tracks of one run, ``(K,)``, as they were expected at the latest scan, before its detections."""
         assert state.before is not None
         assert state.expected is not None
-        table = state.before._replace(belief=bare(state.expected)).select(state.before.run == run)
+        table = state.before._replace(belief=compact(state.expected)).select(state.before.run == run)
         return _alone(
             self._tracks(table._replace(run=np.zeros_like(table.run), used=np.full_like(table.used, NONE)), 1)
         )
