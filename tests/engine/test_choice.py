@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from trackbench.engine import choice
-from trackbench.engine.choice import chosen
+from trackbench.engine.choice import choose_engine
 from trackbench.engine.equations import EngineUsed
 from trackbench.runner.loop import run_block
 from trackbench.runner.work import work_of
@@ -94,10 +94,10 @@ def test_auto_computes_by_numpy_without_llvmlite_and_says_so_if_asked(
 
 @pytest.mark.usefixtures("with_llvmlite")
 def test_auto_takes_the_fused_engine_where_there_is_work_enough() -> None:
-    assert chosen("auto", choice.WORTH_COMPILING - 1) == "numpy"
-    assert chosen("auto", choice.WORTH_COMPILING) == "fused"
-    assert chosen("numpy", 10**9) == "numpy"
-    assert chosen("fused", 1) == "fused"
+    assert choose_engine("auto", choice.WORTH_COMPILING - 1) == "numpy"
+    assert choose_engine("auto", choice.WORTH_COMPILING) == "fused"
+    assert choose_engine("numpy", 10**9) == "numpy"
+    assert choose_engine("fused", 1) == "fused"
 
 
 def test_a_result_names_the_engine_that_was_asked_for(cli: Cli, tiny: Path, tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 The engine compiles them; NumPy evaluates the same operations where scans are made.
 
-Coefficients: W. J. Cody and W. Waite (1980), "Software Manual for the Elementary Functions", as FreeBSD's msun has
-them. ``ERROR`` holds the largest errors that the tests find.
+Coefficients: W. J. Cody and W. Waite (1980), "Software Manual for the Elementary Functions", in the form of FreeBSD's
+msun. ``ERROR`` holds the largest errors that the tests find.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from trackbench.engine.graph import Graph, Node, ordered
 
 #: Largest errors against correctly rounded values, in units in the last place.
 ERROR = {"sin": 2.5, "cos": 2.5, "arctan2": 2.5, "exp": 1.0, "log": 1.0, "hypot": 1.5}
-#: Added to a number of less than 2^51, it leaves a whole number in the last bits.
+#: Addend that rounds a number below 2^51 to a whole number in the last bits.
 WHOLE = 1.5 * 2.0**52
-#: Beyond this angle (rad) the multiple of pi/2 below is no longer exact.
+#: Largest angle, rad, for which the multiple of pi/2 in parts is exact.
 LARGEST_ANGLE = 2.0**20
-#: Between these a sum of two squares has lost nothing.
+#: Range in which a sum of two squares keeps all its digits.
 SMALLEST_SQUARE, LARGEST_SQUARE = 1e-280, 1e300
-#: pi/2 in three parts of 33 bits, and what is left. Source: FreeBSD msun, e_rem_pio2.c.
+#: pi/2 in three parts of 33 bits, and the remainder. Source: FreeBSD msun, e_rem_pio2.c.
 QUARTER_TURN = (
     1.57079632673412561417e00,
     6.07710050630396597660e-11,
     2.02226624871116645580e-21,
     8.47842766036889956997e-32,
 )
-#: Of the odd powers from the eleventh on down, those at an even place and those at an odd one.
+#: Coefficients of the arc tangent, the highest power first: those of even index, then those of odd index.
 ATAN = (
     (
         1.62858201153657823623e-02,
@@ -51,7 +51,7 @@ ATAN = (
         -1.99999999998764832476e-01,
     ),
 )
-#: The angles whose tangents are 1/2 and 1, each with what is left of it.
+#: Angles whose tangents are 1/2 and 1, each a double and its remainder.
 ATAN_HALF = (4.63647609000806093515e-01, 2.26987774529616870924e-17)
 ATAN_ONE = (7.85398163397448278999e-01, 3.06161699786838301793e-17)
 SIN = (
@@ -95,7 +95,7 @@ def _operator(op: str) -> Callable[[Any, Term | float], Term]:
 
 @dataclass(frozen=True)
 class Term:
-    """A node with operators, so that formulas read as such."""
+    """Node with operators, so that formulas are readable."""
 
     graph: Graph
     node: Node
@@ -111,13 +111,11 @@ class Term:
 
 
 def _apply(graph: Graph, op: str, *values: Term | float) -> Term:
-    """An operation on terms and numbers."""
     nodes = [value.node if isinstance(value, Term) else graph.constant(value) for value in values]
     return Term(graph, graph.apply(op, *nodes))
 
 
 def _where(condition: Term, yes: Term | float, no: Term | float) -> Term:
-    """One of two terms."""
     return _apply(condition.graph, "where", condition, yes, no)
 
 
@@ -129,15 +127,15 @@ def polynomial(x: Any, coefficients: Sequence[float]) -> Any:
     return result
 
 
-def _refuse(condition: Term) -> None:
-    """Members of which a condition holds are computed by NumPy; of a NaN no comparison does."""
+def _leave_to_numpy(condition: Term) -> None:
+    """Add the guard that a condition does not hold; a comparison with NaN never holds."""
     condition.graph.guards.append(_apply(condition.graph, "not", condition).node)
 
 
-def _turned(x: Term) -> tuple[Term, Term]:
-    """How many quarter turns are in an angle, plus ``WHOLE``; and the rest, -pi/4 to pi/4."""
+def _quarter_turns(x: Term) -> tuple[Term, Term]:
+    """Return the number of quarter turns in an angle plus ``WHOLE``, and the remaining angle, -pi/4 to pi/4."""
     graph = x.graph
-    _refuse(_apply(graph, "abs", x) > LARGEST_ANGLE)
+    _leave_to_numpy(_apply(graph, "abs", x) > LARGEST_ANGLE)
     whole = x * 0.6366197723675814 + WHOLE
     turns, rest = whole - WHOLE, x
     for part in QUARTER_TURN:
@@ -146,7 +144,7 @@ def _turned(x: Term) -> tuple[Term, Term]:
 
 
 def _circular(x: Term, shift: float) -> Term:
-    whole, rest = _turned(x)
+    whole, rest = _quarter_turns(x)
     whole, square = whole + shift, rest * rest
     cosine = 1.0 - (square * 0.5 - square * square * polynomial(square, COS))
     sine = rest + rest * square * polynomial(square, SIN)
@@ -156,27 +154,27 @@ def _circular(x: Term, shift: float) -> Term:
 
 
 def sin(x: Term) -> Term:
-    """Sine of an angle in rad."""
+    """Return the sine of an angle in rad."""
     return _circular(x, 0.0)
 
 
 def cos(x: Term) -> Term:
-    """Cosine of an angle in rad."""
+    """Return the cosine of an angle in rad."""
     return _circular(x, 1.0)
 
 
 def arctan2(y: Term, x: Term) -> Term:
-    """The angle of the point (x, y), -pi to pi."""
+    """Return the angle of the point (x, y), -pi to pi."""
     graph = y.graph
     width, height = _apply(graph, "abs", x), _apply(graph, "abs", y)
     small, large = _apply(graph, "min", width, height), _apply(graph, "max", width, height)
-    _refuse(_apply(graph, "eq", large, float("inf")))
+    _leave_to_numpy(_apply(graph, "eq", large, float("inf")))
     large = _where(_apply(graph, "eq", large, 0.0), 1.0, large)
-    # The tangent of the angle, or of what it is more than one whose tangent is 1/2 or 1.
-    half, one = small > large * 0.4375, small > large * 0.6875
-    above = _where(one, small - large, _where(half, small * 2.0 - large, small))
-    below = _where(one, small + large, _where(half, large * 2.0 + small, large))
-    near, rest = (_where(one, ATAN_ONE[i], _where(half, ATAN_HALF[i], 0.0)) for i in (0, 1))
+    # Tangent of the angle, or of its excess over the angle whose tangent is 1/2 or 1.
+    over_half, over_one = small > large * 0.4375, small > large * 0.6875
+    above = _where(over_one, small - large, _where(over_half, small * 2.0 - large, small))
+    below = _where(over_one, small + large, _where(over_half, large * 2.0 + small, large))
+    near, rest = (_where(over_one, ATAN_ONE[i], _where(over_half, ATAN_HALF[i], 0.0)) for i in (0, 1))
     ratio = above / below
     square = ratio * ratio
     even, odd = (polynomial(square * square, coefficients) for coefficients in ATAN)
@@ -187,24 +185,24 @@ def arctan2(y: Term, x: Term) -> Term:
 
 
 def exp(x: Term) -> Term:
-    """e to the power of x."""
+    """Return the exponential of x."""
     graph = x.graph
     bounded = _apply(graph, "max", _apply(graph, "min", x, 710.0), -746.0)
     power = _apply(graph, "rint", bounded * 1.4426950408889634)
-    # A NaN has no bits of a whole number.
+    # NaN has no whole power.
     power = _where(_apply(graph, "eq", power, power), power, 0.0)
     high, low = bounded - power * LN2_HIGH, power * LN2_LOW
     rest = high - low
     square = rest * rest
     change: Term = rest - square * polynomial(square, EXP)
     near = 1.0 - ((low - rest * change / (2.0 - change)) - high)
-    # In two steps, since the power of two alone may be too large or too small.
+    # Two factors, since a single power of two may overflow or underflow.
     first = _apply(graph, "floor", power * 0.5)
     return near * _apply(graph, "power2", first) * _apply(graph, "power2", power - first)
 
 
 def log(x: Term) -> Term:
-    """Natural logarithm; NaN of negative numbers, -inf of zero."""
+    """Return the natural logarithm; NaN for negative numbers, -inf for zero."""
     graph = x.graph
     tiny = x < 2.2250738585072014e-308
     scaled = _where(tiny, x * 2.0**54, x)
@@ -224,16 +222,16 @@ def log(x: Term) -> Term:
 
 
 def hypot(x: Term, y: Term) -> Term:
-    """Length of a vector."""
+    """Return the length of a vector."""
     graph = x.graph
     square = x * x + y * y
-    # Of other squares some bits, or all, are lost.
+    # Smaller and larger squares lose bits.
     both_zero = _apply(graph, "and", *(_apply(graph, "eq", side, 0.0) for side in (x, y)))
     lost = _apply(graph, "and", square < SMALLEST_SQUARE, _apply(graph, "not", both_zero))
-    # The length of what has an infinite component is infinite even where the other is no number.
+    # A vector with an infinite component has infinite length, even where the other component is NaN.
     infinite = [_apply(graph, "eq", _apply(graph, "abs", side), float("inf")) for side in (x, y)]
     for condition in (lost, square > LARGEST_SQUARE, *infinite):
-        _refuse(condition)
+        _leave_to_numpy(condition)
     return _apply(graph, "sqrt", square)
 
 
@@ -248,7 +246,7 @@ FUNCTIONS: dict[str, Callable[..., Term]] = {
 
 
 def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
-    """The same values without transcendental functions; the guards of the graph as well, and what they then need."""
+    """Replace transcendental functions by arithmetic in ``roots``, and in the guards of the graph, to which it adds."""
     lowered_nodes: dict[int, Node] = {}
     guards, graph.guards = graph.guards, []
     for node in ordered([*roots, *guards]):
@@ -261,7 +259,7 @@ def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
     return [lowered_nodes[root.number] for root in roots]
 
 
-#: What NumPy makes of the operations of ``arctan2``.
+#: NumPy function for each operation of ``arctan2``.
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
@@ -280,7 +278,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 class Immediate:
-    """In the place of a graph: arrays are computed at once."""
+    """Stand-in for a graph that computes with arrays at once."""
 
     def __init__(self) -> None:
         self.guards: list[Any] = []
@@ -293,7 +291,7 @@ class Immediate:
 
 
 class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
-    """An array of which ``numpy.arctan2`` is computed by arithmetic: NumPy's own has other bits on other processors."""
+    """Array whose ``numpy.arctan2`` is computed by arithmetic: NumPy's bits differ between processors."""
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **options: Any) -> Any:
         if "out" in options:
@@ -311,7 +309,7 @@ class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
 def _angles(y: Array, x: Array) -> Array:
     """Return ``arctan2`` of arrays of one shape, with the bits of the function of terms.
 
-    A ratio of at most 7/16 needs neither a reduction of the angle nor a guard: there the polynomial alone is computed.
+    A ratio of at most 7/16 needs neither a reduction of the angle nor a guard, so the polynomial alone is computed.
     """
     height = np.abs(y)
     with np.errstate(all="ignore"):
@@ -319,13 +317,13 @@ def _angles(y: Array, x: Array) -> Array:
         square = ratio * ratio
         even, odd = (polynomial(square * square, coefficients) for coefficients in ATAN)
         result: Array = np.copysign(ratio - ratio * (square * (even + square * odd)), y)
-    elsewhere = ~((height <= x * 0.4375) & (x > 0.0) & (x < np.inf))
-    if elsewhere.any():
+    is_general = ~((height <= x * 0.4375) & (x > 0.0) & (x < np.inf))
+    if is_general.any():
         graph: Any = Immediate()
-        y, x = y[elsewhere], x[elsewhere]
+        y, x = y[is_general], x[is_general]
         with np.errstate(all="ignore"):
             angle: Any = arctan2(*(Term(graph, value) for value in (y, x))).node  # type: ignore[arg-type]
-        result[elsewhere] = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(y, x))
+        result[is_general] = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(y, x))
     return result
 
 
@@ -334,5 +332,5 @@ def _plain(value: Any) -> Any:
 
 
 def by_arithmetic(values: npt.ArrayLike) -> Array:
-    """The same numbers, as ``ByArithmetic`` computes with them."""
+    """Return numbers as a ``ByArithmetic`` array."""
     return np.asarray(values).view(ByArithmetic)

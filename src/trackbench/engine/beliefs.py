@@ -1,4 +1,4 @@
-"""Beliefs, scans and predicted measurements as named arrays, and back."""
+"""Conversion of beliefs, scans and predicted measurements to named arrays, and back."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from trackbench.base.types import Scan
 from trackbench.engine.equations import Values
 from trackbench.filters import AnyBelief, Belief, MultiModelBelief, PredictedMeasurement
 
-#: What a filter can make again of the rest of a belief.
+#: Parts of a belief that a filter can recompute from the other parts.
 REUSED = ("factor", "points")
-#: Number of component axes of each part, by the name without the number of a mode.
+#: Number of component axes of each array, by its name without the number of a mode.
 RANKS = {
     "mean": 1,
     "covariance": 2,
@@ -38,12 +38,12 @@ RANKS = {
 
 
 def component_axes(name: str) -> int:
-    """Number of component axes of a named array; of options that are stated in numbers, see ``options``."""
+    """Return the number of component axes of a named array that is no option."""
     return RANKS[name.partition(" ")[0]]
 
 
 def belief_values(belief: AnyBelief, at: str = "", without: Collection[str] = ()) -> dict[str, Any]:
-    """The arrays of a belief; ``at`` is put behind each name, and what is named in ``without`` is left out."""
+    """Return the arrays of a belief by name; ``at`` ends each name, and names in ``without`` are left out."""
     result: dict[str, Any]
     if isinstance(belief, MultiModelBelief):
         result = {"probability" + at: belief.probability}
@@ -60,7 +60,7 @@ def belief_values(belief: AnyBelief, at: str = "", without: Collection[str] = ()
 
 
 def belief_of(values: Values, modes: int, at: str = "") -> AnyBelief:
-    """The belief of arrays; ``modes``: how many it has, 0 where it is of one motion model."""
+    """Build a belief from named arrays; ``modes`` is its number of modes, 0 for a single motion model."""
     if modes:
         parts = [belief_of(values, 0, f"{at} {number}") for number in range(modes)]
         singles = tuple(part for part in parts if isinstance(part, Belief))
@@ -75,7 +75,7 @@ def _belief_names(at: str) -> list[str]:
 
 
 def prediction_values(predicted: PredictedMeasurement, at: str = "") -> dict[str, Any]:
-    """The arrays of a predicted measurement."""
+    """Return the arrays of a predicted measurement by name."""
     result = {"expected" + at: predicted.mean, "spread" + at: predicted.covariance, "cross" + at: predicted.cross}
     for number, mode in enumerate(predicted.modes):
         result |= prediction_values(mode, f"{at} {number}")
@@ -83,31 +83,31 @@ def prediction_values(predicted: PredictedMeasurement, at: str = "") -> dict[str
 
 
 def prediction_of(values: Values, modes: int, at: str = "") -> PredictedMeasurement:
-    """The predicted measurement of arrays."""
+    """Build a predicted measurement from named arrays."""
     parts = tuple([prediction_of(values, 0, f"{at} {number}") for number in range(modes)]) if modes else ()
     return PredictedMeasurement(values["expected" + at], values["spread" + at], values["cross" + at], parts)
 
 
 def scan_values(scan: Scan) -> dict[str, Any]:
-    """What equations know of a scan."""
+    """Return the arrays of a scan by name."""
     noise, pose, velocity = scan.noise_covariance, scan.sensor_pose, scan.sensor_velocity
     return {"measurement": scan.measurement, "valid": scan.valid, "noise": noise, "pose": pose, "velocity": velocity}
 
 
 def sensor_values(scan: Scan) -> dict[str, Any]:
-    """What equations that do not look at the measurements know of a scan."""
+    """Return the arrays of a scan by name, without its measurements."""
     return {"noise": scan.noise_covariance, "pose": scan.sensor_pose, "velocity": scan.sensor_velocity}
 
 
-def any_scan(values: Values, of: Scan) -> Scan:
-    """The scan, with a measurement that means nothing."""
+def any_scan(values: Values, scan: Scan) -> Scan:
+    """Return the scan with named arrays in place of its own, and a meaningless measurement."""
     measurement = np.zeros(len(values["noise"]))
-    return scan_of({**values, "measurement": measurement, "valid": np.ones((), dtype=bool)}, of)
+    return scan_of({**values, "measurement": measurement, "valid": np.ones((), dtype=bool)}, scan)
 
 
-def scan_of(values: Values, of: Scan) -> Scan:
-    """The scan with arrays in place of its own."""
-    return of._replace(
+def scan_of(values: Values, scan: Scan) -> Scan:
+    """Return the scan with named arrays in place of its own."""
+    return scan._replace(
         measurement=values["measurement"],
         valid=values["valid"],
         noise_covariance=values["noise"],
@@ -117,7 +117,7 @@ def scan_of(values: Values, of: Scan) -> Scan:
 
 
 def scan_placeholder(kind: str, sensor: str | None) -> Scan:
-    """Return a scan of which nothing is known but its kind, and its sensor if stated, so that no more can be traced."""
+    """Return a scan with nothing but its kind, and its sensor if stated, so that no more can be traced."""
     known = {"kind": kind, "sensor": sensor}
     fields: list[Any] = [known.get(name) for name in Scan._fields]
     return Scan(*fields)

@@ -1,4 +1,4 @@
-"""Which engine computes: NumPy, the reference, or the fused one, which compiles the same functions."""
+"""Choice between the engines: NumPy, the reference, or the fused engine, which compiles the same functions."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ Engine = Literal["numpy", "fused"]
 EngineName = Literal["auto", "numpy", "fused"]
 ENGINE_NAMES: tuple[EngineName, ...] = get_args(EngineName)
 
-#: Steps of single objects from which the fused engine saves more time than it takes to compile.
+#: Number of steps of single objects from which compiling saves more time than it takes.
 WORTH_COMPILING = 20_000
 
 log = logging.getLogger(__name__)
 
 
 def require_engine(name: str) -> None:
-    """Make sure that an engine can be had.
+    """Make sure that an engine is available.
 
     Raises:
-        InputError: there is none of this name, or it is the fused one, which cannot be had here; says why.
+        InputError: no engine has this name, or the fused engine is not available on this machine.
     """
     if name not in ENGINE_NAMES:
         raise InputError(f"no engine {name!r}; {nearest_choices(str(name), ENGINE_NAMES)}", key="engine")
@@ -38,15 +38,15 @@ def require_engine(name: str) -> None:
         raise InputError(f"the fused engine cannot be used: {reason}", key="engine")
 
 
-def chosen(name: EngineName, steps: int) -> Engine:
-    """The engine that computes.
+def choose_engine(name: EngineName, steps: int) -> Engine:
+    """Return the engine that computes a run.
 
     Args:
-        name: ``auto``: the fused one where it can be had and there is work enough, else NumPy.
-        steps: how many steps of single objects all trackers together take.
+        name: ``auto``: the fused engine where it is available and there is enough work, else NumPy.
+        steps: number of steps of single objects, over all trackers.
 
     Raises:
-        InputError: there is none of this name, or it is the fused one, which cannot be had here; says why.
+        InputError: no engine has this name, or the fused engine is not available on this machine.
     """
     require_engine(name)
     if name != "auto":
@@ -60,24 +60,24 @@ def chosen(name: EngineName, steps: int) -> Engine:
 
 
 def _kernels() -> Kernels:
-    # Its import takes a moment.
+    # The import takes a moment, which NumPy need not wait for.
     from trackbench.engine.filters import kernels
 
     return kernels()
 
 
 def seconds_on_kernels(engine: Engine) -> float:
-    """How long this process has spent on making kernels so far."""
+    """Return the time that this process has spent on making kernels, s."""
     return 0.0 if engine == "numpy" else _kernels().seconds
 
 
 def compute_by(engine: Engine) -> Compute:
-    """How an engine computes equations."""
+    """Return the function with which an engine computes equations."""
     return by_numpy if engine == "numpy" else _kernels()
 
 
 def kernels_of(compute: Compute, members: int) -> Kernels | None:
-    """The kernels that compute, where they can make sequences of calls for groups of so many members."""
+    """Return ``compute`` if it can run sequences of calls for groups of so many members; else None."""
     if compute is by_numpy:
         return None
     from trackbench.engine.kernels import Kernels
@@ -87,7 +87,7 @@ def kernels_of(compute: Compute, members: int) -> Kernels | None:
 
 
 def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
-    """A filter as an engine computes it."""
+    """Return a filter that computes with an engine."""
     if engine == "numpy":
         return filter
     from trackbench.engine.filters import fused_filter
@@ -97,7 +97,7 @@ def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
 
 @contextmanager
 def users_kernels_compared(engine: Engine, compares: bool) -> Iterator[None]:
-    """Choose whether kernels of users' models are compared with NumPy; only the first block of a run needs it."""
+    """Set for the context whether users' kernels are compared with NumPy, as in the first block of a run."""
     if engine == "numpy":
         yield
         return
@@ -108,7 +108,7 @@ def users_kernels_compared(engine: Engine, compares: bool) -> Iterator[None]:
         _kernels().compares = before
 
 
-def used(filter: Filter[Any]) -> EngineUsed:
-    """What computed the steps of such a filter so far."""
+def engine_used_by(filter: Filter[Any]) -> EngineUsed:
+    """Return which engine computed the steps of a filter so far."""
     result: EngineUsed = getattr(filter, "used", EngineUsed("numpy"))
     return result

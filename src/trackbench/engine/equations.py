@@ -1,4 +1,4 @@
-"""Equations that an engine computes, and what computed them."""
+"""Equations that an engine computes, and the record of the engines that computed them."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ ComputedBy = Literal["numpy", "fused", "fused and numpy"]
 
 
 class EngineUsed(NamedTuple):
-    """What computed the steps of a built-in tracker."""
+    """Record of the engine that computed the steps of a built-in tracker."""
 
     engine: ComputedBy
     why_numpy: str = ""
-    """Why the fused engine left some or all of them to NumPy; else empty."""
+    """Reasons why the fused engine left steps to NumPy; empty if it left none."""
     again: int = 0
-    """Number of members of batches that NumPy computed again because their guard did not hold."""
+    """Number of members of batches that NumPy recomputed because their guard did not hold."""
     of_pure: bool = False
     """Whether ``why_numpy`` concerns a user's class that says ``pure = True``."""
     differs: bool = False
-    """Whether a kernel of a user's class gave other numbers than NumPy, so that NumPy computes all runs again."""
+    """Whether a kernel of a user's class gave other numbers than NumPy, so that NumPy recomputes all runs."""
 
 
 def joined_engines(parts: Iterable[EngineUsed]) -> EngineUsed | None:
-    """What computed all parts together; None where there are none."""
+    """Merge the records of all parts of a run; return None without parts."""
     used = list(parts)
     if not used:
         return None
@@ -39,66 +39,67 @@ def joined_engines(parts: Iterable[EngineUsed]) -> EngineUsed | None:
     return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in used), of_pure, differs)
 
 
-#: Arrays by name; inside a function each is ``(components..., batch...)``, or without batch axes the same for all.
+#: Arrays by name, in equations ``(components..., batch...)``; all members share an array without batch axes.
 Values = Mapping[str, Any]
 
 
 class Equations(NamedTuple):
-    """A function of components, written with NumPy, that gives the same for a member whatever else is in the batch."""
+    """Function written with NumPy, whose result for a member of a batch does not depend on the other members."""
 
     name: str
-    """What it computes, as a user is told."""
+    """Name of the result, for messages."""
     function: Callable[[Values], Values]
     ranks: Mapping[str, int]
-    """Number of component axes of each input; what follows them are batch axes."""
+    """Number of component axes of each input; batch axes follow."""
     symmetric: frozenset[str] = frozenset()
     """Inputs that are symmetric matrices."""
     counted: Mapping[str, str] = {}
-    """Inputs and outputs that mean nothing, and need not be finite, where a mask among the inputs does not hold."""
+    """Name of a mask among the inputs, for each input or output that means nothing, and need not be finite, where that
+    mask is False."""
     key: Hashable = None
-    """Where ``function`` was made for something: for what, so that others of the same name are told apart."""
+    """Key that tells equations of one name apart; None where the name does."""
     modes: Mapping[str, str] = {}
-    """Outputs that a sequence of calls does not write but adds up: how, as ``trackbench.engine.layout`` has it."""
+    """Mode of each output that a sequence of calls adds up, ``ADDED`` or ``SUMMED`` of ``layout``."""
     user_types: tuple[type, ...] = ()
-    """Classes of motion models and sensors that the function calls and that are not the package's own."""
+    """Users' classes of motion models and sensors that the function calls."""
 
 
 class Compute(Protocol):
-    """How equations are computed."""
+    """Function that computes equations."""
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
-        """What the equations give, each ``(components..., batch...)`` with all batch axes.
+        """Return the outputs of equations by name, each ``(components..., batch...)`` with all batch axes.
 
         Args:
-            equations: what to compute.
+            equations: equations to compute.
             values: the inputs, with the batch axes of ``equations.ranks`` or none; a mask is an array of bool.
         """
         ...
 
 
 def by_numpy(equations: Equations, values: Values) -> dict[str, Array]:
-    """The reference: NumPy computes the function as it stands."""
+    """Compute equations by NumPy, which is the reference."""
     return dict(equations.function(values))
 
 
 def by_numpy_alone(
     equations: Equations, batch: tuple[int, ...], values: Values, outputs: Mapping[str, Array], places: Indices
 ) -> dict[str, Array]:
-    """What NumPy gives of some members of a batch: of each output ``(components..., places)``.
+    """Compute some members of a batch by NumPy; return outputs ``(components..., places)`` by name.
 
     Args:
-        equations: what to compute.
-        batch: the lengths of the batch axes.
-        values: the inputs of all members.
-        outputs: of all members, as far as there are any.
-        places: numbers of the members that are asked for, all at once.
+        equations: equations to compute.
+        batch: lengths of the batch axes.
+        values: inputs of all members.
+        outputs: outputs of all members, as far as there are any.
+        places: numbers of the members to compute, in one call.
     """
     wanted = len(places)
     if batch and wanted == 1:
-        # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
+        # For a single member NumPy sums in another order, so that its bits would depend on the other members.
         places = places.repeat(2)
     count, outcome = len(places), {}
-    chosen = {name: _members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
+    chosen = {name: _select_members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
     for name, result in by_numpy(equations, chosen).items():
         if result is None:
             continue
@@ -112,7 +113,7 @@ def by_numpy_alone(
 
 
 def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
-    """The batch axes of inputs together."""
+    """Return the batch axes to which the inputs broadcast."""
     shapes = {np.shape(values[name])[rank:] for name, rank in ranks.items()}
     if len(shapes) == 1:
         return shapes.pop()
@@ -120,8 +121,7 @@ def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
     return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
 
-def _members(value: Any, rank: int, batch: tuple[int, ...], places: Indices) -> Any:
-    """Some members of an input, along one batch axis."""
+def _select_members(value: Any, rank: int, batch: tuple[int, ...], places: Indices) -> Any:
     array = np.asarray(value)
     if array.ndim == rank:
         return value
@@ -131,5 +131,5 @@ def _members(value: Any, rank: int, batch: tuple[int, ...], places: Indices) -> 
 
 
 def _one_axis(axes: int, count: int) -> tuple[int, ...]:
-    """The lengths of batch axes of which the last has all members."""
+    """Return the lengths of batch axes where the last axis has all members."""
     return (1,) * (axes - 1) + (count,) * (axes > 0)

@@ -1,4 +1,4 @@
-"""A filter whose equations are computed by kernels."""
+"""Filters whose equations kernels compute."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from trackbench.filters import (
 from trackbench.models.motion import MotionModel
 from trackbench.models.sensors import SENSOR_MODELS
 
-#: Outputs of an update that mean nothing where there is no measurement.
+#: Outputs of an update that mean nothing without a measurement.
 OF_MEASUREMENT = ("innovation", "whitened", "log_likelihood")
-#: Stands for the time of a prediction, s: a kernel is the same for all times.
+#: Placeholder for the time step of a prediction, s: one kernel serves all time steps.
 ANY_TIME = 0.1
 
 
 class FusedFilter:
-    """A filter, each of its steps one kernel; what cannot be traced is computed by the filter itself."""
+    """Filter that computes each step by one kernel, and by NumPy where a step cannot be traced."""
 
     def __init__(self, filter: Filter[Any], kernels: Kernels) -> None:
         self.filter = filter
@@ -51,62 +51,58 @@ class FusedFilter:
         self.modes = 0 if self._chain is None else len(filter.motions)
         self.options = options.options(filter)
         self.form = options.form(filter)
-        # Nothing is to be computed where the state begins with px, py, vx, vy.
+        # A state that begins with px, py, vx, vy needs no conversion.
         self._cartesian_state = type(filter.motions[0]).cartesian_belief is MotionModel.cartesian_belief
         self._sensors_matter = any(motion.sensors_with_errors for motion in filter.motions)
         self._equations: dict[Hashable, Equations] = {}
         self._scan: Any = None
-        """The one that is taken in, of which kernels know but a part."""
+        """Scan of the current call, of which kernels get only the arrays."""
         self._user_types = user_types(filter.motions)
         self._by_kernels, self._again, self._of_pure, self._differs = False, 0, False, False
         self._untraced: dict[str, str] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Machine code stays where it is.
+        # Machine code is not pickled.
         return fused_filter, (self.filter,)
 
     @property
     def used(self) -> EngineUsed:
-        """What computed the steps so far."""
+        """Record of the engines that computed the steps so far."""
         engine: ComputedBy = "fused and numpy" if self._untraced or self._again else "fused"
         if self._untraced and not self._by_kernels:
             engine = "numpy"
-        # What is the same of several kinds of steps is said of the first.
+        # A reason that several kinds of steps share is reported for the first kind.
         firsts = {why: name for name, why in reversed(self._untraced.items())}
         reasons = "; ".join(f"{name}: {why}" for name, why in self._untraced.items() if firsts[why] == name)
         return EngineUsed(engine, reasons, self._again, self._of_pure, self._differs)
 
     @property
     def motions(self) -> tuple[MotionModel, ...]:
-        """The motion models that it runs."""
         return self.filter.motions
 
     @property
     def begin(self) -> Callable[[Callable[[MotionModel], Gaussian]], AnyBelief]:
-        """The belief of a track that starts."""
         return self.filter.begin
 
     @cached_property
     def measured(self) -> Callable[[Scan], Measured]:
-        """The measurements of a scan in the space in which the filter compares them with its predictions."""
         return self.filter.measured
 
     def predict(self, belief: AnyBelief, dt: float) -> AnyBelief:
-        """The belief after ``dt`` seconds."""
         values = belief_values(belief) | self.time(dt)
         return belief_of(self.computed("prediction", _predicted, values), self.modes)
 
     def predict_measurement(self, belief: AnyBelief, scan: Scan) -> PredictedMeasurement:
-        """What the belief expects of a scan, by NumPy."""
+        """Return the predicted measurement for a scan, by NumPy."""
         return self.filter.predict_measurement(belief, scan)
 
     def update(self, belief: AnyBelief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Any]:
-        """The belief after a scan, whose prediction is computed again."""
+        """Return the belief after a scan; the kernel recomputes ``predicted``."""
         values = belief_values(belief) | scan_values(scan)
         return self._update_of(self.computed("update", _updated, values, scan))
 
     def step(self, belief: AnyBelief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Any]:
-        """The belief after a scan that was taken ``dt`` seconds later; see :class:`trackbench.filters.Step`."""
+        """Predict by ``dt`` seconds and update with a scan; see :class:`trackbench.filters.Step`."""
         values = belief_values(belief, without=REUSED) | self.time(dt) | scan_values(scan)
         result = self.computed("step", partial(_step, guard=guard), values, scan, guard)
         cartesian = Gaussian(result["cartesian"], result["cartesian covariance"])
@@ -114,20 +110,19 @@ class FusedFilter:
         return Step(self._update_of(result), cartesian, refused)
 
     def smooth(self, belief: AnyBelief, later: AnyBelief, dt: float) -> AnyBelief:
-        """The belief once it is known what is believed ``dt`` seconds later, by NumPy."""
+        """Return the smoothed belief, by NumPy."""
         self._untraced.setdefault("smoothing", "smoothers are computed by NumPy")
         result: AnyBelief = self.filter.smooth(belief, later, dt)
         return result
 
     def cartesian(self, belief: AnyBelief) -> Gaussian:
-        """px, py, vx, vy under the belief."""
         if self._cartesian_state and isinstance(belief, Belief):
             return Gaussian(belief.mean[:4], belief.covariance[:4, :4])
         result = self.computed("cartesian", _cartesian, belief_values(belief, without=REUSED))
         return Gaussian(result["cartesian"], result["cartesian covariance"])
 
     def time(self, dt: float) -> dict[str, Any]:
-        """What a prediction knows of the time."""
+        """Return the inputs of a prediction that depend on the time step."""
         return {"dt": dt} if self._chain is None else {"dt": dt, "chain": self._chain(dt)}
 
     def _update_of(self, result: Mapping[str, Array]) -> Update[Any]:
@@ -140,27 +135,27 @@ class FusedFilter:
         )
 
     def step_kernel(self, belief: AnyBelief, scan: Scan, guard: StepGuard | None) -> Kernel | None:
-        """The kernel of steps from such a belief to such a scan, for a sequence of calls; None where there is none."""
+        """Return the kernel of steps with such a belief and scan, for a sequence of calls; None without one."""
         values = belief_values(belief, without=REUSED) | self.time(ANY_TIME) | scan_values(scan)
         return self._kernel(self._equations_of("step", partial(_step, guard=guard), values, scan, guard), values)
 
     def prediction_kernel(self, belief: AnyBelief) -> Kernel | None:
-        """The kernel of predictions from such a belief, as above."""
+        """Return the kernel of predictions from such a belief, for a sequence of calls; None without one."""
         values = belief_values(belief, without=REUSED) | self.time(ANY_TIME)
         return self._kernel(self._equations_of("prediction", _predicted, values), values)
 
     def cartesian_kernel(self, belief: AnyBelief) -> Kernel | None:
-        """The kernel of px, py, vx, vy under such a belief, as above."""
+        """Return the kernel of px, py, vx, vy of such a belief, for a sequence of calls; None without one."""
         values = belief_values(belief, without=REUSED)
         return self._kernel(self._equations_of("cartesian", _cartesian, values), values)
 
     def _kernel(self, equations: Equations, values: Mapping[str, Any]) -> Kernel | None:
-        every = {**values, **self.options}
+        inputs = {**values, **self.options}
         # Kernels of users' models are compared with NumPy step by step.
         is_compared = bool(equations.user_types) and self._kernels.compares
-        if is_compared or equations.ranks.keys() != every.keys():
+        if is_compared or equations.ranks.keys() != inputs.keys():
             return None
-        return self._kernels.plan(equations, every)[0].kernel
+        return self._kernels.plan(equations, inputs)[0].kernel
 
     def computed(
         self,
@@ -170,14 +165,14 @@ class FusedFilter:
         scan: Scan | None = None,
         made_for: Hashable = None,
     ) -> dict[str, Array]:
-        """What a function of the filter and of values gives.
+        """Compute a function of the filter and of named arrays.
 
         Args:
-            name: what it computes, as a user is told.
-            function: of what it is asked for, and of the values.
-            values: named as ``beliefs`` has them.
-            scan: the one on which it depends.
-            made_for: what tells the function from others of its name.
+            name: name of the result, for messages.
+            function: function of the call's arguments and of the arrays.
+            values: arrays by their names in ``beliefs``.
+            scan: scan on which the result depends; None without one.
+            made_for: key that tells the function from others of the same name.
         """
         self._scan = scan
         equations = self._equations_of(name, function, values, scan, made_for)
@@ -204,11 +199,11 @@ class FusedFilter:
         scan: Scan | None = None,
         made_for: Hashable = None,
     ) -> Equations:
-        """The equations, with the options of the motion models as inputs; made once."""
+        """Return the equations, which are made once, with the options of the motion models as inputs."""
         kind = "" if scan is None else scan.kind
-        named = scan.sensor if scan is not None and self._sensors_matter else None
-        # A sensor that is edited in a notebook has another class of the same name.
-        place = name, SENSOR_MODELS.plugins.get(kind), named, made_for, tuple(values)
+        sensor = scan.sensor if scan is not None and self._sensors_matter else None
+        # Editing a sensor in a notebook makes another class of the same name.
+        place = name, SENSOR_MODELS.plugins.get(kind), sensor, made_for, tuple(values)
         if place in self._equations:
             return self._equations[place]
         sensors = () if scan is None else (SENSOR_MODELS[kind],)
@@ -218,10 +213,10 @@ class FusedFilter:
         title = f"{name} by {_filter_in_words(self.filter)}{f' from a {kind}' if kind else ''}"
 
         def any_filter(values: Values) -> Values:
-            call_scan = scan_placeholder(kind, named) if is_traced(values) else self._scan
+            call_scan = scan_placeholder(kind, sensor) if is_traced(values) else self._scan
             return function(FilterCall(options.with_options(self.filter, values), self.modes, call_scan), values)
 
-        key = name, self.form, *sensors, named, made_for, tuple(inputs)
+        key = name, self.form, *sensors, sensor, made_for, tuple(inputs)
         users = (*self._user_types, *filter(is_user_type, sensors))
         ranks = inputs | dict.fromkeys(self.options, 0)
         equations = Equations(title, any_filter, ranks, symmetric, counted, key, user_types=users)
@@ -231,12 +226,12 @@ class FusedFilter:
 
 @cache
 def kernels() -> Kernels:
-    """Those of this process."""
+    """Return the kernels of this process."""
     return Kernels()
 
 
 def fused_filter(filter: Filter[Any]) -> FusedFilter:
-    """A filter by the kernels of this process."""
+    """Return a filter that uses the kernels of this process."""
     return FusedFilter(filter, kernels())
 
 
@@ -245,20 +240,19 @@ class FilterCall(NamedTuple):
 
     filter: Any
     modes: int
-    """How many the beliefs have, 0 where they are of one motion model."""
+    """Number of modes of the beliefs; 0 for a single motion model."""
     scan: Scan
-    """The one on which it depends, without the arrays that are among the values."""
+    """Scan on which the function depends, without the arrays that are among the values."""
 
 
 def _filter_in_words(filter: Filter[Any]) -> str:
-    """A filter with its motion models, by the names of their classes."""
     return f"{type(filter).__name__} with {', '.join(type(motion).__name__ for motion in filter.motions)}"
 
 
 def predicted_belief(call: FilterCall, values: Values) -> AnyBelief:
-    """The belief after the time among the values."""
+    """Predict the belief among the values by the time step among them."""
     belief = belief_of(values, call.modes)
-    # Where no time passes, modes are not mixed: that one of them is not finite is then nothing to the others.
+    # With no time passed modes are not mixed, so that one that is not finite does not affect the others.
     if call.modes and (is_traced(values) or values["dt"] > 0.0):
         result: AnyBelief = call.filter.predict_by(belief, values["dt"], values["chain"])
     else:
@@ -279,7 +273,7 @@ def _step(call: FilterCall, values: Values, guard: StepGuard | None) -> Values:
     predicted = predicted_belief(call, values)
     update = call.filter.update(predicted, scan_of(values, call.scan))
     result = {**_update_values(update), **_cartesian_values(call.filter.cartesian(update.belief))}
-    # The next step makes what can be reused again, which is quicker than to write and read it.
+    # The next step recomputes reusable values, which is quicker than writing and reading them.
     result = {name: value for name, value in result.items() if not name.startswith(("factor", "points"))}
     return result if guard is None else {**result, "refused": guard(predicted)}
 

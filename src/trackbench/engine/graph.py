@@ -1,4 +1,4 @@
-"""An expression as a graph of operations on numbers, in which nothing is computed twice."""
+"""Expressions as graphs of operations on numbers, in which nothing is computed twice."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from typing import NoReturn
 COMMUTATIVE = frozenset({"add", "mul", "and", "or", "eq", "ne"})
 COMPARISONS = frozenset({"lt", "le", "gt", "ge", "eq", "ne"})
 LOGICAL = frozenset({"and", "or", "not"})
-#: What tells of the bits of a number; "negative": whether the sign is set.
+#: Truth values from the bits of a number; "negative" is the sign bit.
 OF_BITS = frozenset({"negative", "bit0", "bit1"})
 TRUTH_VALUES = COMPARISONS | LOGICAL | OF_BITS
-#: For what a number is the same: all members of a batch; a group of them, which differ along the last batch axis alone;
-#: or each member has its own.
+#: Levels of sharing: a number belongs to all members of a batch; to a group of members, which differ along the last
+#: batch axis alone; or to one member.
 ALL, GROUP, MEMBER = range(3)
-#: How many operations a function may have: what is larger takes seconds to compile.
+#: Largest number of operations of a function; more would take seconds to compile.
 LARGEST = 50_000
-#: What is computed at once where all arguments are known.
+#: Operations that are computed at once where all arguments are constants.
 KNOWN: dict[str, Callable[..., float | bool]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
@@ -47,20 +47,20 @@ KNOWN: dict[str, Callable[..., float | bool]] = {
 
 
 class Untraceable(TypeError):
-    """A function does what cannot be traced; says what."""
+    """Error of a function that does something that cannot be traced, which the message names."""
 
 
 @dataclass(eq=False, slots=True)
 class Node:
-    """One operation, or an input or a constant."""
+    """Operation, input or constant."""
 
     number: int
     op: str
     arguments: tuple[Node, ...] = ()
     value: float | bool | tuple[str, int] | None = None
-    """Of a constant, or the name of an input and which of its components."""
+    """Value of a constant; name and component number of an input."""
     level: int = ALL
-    """For what it is the same: ``ALL``, ``GROUP`` or ``MEMBER``."""
+    """Level of sharing: ``ALL``, ``GROUP`` or ``MEMBER``."""
     boolean: bool = False
 
     @property
@@ -69,29 +69,29 @@ class Node:
 
     @property
     def uniform(self) -> bool:
-        """Whether it is the same for all members of a batch."""
+        """Whether all members of a batch share the value."""
         return self.level == ALL
 
 
 class Graph:
-    """The operations of one function, each once.
+    """Operations of one function, each once.
 
     Zeros are dropped from sums and products, which loses the sign of a zero, and hides a factor that is not finite.
     """
 
     def __init__(self) -> None:
         self.guards: list[Node] = []
-        """What must hold of a member for the graph to be right for it."""
+        """Conditions on a member under which the graph is right for it."""
         self.dropped: dict[int, Node] = {}
-        """Left out, as of a product with zero: what must be finite for the graph to be right."""
+        """Dropped nodes, as of a product with zero, by number; the graph is right where they are finite."""
         self.refused: str | None = None
-        """Why the function cannot be traced, also where it caught the error."""
+        """Reason why the function cannot be traced, even if the function caught the error; None if it can."""
         self._applied: dict[tuple[object, ...], Node] = {}
         self._leaves: dict[object, Node] = {}
         self._count = 0
 
     def refuse(self, reason: str) -> NoReturn:
-        """Say that what a function does cannot be traced.
+        """Record that a function cannot be traced, and raise it.
 
         Raises:
             Untraceable: always.
@@ -100,57 +100,57 @@ class Graph:
         raise Untraceable(reason)
 
     def input(self, name: str, component: int, *, level: int, boolean: bool = False) -> Node:
-        """A component of an input."""
+        """Return the node of a component of an input."""
         at = name, component
         if at not in self._leaves:
             self._leaves[at] = self._node("input", (), at, level, boolean)
         return self._leaves[at]
 
     def first_component(self, name: str) -> Node | None:
-        """The first component of an input; None: there is no such."""
+        """Return the node of an input's first component; None without such an input."""
         return self._leaves.get((name, 0))
 
     def constant(self, value: float | bool) -> Node:
-        """A number, or a truth value."""
+        """Return the node of a number or a truth value."""
         boolean = isinstance(value, bool)
         value = value if boolean else float(value)
-        # The text tells 0.0 from -0.0 and from False, and finds a NaN again.
+        # As a key, text tells 0.0 from -0.0 and from False, and NaN equals itself.
         text = repr(value)
         if text not in self._leaves:
             self._leaves[text] = self._node("constant", (), value, ALL, boolean)
         return self._leaves[text]
 
     def apply(self, op: str, *arguments: Node) -> Node:
-        """An operation on nodes, in its simplest form."""
+        """Return the node of an operation, in its simplest form."""
         key = (op, *[argument.number for argument in arguments])
         result = self._applied.get(key)
         if result is None:
-            result = self._applied[key] = self._made(op, arguments)
+            result = self._applied[key] = self._make(op, arguments)
         return result
 
-    def joined(self, conditions: Iterable[Node]) -> Node:
-        """Whether all hold."""
+    def all_of(self, conditions: Iterable[Node]) -> Node:
+        """Return the condition that all conditions hold."""
         result = self.constant(True)
         for condition in conditions:
             result = self.apply("and", result, condition)
         return result
 
     def as_number(self, node: Node) -> Node:
-        """A truth value as 1.0 or 0.0; a number as it is."""
+        """Return a truth value as 1.0 or 0.0, and a number unchanged."""
         return self.apply("where", node, self.constant(1.0), self.constant(0.0)) if node.boolean else node
 
     def raw(self, op: str, *arguments: Node, boolean: bool = False) -> Node:
-        """An operation as it stands."""
+        """Return a new node of an operation, without simplification."""
         return self._node(op, arguments, None, max(argument.level for argument in arguments), boolean)
 
     def negative(self, node: Node) -> Node:
-        """The negative of a number."""
+        """Return the negative of a number."""
         return self.constant(-node.value) if isinstance(node.value, float) and node.constant else self.raw("neg", node)
 
-    def _made(self, op: str, arguments: tuple[Node, ...]) -> Node:
+    def _make(self, op: str, arguments: tuple[Node, ...]) -> Node:
         if op in COMMUTATIVE and arguments[0].number > arguments[1].number:
             return self.apply(op, arguments[1], arguments[0])
-        result = self._simplified(op, arguments)
+        result = self._simplify(op, arguments)
         if result is not None:
             return result
         level = max(argument.level for argument in arguments)
@@ -170,8 +170,8 @@ class Graph:
         self._count += 1
         return Node(self._count, op, arguments, value, level, boolean)
 
-    def _simplified(self, op: str, arguments: tuple[Node, ...]) -> Node | None:
-        """The same without the operation, or with a cheaper one."""
+    def _simplify(self, op: str, arguments: tuple[Node, ...]) -> Node | None:
+        """Return an equal node without the operation, or with a cheaper one; None where there is none."""
         if arguments[0].constant and op in KNOWN and all(argument.constant for argument in arguments):
             try:
                 return self.constant(KNOWN[op](*(argument.value for argument in arguments)))
@@ -267,17 +267,19 @@ def _number(node: Node) -> float | None:
 
 
 def with_fused_sums(graph: Graph, roots: Sequence[Node]) -> list[Node]:
-    """The same nodes, each sum with a product that nothing else needs as one operation, rounded once: ``fma(a, b, c)``
-    is ``a b + c``. Which sums these are does not depend on what is the same for all members."""
+    """Replace sums by fused operations, ``fma(a, b, c)`` for ``a b + c``, where a product has no other use.
+
+    Whether members share a number does not affect which sums are replaced.
+    """
     steps = list(ordered(roots))
     needed = Counter(item.number for node in steps for item in node.arguments)
     needed.update(root.number for root in roots)
     made: dict[int, Node] = {}
     for node in steps:
         arguments = tuple([made[argument.number] for argument in node.arguments])
-        own = [place for place, item in enumerate(node.arguments) if item.op == "mul" and needed[item.number] == 1]
-        if node.op in ("add", "sub") and own:
-            second = own[-1]
+        products = [place for place, item in enumerate(node.arguments) if item.op == "mul" and needed[item.number] == 1]
+        if node.op in ("add", "sub") and products:
+            second = products[-1]
             (a, b), other = arguments[second].arguments, arguments[not second]
             if node.op == "sub":
                 a, other = (graph.negative(a), other) if second else (a, graph.negative(other))
@@ -290,9 +292,9 @@ def with_fused_sums(graph: Graph, roots: Sequence[Node]) -> list[Node]:
 
 
 def ordered(roots: Sequence[Node], made: Iterable[int] = ()) -> Iterator[Node]:
-    """Each node that the roots need, after its arguments; those that are needed together close to each other.
+    """Yield each node that the roots need, after its arguments; nodes that are used together come close to each other.
 
-    ``made``: numbers of those that are left out.
+    ``made``: numbers of nodes to leave out.
     """
     seen = set(made)
     for root in roots:

@@ -1,4 +1,4 @@
-"""The fused engine: equations as machine code, run over a whole batch."""
+"""The fused engine: equations compiled to machine code and run over a whole batch."""
 
 from __future__ import annotations
 
@@ -22,62 +22,61 @@ from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Proces
 from trackbench.engine.trace import trace
 from trackbench.engine.user_types import agree, says_pure
 
-#: Shapes of inputs that are remembered.
+#: Largest number of plans in memory.
 PLANS = 4096
-#: From how many members on a group is computed by itself: its last vector computes some members twice.
+#: Least number of members of a group that is computed by itself; its last vector computes some members twice.
 LEAST_GROUP = 8 * vector_code.WIDTH
 
 
 class Kernel(NamedTuple):
-    """Equations for inputs of certain shapes."""
+    """Machine code of equations for inputs of certain shapes."""
 
     layout: KernelLayout
     code: MachineCode
     parts: list[tuple[str, tuple[int, ...], slice, bool]]
-    """Of each output its name and components, which rows it has, and whether they are masks."""
+    """Name, component shape, rows, and whether it is a mask, for each output."""
     rows: tuple[int, int]
-    """How many rows there are of numbers and of masks."""
+    """Number of rows of numbers, and of masks."""
 
 
 class CallPlan(NamedTuple):
-    """What is to be done with inputs of certain shapes."""
+    """Plan of calls with inputs of certain shapes."""
 
     equations: Equations
     kernel: Kernel | None
-    """None: NumPy computes."""
+    """Kernel of the equations; None where NumPy computes."""
     grouped: bool
     """Whether each group of members is computed by itself."""
     inputs: Sequence[tuple[str, Input, type, bool, bool]]
-    """Of each that the kernel reads its name and type; whether it is read as it is, if it lies in one piece; whether
-    all members share it."""
+    """Name, layout, type, whether a contiguous array needs no copy, and whether all members share it, for each input
+    that the kernel reads."""
 
 
 class Kernels:
-    """Computes equations by machine code where they can be traced, and by NumPy where they cannot.
+    """Engine that computes equations by machine code where they can be traced, and by NumPy elsewhere.
 
-    A member for which the trace does not hold (a branch on data goes the other way, a value is not finite) is computed
-    again by NumPy. A kernel of a user's model is compared with NumPy while ``compares`` is set.
+    NumPy recomputes a member for which the trace does not hold: a branch on data goes the other way, or a value is not
+    finite. A kernel of a user's model is compared with NumPy while ``compares`` is set.
     """
 
-    def __init__(self, processor: Processor | None = None, kept: KernelCache | None = None) -> None:
-        self._own_processor = processor
-        self._kept = kept or KernelCache()
+    def __init__(self, processor: Processor | None = None, cache: KernelCache | None = None) -> None:
+        self._stated_processor = processor
+        self._cache = cache or KernelCache()
         self._kernels: dict[tuple[Any, ...], Kernel | None] = {}
         self._plans: dict[Hashable, CallPlan] = {}
-        """By the shapes of the inputs."""
         self.compares = True
         """Whether kernels of users' models are compared with NumPy, as in the first block of a run."""
         self.differing: set[Hashable] = set()
-        """The keys of equations whose kernels gave other numbers than NumPy."""
+        """Keys of equations whose kernels gave other numbers than NumPy."""
         self.untraced: dict[Hashable, tuple[str, str]] = {}
-        """By the key of equations that NumPy computes, their name and why."""
+        """Name of equations that NumPy computes, and the reason, by key."""
         self.members_by_numpy = 0
-        """How many members of batches were computed again."""
+        """Number of members of batches that NumPy recomputed."""
         self.seconds = 0.0
-        """Spent on making kernels, or on loading them."""
+        """Time spent on making or loading kernels, s."""
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
-        """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
+        """Compute the outputs of equations; see :class:`trackbench.engine.equations.Compute`."""
         plan, batch = self.plan(equations, values)
         if plan.kernel is None or 0 in batch:
             return by_numpy(equations, values)
@@ -93,52 +92,52 @@ class Kernels:
 
     @cached_property
     def _processor(self) -> Processor:
-        return self._own_processor or Processor()
+        return self._stated_processor or Processor()
 
     def code(self, text: str, arrays: int) -> MachineCode:
-        """The machine code of LLVM's text, of a function of two numbers and of so many arrays."""
-        code = self._kept_or_made(text, lambda: self._processor.object_code(text))
+        """Return the machine code of an LLVM text, with a function of two numbers and of so many arrays."""
+        code = self._load_or_make(text, lambda: self._processor.object_code(text))
         return self._processor.function(code, arrays)
 
     def plan(self, equations: Equations, values: Values) -> tuple[CallPlan, tuple[int, ...]]:
-        """What is to be done with inputs of such shapes, whatever the number of members; and the batch axes."""
-        looks: list[Any] = []
+        """Return the plan for inputs of such shapes, whatever the number of members, and the batch axes."""
+        signature: list[Any] = []
         batch: tuple[int, ...] = ()
-        alike = True
+        is_regular = True
         for name, rank in equations.ranks.items():
             value = values[name]
             if not isinstance(value, np.ndarray):
                 kind = type(value)
-                # NumPy would make an array of the number to say so.
-                looks.append((kind, () if kind is float else np.shape(value)))
-                alike &= len(looks[-1][1]) == rank
+                # numpy.shape would first make an array of the number.
+                signature.append((kind, () if kind is float else np.shape(value)))
+                is_regular &= len(signature[-1][1]) == rank
                 continue
             shape = value.shape
             axes = shape[rank:]
             batch = batch or axes
             if axes and axes == batch:
-                looks.append((value.dtype, shape[:rank], True))
+                signature.append((value.dtype, shape[:rank], True))
             else:
-                looks.append((value.dtype, shape))
-                alike &= not axes
-        key = equations.key or id(equations), equations.name, len(batch) if alike else batch, *looks
-        if not alike:
+                signature.append((value.dtype, shape))
+                is_regular &= not axes
+        key = equations.key or id(equations), equations.name, len(batch) if is_regular else batch, *signature
+        if not is_regular:
             batch = batch_of(equations.ranks, values)
-        return self._plans.get(key) or self._planned(key, equations, values, batch), batch
+        return self._plans.get(key) or self._make_plan(key, equations, values, batch), batch
 
-    def _planned(self, key: Hashable, equations: Equations, values: Values, batch: tuple[int, ...]) -> CallPlan:
+    def _make_plan(self, key: Hashable, equations: Equations, values: Values, batch: tuple[int, ...]) -> CallPlan:
         inputs = [_input(name, values[name], rank, batch) for name, rank in equations.ranks.items()]
         kernel = self.kernel(equations, inputs)
-        ways = []
+        reads = []
         for item in kernel.layout.inputs if kernel else ():
             value, kind = values[item.name], bool if item.boolean else float
-            as_it_is = isinstance(value, np.ndarray) and value.dtype == kind and value.shape == item.full(batch)
-            ways.append((item.name, item, kind, bool(as_it_is), item.level == ALL))
+            needs_no_copy = isinstance(value, np.ndarray) and value.dtype == kind and value.shape == item.full(batch)
+            reads.append((item.name, item, kind, bool(needs_no_copy), item.level == ALL))
         if len(self._plans) >= PLANS:
             self._plans.clear()
-        # The equations are kept, so that no others have their id.
-        grouped = any(item.level == GROUP for _, item, *_ in ways)
-        plan = self._plans[key] = CallPlan(equations, kernel, grouped, ways)
+        # The plan holds the equations, so that no others get their id.
+        grouped = any(item.level == GROUP for _, item, *_ in reads)
+        plan = self._plans[key] = CallPlan(equations, kernel, grouped, reads)
         return plan
 
     def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
@@ -146,17 +145,17 @@ class Kernels:
         made_for = equations.name, equations.key, tuple(inputs)
         if made_for not in self._kernels:
             begin = time.perf_counter()
-            self._kernels[made_for] = self._made(equations, inputs)
+            self._kernels[made_for] = self._make_kernel(equations, inputs)
             self.seconds += time.perf_counter() - begin
         return self._kernels[made_for]
 
-    def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
+    def _make_kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
         reason = _why_not_traced(equations, equations.key in self.differing)
         if reason is not None:
             self.untraced[equations.key] = equations.name, reason
             return None
         try:
-            layout, code = self._kept_or_made(
+            layout, code = self._load_or_make(
                 source_key(equations, inputs), lambda: self._layout_and_code(equations, inputs)
             )
         except Untraceable as refusal:
@@ -177,15 +176,15 @@ class Kernels:
         text = vector_code.kernel_text(FUNCTION, traced.layout, traced.outputs, traced.guard)
         return traced.layout, self._processor.object_code(text)
 
-    def _kept_or_made(self, source: str | None, make: Callable[[], Any]) -> Any:
-        """Return what is kept of a source, or make and keep it; without a source it is made by every process."""
+    def _load_or_make(self, source: str | None, make: Callable[[], Any]) -> Any:
+        """Load the value of a source from the cache, or make and store it; without a source only make it."""
         if source is None:
             return make()
         key = hashlib.sha256(f"{self._processor.key}\n{source}".encode()).hexdigest()
-        value = self._kept.find(key)
+        value = self._cache.find(key)
         if value is None:
             value = make()
-            self._kept.put(key, value)
+            self._cache.put(key, value)
         return value
 
     def _compute_by_numpy(
@@ -195,7 +194,7 @@ class Kernels:
         for name, value in by_numpy_alone(equations, batch, values, outputs, places).items():
             components = value.shape[:-1]
             if name not in outputs:
-                # Of the others there is nothing to be said.
+                # The values of other members mean nothing.
                 outputs[name] = np.zeros(components + batch, dtype=value.dtype)
             outputs[name].reshape(*components, prod(batch))[..., places] = value
 
@@ -207,10 +206,10 @@ class Kernels:
 
 
 def _why_not_traced(equations: Equations, differs: bool) -> str | None:
-    """Say why a kernel of a user's classes is not to be made; None where it is."""
-    silent = [kind.__name__ for kind in equations.user_types if not says_pure(kind)]
-    if silent:
-        return f"{' and '.join(silent)} {'does' if len(silent) == 1 else 'do'} not say pure = True"
+    """Return why no kernel may be made of users' classes; None where it may."""
+    without_pure = [kind.__name__ for kind in equations.user_types if not says_pure(kind)]
+    if without_pure:
+        return f"{' and '.join(without_pure)} {'does' if len(without_pure) == 1 else 'do'} not say pure = True"
     return _difference(equations) if differs else None
 
 
@@ -229,15 +228,15 @@ def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:
 def _run(
     plan: CallPlan, kernel: Kernel, values: Values, batch: tuple[int, ...]
 ) -> tuple[dict[str, Array], Mask | None]:
-    """The outputs, and of which members they are right; None: of all."""
+    """Call a kernel; return its outputs, and a mask of the members for which they are right (None: all)."""
     members = prod(batch)
     padded, groups = max(members, vector_code.WIDTH), prod(batch[:-1]) if plan.grouped else 1
     arrays = []
-    for name, item, kind, as_it_is, for_all in plan.inputs:
+    for name, item, kind, needs_no_copy, is_shared in plan.inputs:
         value = values[name]
-        if for_all:
+        if is_shared:
             value = np.ascontiguousarray(value, dtype=kind)
-        elif not as_it_is or padded != members or not value.flags.c_contiguous:
+        elif not needs_no_copy or padded != members or not value.flags.c_contiguous:
             value = _rows(item, value, batch, padded)
         arrays.append(value)
     numbers, masks = np.empty((kernel.rows[0], padded)), np.empty((kernel.rows[1], padded), dtype=bool)
@@ -248,13 +247,13 @@ def _run(
     for name, shape, rows, boolean in kernel.parts:
         outputs[name] = (masks if boolean else numbers)[rows].reshape(shape + batch)
     for name, other in kernel.layout.same.items():
-        # Of members of which the trace is not right they may differ.
+        # NumPy may give them different values where the guard fails.
         outputs[name] = outputs[other] if fine else outputs[other].copy()
     return outputs, None if fine else masks[0].reshape(-1)
 
 
 def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.NDArray[Any]:
-    """An input as the kernel reads it: rows of components, each of all members or groups, one after the other."""
+    """Return an input as the kernel reads it: contiguous rows of components, padded with the last member."""
     kind, full = bool if item.boolean else float, item.full(batch)
     array = value if value.shape == full else np.broadcast_to(value, full)
     array = np.ascontiguousarray(array, dtype=kind)

@@ -1,4 +1,4 @@
-"""Inputs and outputs of a kernel, and the key under which a kernel is kept."""
+"""Inputs and outputs of a kernel, and the key under which a kernel is cached."""
 
 from __future__ import annotations
 
@@ -16,44 +16,43 @@ from trackbench.engine.graph import ALL, GROUP, MEMBER
 
 
 class Input(NamedTuple):
-    """An input of equations, as a kernel is made for it."""
+    """Input of equations with the shape and type for which a kernel is made."""
 
     name: str
     shape: tuple[int, ...]
-    """Of its components."""
+    """Shape of the components."""
     batch_axes: int
-    """How many batch axes follow; 0: it is the same for all members."""
+    """Number of batch axes after the components; 0 where all members share the input."""
     kind: str
-    """Its type, as NumPy has it for short: d, doubles, or ?, a mask; others are not traced."""
+    """NumPy's character of the type: d for doubles, ? for a mask; other types are not traced."""
     shared: bool = False
-    """Whether the last batch axis is of length one, where that of the batch is not."""
+    """Whether the last batch axis has length one although the batch has several members."""
 
     @property
     def boolean(self) -> bool:
-        """Whether it is a mask."""
         return self.kind == "?"
 
     @property
     def level(self) -> int:
-        """Whether all members share it, a group does, or none; see :class:`trackbench.engine.graph.Node`."""
+        """Level of sharing: ``ALL``, ``GROUP`` or ``MEMBER``; see :class:`trackbench.engine.graph.Node`."""
         if self.batch_axes == 0:
             return ALL
         return GROUP if self.shared else MEMBER
 
     def full(self, batch: tuple[int, ...]) -> tuple[int, ...]:
-        """Its shape as a kernel reads it."""
+        """Return the shape in which a kernel reads the input."""
         if self.level == ALL:
             return self.shape
         return (*self.shape, *batch[:-1], 1) if self.shared else self.shape + batch
 
 
-#: What becomes of an output in a sequence of calls: the numbers of each member are added to what is there, or those of
-#: all members are summed. Otherwise they are written.
+#: Modes of an output in a sequence of calls: the numbers of each member are added to the numbers in place, or the
+#: numbers of all members are summed. An output without a mode is written.
 ADDED, SUMMED = "added", "summed"
 
 
 class Output(NamedTuple):
-    """An output."""
+    """Output of a kernel."""
 
     name: str
     shape: tuple[int, ...]
@@ -68,18 +67,18 @@ class Output(NamedTuple):
 
 
 class KernelLayout(NamedTuple):
-    """The inputs that a kernel reads, in the order of its table; and its outputs, numbers and masks apart."""
+    """Inputs that a kernel reads, in the order of its table, and its outputs, numbers and masks apart."""
 
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
     same: Mapping[str, str] = {}
-    """Outputs that are the same as another, under its name."""
+    """Names of outputs that equal another output, each with the name of that output."""
 
     @property
     def first_rows(self) -> list[int]:
-        """For each output its first row, among those of numbers or those of masks."""
+        """First row of each output, counted among the rows of numbers or of masks."""
         result: list[int] = []
-        # The first of the masks is the guard.
+        # The first row of masks is the guard.
         filled = [0, 1]
         for output in self.outputs:
             result.append(filled[output.boolean])
@@ -91,7 +90,7 @@ PACKAGE = Path(__file__).parent.parent
 
 
 def source_key(equations: Equations, inputs: Sequence[Input]) -> str | None:
-    """What equations of the package compute of certain inputs, as text; None of others, whose source may change."""
+    """Return text that identifies a kernel of trackbench's equations; None for users' equations, which may change."""
     source = package_source()
     of_package = equations.function.__module__.startswith("trackbench.") and not equations.user_types
     if source is None or not of_package:
@@ -102,10 +101,9 @@ def source_key(equations: Equations, inputs: Sequence[Input]) -> str | None:
 
 @cache
 def package_source() -> str | None:
-    """A checksum of the package.
+    """Return a checksum of the package's source; None where the process may have loaded another source.
 
-    None where there are no sources, they cannot be read, or a file was changed after the process began, which may have
-    read it.
+    That is so where there are no sources, they cannot be read, or a file was changed after the process began.
     """
     files = sorted(PACKAGE.rglob("*.py"))
     total = hashlib.sha256()
@@ -120,7 +118,7 @@ def package_source() -> str | None:
 
 
 def _key_text(value: Hashable) -> str | None:
-    """A key as text that means the same in another process."""
+    """Return a key as text that means the same in another process; None where that is not possible."""
     if isinstance(value, tuple):
         parts = [_key_text(item) for item in value]
         return None if None in parts else f"({', '.join(map(str, parts))})"
@@ -129,5 +127,5 @@ def _key_text(value: Hashable) -> str | None:
         return name if name.startswith("trackbench.") else None
     if value is None or isinstance(value, str | float | int | bytes):
         return repr(value)
-    own = _key_text(type(value))
-    return None if own is None or "object at 0x" in repr(value) else repr(value)
+    type_text = _key_text(type(value))
+    return None if type_text is None or "object at 0x" in repr(value) else repr(value)

@@ -1,4 +1,4 @@
-"""Machine code from LLVM's intermediate language, kept on disk for this processor."""
+"""Machine code from LLVM's intermediate language, cached on disk for this processor."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ import numpy as np
 from trackbench.base.files import cache_folder, write_whole
 from trackbench.engine.vector_code import HEAD, WIDTH
 
-#: In every name of a kept file, so that a change of the code's own form finds none of before.
+#: Version of the generated code. Part of each cached file's name, so that no older file is found.
 FORM = "11"
 FUNCTION = "kernel"
-#: Of the checksum (SHA-256) of a kept file.
+#: Length of the checksum (SHA-256) of a cached file.
 CHECKSUM_BYTES = 32
-#: How hard LLVM tries: 1 gives the code of 2 in less time, 0 none that is worth running.
+#: Optimisation level of LLVM: 1 gives the code of 2 in less time; the code of 0 is too slow.
 EFFORT = 1
-#: A kernel comes in an order that needs few registers. Without LLVM's own it is compiled and runs in a fifth less time.
+#: Option against LLVM's reordering: a kernel's order needs few registers, and compiles and runs in a fifth less time.
 OPTION = "-enable-misched=false"
 
 
 @cache
 def unavailable() -> str | None:
-    """Why no machine code can be made here; None where it can."""
+    """Return why machine code cannot be made on this machine; None where it can."""
     try:
         import llvmlite.binding as llvm
 
@@ -40,7 +40,7 @@ def unavailable() -> str | None:
         return f"llvmlite cannot be loaded: {error}"
     except (AttributeError, RuntimeError):
         return "this llvmlite is too old: pip install 'trackbench[fast]'"
-    # Kernels read where the data of an array lie from the array itself, as every extension of NumPy does.
+    # Kernels read the address of an array's data from the array object, as every extension of NumPy does.
     probe = np.zeros(1)
     if ctypes.c_void_p.from_address(id(probe) + HEAD).value != probe.ctypes.data:
         return "the arrays of this NumPy have another form"
@@ -48,7 +48,7 @@ def unavailable() -> str | None:
 
 
 def _no_executable_memory() -> str | None:
-    """LLVM ends the process where memory cannot be made executable, so it is tried before."""
+    """Return why memory cannot be made executable, at which LLVM would end the process; None where it can."""
     try:
         page = mmap.mmap(-1, mmap.PAGESIZE)
         address = ctypes.addressof(ctypes.c_char.from_buffer(page))
@@ -63,17 +63,17 @@ def _no_executable_memory() -> str | None:
 
 @cache
 def _set_option() -> None:
-    """LLVM takes an option but once."""
+    # LLVM accepts an option only once.
     import llvmlite.binding as llvm
 
     llvm.set_option("trackbench", OPTION)
 
 
 class Processor:
-    """What code is made for: this machine's processor, unless another is named.
+    """Target of machine code: this machine's processor, unless another is named.
 
     Args:
-        name: as LLVM has it, such as "x86-64-v3"; None: this one.
+        name: LLVM's name, such as "x86-64-v3"; None for this machine's.
     """
 
     def __init__(self, name: str | None = None) -> None:
@@ -94,14 +94,14 @@ class Processor:
         self.key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def object_code(self, text: str) -> bytes:
-        """The object file of a module's text, after the name of its function, which no other has."""
+        """Return the object file of a module's text, after the unique name of its function."""
         name = f"{FUNCTION}_{hashlib.sha256(text.encode()).hexdigest()}"
         module = self._llvm.parse_assembly(text.replace(f"@{FUNCTION}", f"@{name}"))
         module.verify()
         return name.encode() + b"\n" + bytes(self._target.emit_object(module))
 
     def function(self, code: bytes, arrays: int) -> MachineCode:
-        """The function of ``object_code``, of two numbers and of so many arrays, ready to be called."""
+        """Load a function of two numbers and of so many arrays from its ``object_code``."""
         head, _, file = code.partition(b"\n")
         name = head.decode()
         if name not in self._loaded:
@@ -121,28 +121,28 @@ class Processor:
 class MachineCode:
     """Machine code in memory; ``call`` takes two numbers, and arrays by their ``id``.
 
-    ``part``: where the function of some members is, of kernels; see ``vector_code.function``.
+    ``part`` is the address of a kernel's function for a range of members; see ``vector_code.kernel_text``.
     """
 
     def __init__(self, engine: Any, address: int, arrays: int, part: int) -> None:
-        # The code lives as long as its engine.
+        # The engine owns the code.
         self._engine = engine
         self.part = part
         self.call = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 3, *[ctypes.c_void_p] * arrays)(address)
 
 
 class KernelCache:
-    """Kernels on disk, by what they were made from.
+    """Kernels on disk, by the source from which they were made.
 
-    Each file begins with a checksum of its key and of itself: what is damaged, or is of another key, counts as not
-    there. Where nothing can be written, nothing is kept.
+    Each file begins with a checksum of its key and content; a damaged file, or one with another key, counts as missing.
+    Where nothing can be written, nothing is cached.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder or cache_folder() / "kernels"
 
     def find(self, key: str) -> Any:
-        """Return what was kept under a key; None where there is nothing."""
+        """Return the value of a key; None where there is none."""
         try:
             data = self._place(key).read_bytes()
         except OSError:
@@ -151,7 +151,7 @@ class KernelCache:
         return pickle.loads(packed) if data[:CHECKSUM_BYTES] == _checksum(key, packed) else None
 
     def put(self, key: str, value: Any) -> None:
-        """Keep a value under a key."""
+        """Store a value under a key."""
         packed = pickle.dumps(value)
         with suppress(OSError):
             write_whole(self._place(key), _checksum(key, packed) + packed)

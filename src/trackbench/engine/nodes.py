@@ -1,4 +1,4 @@
-"""Arrays of nodes, and what NumPy's functions do with arrays of numbers, done with them.
+"""Arrays of nodes, and NumPy's operations on them.
 
 All entries of an array are numbers, or all are truth values.
 """
@@ -15,19 +15,19 @@ from trackbench.engine.graph import COMPARISONS, Graph, Node
 
 #: An array of nodes.
 Nodes = npt.NDArray[Any]
-#: Types of NumPy that are computed as doubles, as NumPy does where they meet one.
+#: NumPy types that are computed as doubles, as NumPy does in operations with doubles.
 NUMBERS = frozenset({np.dtype(float), np.dtype(np.int64)})
-#: What an operation on numbers is on truth values; NumPy gives the others another type, or refuses them.
+#: Logical operation on truth values in place of an operation on numbers; others are refused or change the type.
 OF_TRUTH_VALUES = {"add": "or", "mul": "and", "max": "or", "min": "and"}
-#: The largest power that is written out as products.
+#: Largest power that is written out as products.
 LARGEST_POWER = 16
 
 
 def nodes_of(graph: Graph, value: Any) -> Nodes:
-    """An array or a number, or a list of such, as nodes; nodes as they are.
+    """Return an array, a number or a list of these as nodes; nodes stay unchanged.
 
     Raises:
-        Untraceable: it holds what is no number, or is in another precision.
+        Untraceable: an entry is no number, or has another precision.
     """
     if isinstance(value, np.ndarray) and value.dtype == object:
         return value
@@ -42,29 +42,29 @@ def nodes_of(graph: Graph, value: Any) -> Nodes:
 
 
 def is_boolean(nodes: Nodes) -> bool:
-    """Whether the entries are truth values."""
+    """Return whether the entries are truth values."""
     return nodes.size > 0 and bool(nodes.flat[0].boolean)
 
 
 def cast(graph: Graph, nodes: Nodes, boolean: bool) -> Nodes:
-    """The entries as truth values, or as numbers."""
+    """Convert the entries to truth values, or to numbers."""
     if is_boolean(nodes) == boolean:
         return nodes
     zero = graph.constant(0.0)
-    # As in NumPy, all that is not zero holds.
+    # As in NumPy, every number but zero is true.
     entries = [graph.apply("ne", entry, zero) if boolean else graph.as_number(entry) for entry in nodes.flat]
     return _filled(entries, nodes.shape)
 
 
 def nodes_of_one_kind(graph: Graph, values: Sequence[Any]) -> list[Nodes]:
-    """Several arrays as nodes of one kind: truth values where all are."""
+    """Return several arrays as nodes of one kind: truth values where all are, else numbers."""
     arrays = [nodes_of(graph, value) for value in values]
     boolean = all(is_boolean(array) for array in arrays)
     return [cast(graph, array, boolean) for array in arrays]
 
 
 def elementwise(graph: Graph, op: str, *values: Any) -> Nodes:
-    """An operation entry by entry, broadcast as NumPy does.
+    """Apply an operation entry by entry, with NumPy's broadcasting.
 
     Raises:
         Untraceable: NumPy does something else with truth values or with numbers, or refuses them.
@@ -86,15 +86,15 @@ def elementwise(graph: Graph, op: str, *values: Any) -> Nodes:
                 graph.refuse(f"arithmetic ({op}) with truth values alone")
     if len(arrays) == 1:
         return _filled([graph.apply(op, entry) for entry in arrays[0].flat], arrays[0].shape)
-    together = np.broadcast(*arrays)
-    return _filled([graph.apply(op, *entries) for entries in together], together.shape)
+    broadcast = np.broadcast(*arrays)
+    return _filled([graph.apply(op, *entries) for entries in broadcast], broadcast.shape)
 
 
 def folded(graph: Graph, op: str, nodes: Nodes, axes: Sequence[int], empty: float | bool | None) -> Nodes:
-    """An operation along axes; ``empty``: of no entries.
+    """Apply an operation along axes; ``empty`` is its result for no entries.
 
     Raises:
-        ValueError: there are no entries, and nothing that stands for them.
+        ValueError: there are no entries, and ``empty`` is None.
     """
     for axis in sorted(np.lib.array_utils.normalize_axis_tuple(axes, nodes.ndim), reverse=True):
         parts = np.moveaxis(nodes, axis, 0)
@@ -107,7 +107,7 @@ def folded(graph: Graph, op: str, nodes: Nodes, axes: Sequence[int], empty: floa
 
 
 def einsum(graph: Graph, spec: str, *values: Any) -> Nodes:
-    """A sum of products; an ellipsis stands for axes that broadcast."""
+    """Compute a sum of products; an ellipsis stands for axes that broadcast."""
     if "->" not in spec:
         graph.refuse("numpy.einsum without ->")
     inputs, _, wanted = spec.replace(" ", "").partition("->")
@@ -128,7 +128,7 @@ def einsum(graph: Graph, spec: str, *values: Any) -> Nodes:
 
 
 def _ellipsis_last(names: str, array: Nodes) -> tuple[Nodes, tuple[int, ...]]:
-    """The axes that an ellipsis stands for moved to the end, and their lengths."""
+    """Move the axes of an ellipsis to the end; return also their lengths."""
     named = len(names.replace("...", ""))
     count = array.ndim - named
     if count < 0 or (count and "..." not in names):
@@ -139,10 +139,10 @@ def _ellipsis_last(names: str, array: Nodes) -> tuple[Nodes, tuple[int, ...]]:
 
 
 def _flat_rest(array: Nodes, named: int, rest: tuple[int, ...]) -> Nodes:
-    """The axes after the named ones broadcast, and made one."""
-    own, missing = array.shape[:named], len(rest) - (array.ndim - named)
-    padded = array.reshape(own + (1,) * missing + array.shape[named:])
-    return np.broadcast_to(padded, own + rest).reshape(*own, -1)
+    """Broadcast the axes after the named ones to ``rest``, and flatten them to one."""
+    lengths, missing = array.shape[:named], len(rest) - (array.ndim - named)
+    padded = array.reshape(lengths + (1,) * missing + array.shape[named:])
+    return np.broadcast_to(padded, lengths + rest).reshape(*lengths, -1)
 
 
 def _ellipsis_back(wanted: str, result: Nodes, count: int) -> Nodes:
@@ -175,7 +175,7 @@ def _sum_of_products(graph: Graph, letters: Sequence[str], wanted: str, arrays: 
 
 
 def power(graph: Graph, base: Any, exponent: Any) -> Nodes:
-    """A power that is a whole number, as products, or a half, as a square root."""
+    """Compute a whole power by products, or the power of a half by a square root."""
     if isinstance(exponent, np.ndarray) and exponent.dtype == object:
         graph.refuse("a power that is known only later")
     if np.ndim(exponent) or (exponent != 0.5 and exponent != int(exponent)):

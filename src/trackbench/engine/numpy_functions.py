@@ -1,4 +1,4 @@
-"""Functions of NumPy, done with arrays of nodes; each takes the graph before all else."""
+"""Substitutes for NumPy functions on arrays of nodes, each with the graph as first argument."""
 
 from __future__ import annotations
 
@@ -21,12 +21,11 @@ from trackbench.engine.nodes import (
     power,
 )
 
-#: What a fold gives of nothing.
+#: Result of a fold over no entries, by operation.
 EMPTY = {"add": 0.0, "mul": 1.0, "and": True, "or": False, "max": None, "min": None}
 
 
 def _fold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Nodes:
-    """A sum, product, largest or smallest entry along axes."""
     nodes = nodes_of(graph, values)
     if axis is None and not all(node.uniform for node in nodes.flat):
         graph.refuse("one value of all axes, those of the batch among them; state the axis")
@@ -35,10 +34,10 @@ def _fold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Nodes:
 
 
 def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
-    """Whether all or any entries hold along axes; without these which way a branch goes.
+    """Return whether all or any entries hold along axes; without axes, return which way a branch goes.
 
-    A branch goes as if all, or none, held: that it does becomes a guard. Of a mask that is given, it goes the general
-    way.
+    A branch goes as if all, or none, of the entries held, and this assumption becomes a guard. A branch on masks among
+    the inputs goes the general way.
     """
     nodes = cast(graph, nodes_of(graph, values), True)
     result = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
@@ -48,15 +47,14 @@ def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
     expected = op == "and"
     if node.constant:
         return bool(node.value)
-    if of_masks(node):
+    if depends_on_masks_alone(node):
         return not expected
     graph.guards.append(node if expected else graph.apply("not", node))
     return expected
 
 
-def of_masks(node: Node) -> bool:
-    """Whether a truth value is made of given masks alone."""
-    return node.boolean and (all(map(of_masks, node.arguments)) if node.arguments else node.op == "input")
+def depends_on_masks_alone(node: Node) -> bool:
+    return node.boolean and (all(map(depends_on_masks_alone, node.arguments)) if node.arguments else node.op == "input")
 
 
 def _axes(nodes: Nodes, axis: Any) -> Sequence[int]:
@@ -94,12 +92,12 @@ def _zeros_like(graph: Graph, like: Nodes, dtype: Any = None, shape: Any = None)
     return np.broadcast_to(entries, like.shape if shape is None else shape).copy()
 
 
-def _moved(function: Callable[..., Any], as_nodes: Callable[[Graph, Any], Any] = nodes_of) -> Callable[..., Any]:
-    """A function that only moves or counts entries, of one array or of several."""
+def _moving(function: Callable[..., Any], as_nodes: Callable[[Graph, Any], Any] = nodes_of) -> Callable[..., Any]:
+    """Return the substitute for a function that only moves or counts entries."""
     return lambda graph, values, *places, **options: function(as_nodes(graph, values), *places, **options)
 
 
-#: By the function, the operation that it is on each entry.
+#: Operation on each entry, by NumPy function.
 OPERATIONS = {
     np.add: "add",
     np.subtract: "sub",
@@ -140,13 +138,13 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.einsum: einsum,
     np.where: _where,
     np.clip: _clip,
-    np.concatenate: _moved(np.concatenate, nodes_of_one_kind),
-    np.stack: _moved(np.stack, nodes_of_one_kind),
+    np.concatenate: _moving(np.concatenate, nodes_of_one_kind),
+    np.stack: _moving(np.stack, nodes_of_one_kind),
     np.broadcast_arrays: lambda graph, *values: np.broadcast_arrays(*(nodes_of(graph, value) for value in values)),
-    np.broadcast_to: _moved(np.broadcast_to),
-    np.swapaxes: _moved(np.swapaxes),
-    np.reshape: _moved(np.reshape),
-    np.copy: _moved(np.copy),
+    np.broadcast_to: _moving(np.broadcast_to),
+    np.swapaxes: _moving(np.swapaxes),
+    np.reshape: _moving(np.reshape),
+    np.copy: _moving(np.copy),
     np.zeros_like: _zeros_like,
     np.sum: partial(_fold, op="add"),
     np.prod: partial(_fold, op="mul"),
@@ -154,5 +152,5 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.min: partial(_fold, op="min"),
     np.all: partial(_hold, op="and"),
     np.any: partial(_hold, op="or"),
-    np.ndim: _moved(np.ndim),
+    np.ndim: _moving(np.ndim),
 }

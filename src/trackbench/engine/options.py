@@ -1,4 +1,4 @@
-"""Options of motion models as inputs of a kernel, so that other values of them need no other kernel."""
+"""Options of motion models as inputs of a kernel, so that one kernel serves all values of them."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ M = TypeVar("M", bound=MotionModel)
 
 
 def options(filter: Filter[Any]) -> dict[str, Any]:
-    """The numbers among the options of a filter's motion models, each a number or one for each member."""
+    """Return the numeric options of a filter's motion models by name, each a number or one number for each member."""
     motions = enumerate(filter.motions)
     return {name: value for number, motion in motions for name, value in numbers(motion, str(number)).items()}
 
 
 def with_options(filter: Any, values: Values) -> Any:
-    """The filter with other options, named as ``options`` does; the same one where none is another."""
-    own = filter.filters if isinstance(filter, InteractingMultipleModel) else (filter,)
-    motions = [with_numbers(single.motion, str(number), values) for number, single in enumerate(own)]
-    if all(motion is single.motion for motion, single in zip(motions, own, strict=True)):
+    """Return the filter with the named options replaced; the same filter where none changes."""
+    singles = filter.filters if isinstance(filter, InteractingMultipleModel) else (filter,)
+    motions = [with_numbers(single.motion, str(number), values) for number, single in enumerate(singles)]
+    if all(motion is single.motion for motion, single in zip(motions, singles, strict=True)):
         return filter
-    filters = tuple(replace(single, motion=motion) for single, motion in zip(own, motions, strict=True))
+    filters = tuple(replace(single, motion=motion) for single, motion in zip(singles, motions, strict=True))
     return replace(filter, filters=filters) if isinstance(filter, InteractingMultipleModel) else filters[0]
 
 
 def numbers(model: MotionModel, at: str) -> dict[str, Any]:
-    """Return the numbers among the options of a motion model of the package; ``at`` is put before each name."""
+    """Return the numeric options of a motion model of the package; ``at`` is put before each name."""
     if is_user_type(type(model)):
-        # What the model computes of its options by other means would not follow other options.
+        # Values that the model derives from its options would not follow other options.
         return {}
     parts = [_numbers(value, f"{at} {name}") for name, value in _fields(model).items()]
     return {name: value for part in parts for name, value in part.items()}
 
 
 def with_numbers(model: M, at: str, values: Values) -> M:
-    """The motion model with other options, named as ``numbers`` does; the same one where none is another."""
+    """Return the motion model with the named options replaced; the same model where none changes."""
     update: dict[str, Any] = {}
     for name, value in _fields(model).items():
         result = _replaced(value, f"{at} {name}", values)
@@ -52,13 +52,13 @@ def with_numbers(model: M, at: str, values: Values) -> M:
 
 
 def form(value: Any) -> Hashable:
-    """Return what a kernel of a filter or motion model depends on beside the options that are its inputs."""
+    """Return all on which the kernel of a filter or motion model depends, without the options that are inputs."""
     if isinstance(value, InteractingMultipleModel):
-        # How the modes switch is an input.
+        # The Markov chain of the modes is an input.
         return tuple(map(form, value.filters))
     if isinstance(value, MotionModel):
-        of_item = _constant if is_user_type(type(value)) else _form
-        return type(value), tuple((name, of_item(item)) for name, item in _fields(value).items())
+        form_of_item = _constant if is_user_type(type(value)) else _form
+        return type(value), tuple((name, form_of_item(item)) for name, item in _fields(value).items())
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), tuple((item.name, form(getattr(value, item.name))) for item in fields(value))
     return _constant(value)

@@ -1,4 +1,4 @@
-"""Many calls of kernels, one after the other for some members at a time, whose data so stay in the cache."""
+"""Sequences of kernel calls, made for one block of members after the other, so that data stay in the cache."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from trackbench.engine.layout import Input
 from trackbench.engine.machine import MachineCode
 from trackbench.engine.vector_code import HEAD, WIDTH
 
-#: Members that go through all calls before the next ones do: their data fit the second-level cache.
+#: Number of members that go through all calls together: their data fit the second-level cache.
 BLOCK = 256
 Addresses = npt.NDArray[np.int64]
 
 
 class ArrayPlace(NamedTuple):
-    """Where an array of an input or output lies at each call."""
+    """Memory place of an input or output at each call."""
 
     address: Addresses
-    """``(calls,)`` or ``(groups, calls)``"""
+    """``(calls,)`` or ``(groups, calls)`` address of the data."""
     stride: int
-    """How far its components are apart, in numbers."""
+    """Distance of components, in numbers."""
     group: int = 0
-    """How far the groups are apart, in bytes."""
+    """Distance of groups, in bytes."""
     form: Input = Input("", (), 1, "d")
-    """What kernels read there, without a name."""
+    """Shape and type of the array for kernels, without a name."""
 
 
 def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
-    """The place of an array in calls.
+    """Return the place of an array in calls.
 
     Args:
-        array: its ``axes`` axes of components, then its steps; then, unless it is the same for all members, groups (or
-            1) and members (or 1); without members it is the same for all of a group.
-        axes: how many axes of components it has, whose entries are equally far apart.
-        steps: ``(calls,)`` which step each call has.
+        array: array with ``axes`` component axes, then steps, then groups (or 1), then members (or 1). All members of a
+            group share an array without a member axis; all members share one without both.
+        axes: number of component axes, whose entries are equally far apart.
+        steps: ``(calls,)`` step of each call.
     """
     step, *groups = array.strides[axes:]
     stride = array.strides[axes - 1] if axes else 0
@@ -53,7 +53,7 @@ def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
 
 
 def place_of_each(arrays: Sequence[npt.NDArray[Any]], axes: int, size: int) -> ArrayPlace:
-    """The place of an array of each call, all alike: components, then all members of all groups of ``size``."""
+    """Return the place of one array for each call, of like form: components, then members in groups of ``size``."""
     first = arrays[0]
     addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
     stride = first.strides[axes - 1] // first.itemsize if axes else 0
@@ -61,12 +61,12 @@ def place_of_each(arrays: Sequence[npt.NDArray[Any]], axes: int, size: int) -> A
 
 
 class CallSequence:
-    """Calls of kernels for groups of members, which have the same calls.
+    """Calls of kernels for groups of members, where all groups have the same calls.
 
     Args:
-        kernels: of this process.
+        kernels: kernels of this process.
         groups: number of groups.
-        size: number of members of each, at least ``WIDTH``.
+        size: number of members of each group, at least ``WIDTH``.
         length: number of calls.
     """
 
@@ -74,12 +74,12 @@ class CallSequence:
         self._kernels, self._groups, self._size, self._length = kernels, groups, size, length
         self._calls: list[tuple[Indices, int, list[ArrayPlace | None]]] = []
         self._rows = 1
-        """Of outputs that nobody wants."""
+        """Number of rows of scratch memory, for outputs that nobody wants."""
 
     def compute(
         self, equations: Equations, at: Indices, inputs: Mapping[str, ArrayPlace], outputs: Mapping[str, ArrayPlace]
     ) -> bool:
-        """Add calls of the kernel of equations, as ``call``; return whether there is a kernel."""
+        """Add calls of the kernel of equations by ``call``; return whether there is a kernel."""
         kernel = self._kernels.kernel(equations, [inputs[name].form._replace(name=name) for name in equations.ranks])
         if kernel is not None:
             self.call(kernel, at, inputs, outputs)
@@ -91,10 +91,10 @@ class CallSequence:
         """Add calls of a kernel.
 
         Args:
-            kernel: which.
-            at: ``(calls,)`` which calls of the sequence they are.
-            inputs: of each input of the kernel its place.
-            outputs: of those outputs that are wanted, under the name that the layout has for them.
+            kernel: kernel to call.
+            at: ``(calls,)`` positions of the calls in the sequence.
+            inputs: place of each input of the kernel, by name.
+            outputs: place of each output that is wanted, by its name in the layout.
         """
         unwanted = (item.size for item in kernel.layout.outputs if item.name not in outputs)
         self._rows = max([self._rows, *unwanted])
@@ -103,7 +103,7 @@ class CallSequence:
         self._calls.append((at, kernel.code.part, [*read, *written, None]))
 
     def run(self) -> bool:
-        """Make the calls; whether the traces held of all members. If not, the outputs mean nothing."""
+        """Make the calls; return whether the guards held for all members. If not, the outputs mean nothing."""
         words = 1 + 2 * max(len(places) for _, _, places in self._calls)
         scratch = np.empty((self._rows, 1, 1, self._size))
         nowhere = place(scratch, 1, np.arange(1))
@@ -125,10 +125,10 @@ def _code(kernels: Kernels) -> MachineCode:
 
 
 def total_of_vectors(sums: Array) -> Array:
-    """``(...)`` the totals of vectors of sums ``(..., WIDTH)``, always in the same order."""
+    """Add up vectors of sums ``(..., WIDTH)``, always in the same order; return ``(...)``."""
     total: Array = sums[..., 0].copy()
-    for lane in range(1, WIDTH):
-        total += sums[..., lane]
+    for i in range(1, WIDTH):
+        total += sums[..., i]
     return total
 
 
@@ -142,9 +142,9 @@ def _number(name: str, place: int) -> str:
   %{name} = load i64, ptr %{name}.at, align 8"""
 
 
-#: The function of the number of groups and of the members of each; of the table, which has for each call the kernel and
-#: its list of places; and of how many calls there are, how many words each has in the table, and of how many members a
-#: block is. It returns 1 if the guards of all kernels held.
+#: Text of the function that makes all calls. Arguments are the number of groups, the number of members of each, a table
+#: with kernel and list of places of each call, and three numbers: calls, words of a call in the table, and members of a
+#: block. The function returns 1 if the guards of all kernels held.
 TEXT = f"""
 define i64 @kernel(i64 %groups, i64 %size, ptr %a0, ptr %a1) {{
 entry:

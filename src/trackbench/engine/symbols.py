@@ -1,4 +1,4 @@
-"""Arrays of nodes that NumPy's functions accept: what an equation is traced with."""
+"""Symbols: arrays of nodes that NumPy's functions accept, with which equations are traced."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def _method(function: Any) -> Callable[..., Any]:
 
 
 class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
-    """An array of nodes, in all else like the array of NumPy that it stands for."""
+    """Array of nodes that behaves like the NumPy array for which it stands."""
 
     __array_priority__ = 1000
-    # A function that remembers its results may be given a symbol.
+    # A function with a cache may get a symbol as its key.
     __hash__ = object.__hash__
 
     def __init__(self, graph: Graph, nodes: Nodes) -> None:
@@ -53,12 +53,12 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
     def __getitem__(self, key: Any) -> Symbol:
         keys = key if isinstance(key, tuple) else (key,)
-        # With an ellipsis a single entry is a view too, as it is where there are batch axes.
+        # An ellipsis makes a view of a single entry too, as with batch axes.
         keys = keys if any(item is Ellipsis for item in keys) else (*keys, ...)
         return Symbol(self.graph, self.nodes[keys])
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        nodes = cast(self.graph, nodes_of(self.graph, _plain(self.graph, value)), is_boolean(self.nodes))
+        nodes = cast(self.graph, nodes_of(self.graph, _unwrap(self.graph, value)), is_boolean(self.nodes))
         self.nodes[key] = nodes if nodes.ndim else nodes[()]
 
     def __bool__(self) -> NoReturn:
@@ -70,7 +70,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     __float__ = __int__ = __index__ = __complex__ = __array__ = item = tolist = _not_a_number
 
     def __getattr__(self, name: str) -> NoReturn:
-        # By some of these NumPy asks what an object can do.
+        # NumPy looks up some of these to learn what an object can do.
         if name.startswith("__"):
             raise AttributeError(name)
         self.graph.refuse(f"the attribute {name} of an array, which cannot be traced")
@@ -89,7 +89,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     def __array_ufunc__(self, function: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
         if method != "__call__" or options:
             self.graph.refuse(f"numpy.{function.__name__}.{method} with {', '.join(options) or 'such arguments'}")
-        result = self._called(function, inputs, {})
+        result = self._call(function, inputs, {})
         if out is None:
             return result
         target = out[0]
@@ -101,13 +101,13 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         return target
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
-        return self._called(function, arguments, options)
+        return self._call(function, arguments, options)
 
-    def _called(self, function: Any, arguments: Any, options: Any) -> Any:
+    def _call(self, function: Any, arguments: Any, options: Any) -> Any:
         if function not in FUNCTIONS:
             self.graph.refuse(f"numpy.{function.__name__}, which cannot be traced")
-        plain = [_plain(self.graph, argument) for argument in arguments]
-        chosen = {name: _plain(self.graph, value) for name, value in options.items()}
+        plain = [_unwrap(self.graph, argument) for argument in arguments]
+        chosen = {name: _unwrap(self.graph, value) for name, value in options.items()}
         result = FUNCTIONS[function](self.graph, *plain, **chosen)
         if isinstance(result, tuple) and result and isinstance(result[0], np.ndarray):
             return tuple(Symbol(self.graph, nodes) for nodes in result)
@@ -115,23 +115,23 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 def is_traced(values: Values) -> bool:
-    """Return whether a function is called with symbols."""
+    """Return whether values are symbols, so that a function is being traced."""
     return any(isinstance(value, Symbol) for value in values.values())
 
 
-def _plain(graph: Graph, value: Any) -> Any:
-    """A value with the nodes in place of each symbol."""
+def _unwrap(graph: Graph, value: Any) -> Any:
+    """Replace each symbol in a value by its nodes."""
     if isinstance(value, Symbol):
         if value.graph is not graph:
             graph.refuse("a value that was kept from another call")
         return value.nodes
     if isinstance(value, list | tuple):
-        return type(value)([_plain(graph, item) for item in value]) if type(value) in (list, tuple) else value
+        return type(value)([_unwrap(graph, item) for item in value]) if type(value) in (list, tuple) else value
     if isinstance(value, np.ndarray) and value.dtype == object:
         graph.refuse("an array of objects")
     return value
 
 
 def nodes_of_output(graph: Graph, value: Any) -> Nodes:
-    """What a function gave, a symbol or numbers, as nodes."""
-    return nodes_of(graph, _plain(graph, value))
+    """Return an output of a traced function, which is a symbol or numbers, as nodes."""
+    return nodes_of(graph, _unwrap(graph, value))

@@ -1,4 +1,4 @@
-"""Motion models and sensors that are not the package's own, and whether a kernel of theirs agrees with NumPy."""
+"""Motion models and sensors from outside trackbench, and the comparison of their kernels with NumPy."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.models.motion import MotionModel
 
-#: How far numbers of a kernel may be from NumPy's, as a share of the largest number of the same component.
+#: Largest difference between a kernel and NumPy, relative to the largest number of the same component.
 AGREEMENT = 1e-9
-#: How far they may be as a share of the largest number of all components.
+#: Difference allowed in addition, relative to the largest number of all components.
 ROUNDING = 1e-14
 
 
 def is_user_type(kind: type) -> bool:
-    """Return whether a class is not one of the package's own."""
+    """Return whether a class comes from outside trackbench."""
     return not kind.__module__.startswith("trackbench.")
 
 
 def says_pure(kind: type) -> bool:
-    """Return whether a class itself, and not one that it inherits from, says ``pure = True``."""
+    """Return whether a class itself, not one of its base classes, says ``pure = True``."""
     return bool(vars(kind).get("pure", False))
 
 
 def user_types(motions: Iterable[MotionModel]) -> tuple[type, ...]:
-    """Return the users' classes of motion models, and of motion models within them."""
+    """Return the users' classes among motion models and the motion models inside these."""
     kinds: dict[type, None] = {}
     for motion in motions:
         kinds |= dict.fromkeys([type(motion)] if is_user_type(type(motion)) else [])
@@ -35,11 +35,11 @@ def user_types(motions: Iterable[MotionModel]) -> tuple[type, ...]:
 
 
 def agree(outputs: Mapping[str, Array], expected: Mapping[str, Array]) -> bool:
-    """Return whether the outputs of a kernel are those of NumPy, to rounding.
+    """Return whether the outputs of a kernel equal NumPy's, to rounding.
 
     Args:
-        outputs: of the kernel.
-        expected: what NumPy gives of the same inputs.
+        outputs: outputs of the kernel.
+        expected: outputs of NumPy for the same inputs.
     """
     pairs = {
         name: (np.asarray(outputs[name], dtype=float), np.asarray(value, dtype=float))
@@ -51,6 +51,6 @@ def agree(outputs: Mapping[str, Array], expected: Mapping[str, Array]) -> bool:
 
 def _close(result: Array, expected: Array) -> bool:
     size = np.where(np.isfinite(expected), np.abs(expected), 0.0)
-    # A covariance that is zero for all members is only rounding beside the largest variance.
+    # A component that is zero for all members may contain rounding of the largest component.
     allowed = AGREEMENT * np.max(size, axis=-1, keepdims=True, initial=0.0) + ROUNDING * np.max(size, initial=0.0)
     return bool(np.isclose(result, expected, 0.0, allowed, equal_nan=True).all())

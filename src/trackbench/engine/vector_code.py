@@ -1,4 +1,4 @@
-"""Graphs as LLVM's intermediate language, with explicit vectors of members of a batch."""
+"""Graphs as LLVM's intermediate language, with explicit vectors over members of a batch."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from trackbench.engine.graph import ALL, COMPARISONS, GROUP, LOGICAL, MEMBER, Node, ordered
 from trackbench.engine.layout import SUMMED, KernelLayout
 
-#: Members of a batch in a vector: 8 doubles are one register of AVX-512; narrower machines take two or four for it.
+#: Number of members in a vector: 8 doubles fill one AVX-512 register, or two or four narrower ones.
 WIDTH = 8
-#: Size of what every object of Python begins with, bytes.
+#: Size of the header of every Python object, bytes.
 HEAD = object.__basicsize__
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-#: Ordered comparisons, which a NaN fails; "ne" alone holds of a NaN.
+#: LLVM comparisons: false for NaN, but "ne" is true for NaN.
 COMPARED = {"lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge", "eq": "oeq", "ne": "une"}
 INTRINSICS = {
     "sqrt": "sqrt",
@@ -24,31 +24,31 @@ INTRINSICS = {
     "copysign": "copysign",
     "fma": "fma",
 }
-#: Bits of a double: the place of the exponent, and what is added to it.
+#: Format of a double: number of bits of the fraction, and bias of the exponent.
 FRACTION_BITS, BIAS = 52, 1023
-#: Where the data of an array begin, and how far its rows are apart.
+#: Registers with the address of an array's data, and with the distance of its rows.
 Place = tuple[str, str]
 
 
 def kernel_text(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: Node) -> str:
-    """The text of two functions, ``name`` and ``name.part``.
+    """Return the text of two functions, ``name`` and ``name.part``.
 
-    ``name.part`` computes the members from a first to before an end, at least ``WIDTH``: the last vector may overlap
-    the one before, so that outputs must not lie where inputs are. It takes the two numbers, and a list of the places of
-    the inputs, of the outputs and of the mask of the guard, each with how far its rows are apart. It returns 1 if the
-    guard held of all. An output that is ``added`` is added to what lies there; one that is ``summed``, to a vector of
-    sums.
+    ``name.part`` computes the members from a first to before an end, at least ``WIDTH`` of them. The last vector may
+    overlap the vector before it, so outputs must not share memory with inputs. Arguments are the two numbers, and a
+    list with address and row distance of each input, of each output and of the guard's mask. It returns 1 if the guard
+    held for all members. An output in mode ``added`` is added to the numbers in place, an output in mode ``summed`` to
+    a vector of sums.
 
-    ``name`` computes groups, all members of which lie one after the other. It takes the number of groups and of the
-    members of each, and the arrays of the inputs, and of the numbers and masks of the outputs: objects of NumPy, whose
-    first field after the head of every object is the place of their data.
+    ``name`` computes groups of consecutive members. Arguments are the number of groups, the number of members of each,
+    and the arrays of the inputs, of the outputs' numbers and of their masks. These are NumPy objects, whose data
+    address is the first field after the object's header.
     """
     numbers: dict[int, str] = {}
     before, body = Text(1, "s", numbers, "0"), Text(WIDTH, "v", {}, "%i")
     texts = {ALL: before, GROUP: before, MEMBER: body}
-    # What the guard alone needs of an output comes next to it, so that no register keeps it until the end.
-    others = ordered([guard], [node.number for node in ordered(outputs)])
-    checks = {item.number: node for node in others for item in node.arguments}
+    # Checks of an output that only the guard needs follow at once, so that no register holds the output until the end.
+    guard_steps = ordered([guard], [node.number for node in ordered(outputs)])
+    checks = {item.number: node for node in guard_steps for item in node.arguments}
     steps = list(ordered([step for node in outputs for step in (node, checks.get(node.number, node))] + [guard]))
     places = [before.listed(number) for number in range(len(layout.inputs) + len(layout.outputs) + 1)]
     bases = {item.name: place for item, place in zip(layout.inputs, places, strict=False)}
@@ -96,11 +96,11 @@ done:
   %result = zext i1 %all to i64
   ret i64 %result
 }}
-{_of_groups(name, layout)}"""
+{_group_text(name, layout)}"""
 
 
-def _of_groups(name: str, layout: KernelLayout) -> str:
-    """The text of the function of whole groups, which calls ``name.part`` for each of them."""
+def _group_text(name: str, layout: KernelLayout) -> str:
+    """Return the text of the function of whole groups, which calls ``name.part`` for each group."""
     text = Text(1, "t", {}, "0")
     sizes = {ALL: ("1", "0"), GROUP: ("%groups", "%g"), MEMBER: ("%members", "%begin")}
     arrays = [f"%a{number}" for number in range(len(layout.inputs) + 2)]
@@ -142,7 +142,7 @@ done:
 def before_members(
     texts: Mapping[int, Text], steps: Sequence[Node], outputs: Iterable[Node], bases: Mapping[str, Place]
 ) -> None:
-    """Write what is the same for members, and make vectors of what they or the outputs need of it."""
+    """Write the operations that members share, and copy results that members or outputs need into vectors."""
     for node in steps:
         if node.level != MEMBER and not node.constant:
             texts[node.level].operation(node, bases)
@@ -157,7 +157,7 @@ def before_members(
 class Text:
     """Instructions on numbers (width 1) or vectors, one for each node, whose names begin with ``prefix``.
 
-    ``values``: by the number of a node, what stands for it. ``at``: where in a row.
+    ``values`` are the registers of nodes by number; ``at`` is the register with the place in a row.
     """
 
     def __init__(self, width: int, prefix: str, values: dict[int, str], at: str) -> None:
@@ -179,58 +179,58 @@ class Text:
         return name
 
     def constant(self, value: object) -> str:
-        """A constant of every member."""
+        """Return a constant for every member."""
         if isinstance(value, bool):
             return _constants("true" if value else "false", "i1", self.width)
         assert isinstance(value, float)
         return _constants(f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}", "double", self.width)
 
     def value(self, node: Node) -> str:
-        """What stands for a node."""
+        """Return the register or the constant of a node."""
         return self.constant(node.value) if node.constant else self._values[node.number]
 
     def data_of(self, array: str) -> str:
-        """Where the data of an array lies."""
+        """Load the address of an array's data."""
         return self._new(f"load ptr, ptr {self._new(f'getelementptr i8, ptr {array}, i64 {HEAD}')}, align 8")
 
     def listed(self, number: int) -> Place:
-        """What a list of places has at a number."""
+        """Load the place at a number of the list of places."""
         base, stride = self.entry("%list", 2 * number), self.entry("%list", 2 * number + 1)
         return self._new(f"load ptr, ptr {base}, align 8"), self._new(f"load i64, ptr {stride}, align 8")
 
     def entry(self, array: str, number: int) -> str:
-        """Where an entry of an array of whole numbers is."""
+        """Return the address of an entry of an array of 64-bit integers."""
         return self._new(f"getelementptr i64, ptr {array}, i64 {number}")
 
     def place(self, where: Place, row: int, kind: str, at: str | None = None) -> str:
-        """Where the number of a row is, or the vector."""
+        """Return the address of the number, or of the vector, of a row."""
         base, stride = where
         offset = self._new(f"add i64 {self._new(f'mul i64 {stride}, {row}')}, {at or self._at}")
         return self._new(f"getelementptr {kind}, ptr {base}, i64 {offset}")
 
     def spread(self, node: Node, number: str) -> list[str]:
-        """Instructions that make a vector of a number computed before."""
+        """Return the instructions that copy a number into a vector."""
         kind = "i1" if node.boolean else "double"
-        vector, own = self._type(kind), self.lines
+        vector, lines = self._type(kind), self.lines
         self.lines = []
         single = self._new(f"insertelement {vector} poison, {kind} {number}, i32 0")
         self._values[node.number] = self._new(
             f"shufflevector {vector} {single}, {vector} poison, <{self.width} x i32> zeroinitializer"
         )
-        made, self.lines = self.lines, own
+        made, self.lines = self.lines, lines
         return made
 
     def put(self, node: Node, mode: str, where: Place, row: int) -> None:
-        """Write a node to a row of an output, or add it to what lies there; of members that come again nothing."""
+        """Write a node to a row of an output, or add it there; members of an overlapping vector add nothing."""
         value, number = self.value(node), self._type("double")
         if node.boolean:
             self.store_mask(value, where, row)
             return
         place = self.place(where, row, "double", "0" if mode == SUMMED else None)
         if mode:
-            own = self._new(f"select {self._type('i1')} %fresh, {number} {value}, {number} {self.constant(0.0)}")
+            addend = self._new(f"select {self._type('i1')} %fresh, {number} {value}, {number} {self.constant(0.0)}")
             before = self._new(f"load {number}, ptr {place}, align 8")
-            value = self._new(f"fadd {number} {before}, {own}")
+            value = self._new(f"fadd {number} {before}, {addend}")
         self.lines.append(f"  store {number} {value}, ptr {place}, align 8")
 
     def store_mask(self, value: str, where: Place, row: int) -> None:
@@ -240,7 +240,7 @@ class Text:
         self.lines.append(f"  store {self._type('i8')} {wide}, ptr {place}, align 1")
 
     def operation(self, node: Node, bases: Mapping[str, Place]) -> None:
-        """The instructions of a node; ``bases``: where the data of each input lie."""
+        """Write the instructions of a node; ``bases`` are the places of the inputs."""
         where = ""
         if isinstance(node.value, tuple):
             name, component = node.value
@@ -273,10 +273,10 @@ class Text:
             return self._extreme(op, node.arguments, values)
         if op in INTRINSICS:
             return self._call(INTRINSICS[op], values)
-        return self._bits(op, values[0])
+        return self._bit_operation(op, values[0])
 
     def _extreme(self, op: str, arguments: Sequence[Node], values: Sequence[str]) -> str:
-        """The smaller or larger of two, NaN where one is, as NumPy has it."""
+        """Return the smaller or larger of two numbers, NaN where one is, as in NumPy."""
         number, truth, less = self._type("double"), self._type("i1"), "lt" if op == "min" else "gt"
         if arguments[1].constant:
             first = self._new(f"fcmp u{less} {number} {values[0]}, {values[1]}")
@@ -293,8 +293,7 @@ class Text:
         self.declared.add(f"declare {number} @llvm.{name}.{suffix}({', '.join([number] * len(values))})")
         return self._new(f"call {number} @llvm.{name}.{suffix}({', '.join(f'{number} {value}' for value in values)})")
 
-    def _bits(self, op: str, value: str) -> str:
-        """Operations on the bits of a number."""
+    def _bit_operation(self, op: str, value: str) -> str:
         number, whole = self._type("double"), self._type("i64")
 
         def fixed(bits: int) -> str:

@@ -14,7 +14,7 @@ from trackbench.base.streams import stream
 from trackbench.base.types import Array, Indices, RecordedNoise, Truth
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.engine.choice import Engine, EngineName, chosen
+from trackbench.engine.choice import Engine, EngineName, choose_engine
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
@@ -338,7 +338,7 @@ def work_of(
         # Where a size is not known, it is said before anything is driven.
         _ = scene.scored
     filed = rows_of_files(work.trackers, every, work.runs, work.folder or Path())
-    return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=filed)
+    return replace(work, engine=choose_engine(engine, work.steps), driven_twice=_drawn_block(work), filed=filed)
 
 
 def _reference_motion(scenario: ScenarioConfig, truths: Sequence[Truth]) -> ReferenceMotion:

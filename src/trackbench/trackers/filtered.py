@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
-from trackbench.engine.choice import Engine, filter_by, used
+from trackbench.engine.choice import Engine, engine_used_by, filter_by
 from trackbench.engine.equations import EngineUsed
 from trackbench.filters import Filter, Step, StepGuard, Update, choose, compact
 from trackbench.models.motion import Kinematics
@@ -46,7 +46,7 @@ class BuiltInTracker:
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return used(self.computed_filter)
+        return engine_used_by(self.computed_filter)
 
     @property
     def starts_from_truth(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
-from trackbench.engine.choice import Engine, chosen
+from trackbench.engine.choice import Engine, choose_engine
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.assumptions import Assumptions, require_known_checks
 from trackbench.subjects.doctor.checks.drives import harmless
@@ -137,7 +137,7 @@ class Doctor:
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
         """The test drives, each with the estimates of the reference."""
         drives = simulate_drives(self.sensors, self._seed, self._setting)
-        make = partial(reference_tracker, chosen("auto", drive_steps(drives, batched=False)))
+        make = partial(reference_tracker, choose_engine("auto", drive_steps(drives, batched=False)))
         skip = self._assumptions.skip
         return [(drive, rollout(make, drive.scans)) for drive in drives if drive.name not in skip]
 

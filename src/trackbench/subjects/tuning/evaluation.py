@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from trackbench.base.execution import Executor
 from trackbench.base.types import Indices, Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
-from trackbench.engine.choice import EngineName, chosen
+from trackbench.engine.choice import EngineName, choose_engine
 from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import Metric
 from trackbench.metrics.built_in.basic import Coverage
@@ -127,7 +127,7 @@ class Evaluator:
         self._executor = executor
         self._metric, self._measure = metric, measure
         works = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
-        self.engine = chosen(engine, trials * sum(work.steps for work in works))
+        self.engine = choose_engine(engine, trials * sum(work.steps for work in works))
         self._work = [replace(work, engine=self.engine, recorded_run=-1, driven_twice=None) for work in works]
 
     def scenes(self, bench: int) -> Indices:
