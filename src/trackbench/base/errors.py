@@ -13,11 +13,11 @@ class TrackbenchError(Exception):
 
 
 class OutputError(TrackbenchError):
-    """A result cannot be written. The command line shows it and exits with status 4."""
+    """Error of a result that cannot be written. The command line shows it and exits with status 4."""
 
 
 class InputError(TrackbenchError):
-    """Bad input: a file, a key or an option. The command line shows it and exits with status 2.
+    """Error in the input: a file, a key or an option. The command line shows it and exits with status 2.
 
     Args:
         message: what is wrong and what would be right, in one line.

@@ -130,7 +130,7 @@ def _make_call(content: bytes, rest: bytes, folders: tuple[Path | None, ...], co
             place = place_of(error, installed=False)
             if place is None and isinstance(error, Exception) and not isinstance(error, ImportError):
                 raise
-            # The traceback is not sent, and a SystemExit would end whoever asks for the result.
+            # The traceback is not sent. A SystemExit would end the process that asks for the result.
             where = "" if place is None else f" ({place})"
             raise TrackbenchError(f"a plug-in failed: {one_line(error)}{where}") from None
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import signal
 
 BAD_INPUT = 2
-#: A tracker, or another plug-in, failed.
+#: Status where a tracker, or another plug-in, failed.
 FAILED_PLUGIN = 3
 CANNOT_WRITE = 4
-#: An internal error, or a command that ended without a status (sysexits.h).
+#: Status of an internal error, or of a command that ended without a status (sysexits.h).
 FAULT = 70
 #: Statuses that a shell reports of a program ended by Ctrl-C, and of a program whose output nobody reads.
 INTERRUPTED, UNREAD = 130, 141

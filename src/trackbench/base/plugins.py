@@ -214,7 +214,7 @@ def lacks_class(base: type) -> Callable[[Any], str | None]:
         if not isinstance(result, type) or not issubclass(result, base):
             return f"it must be a subclass of {wanted}"
         missing = sorted(getattr(result, "__abstractmethods__", ()))
-        # Class variables without a value.
+        # Class variables that the base class declares without a value.
         stated = [name for name, kind in inspect.get_annotations(base).items() if str(kind).startswith("ClassVar")]
         unset = [name for name in stated if not hasattr(base, name) and not hasattr(result, name)]
         if missing or unset:

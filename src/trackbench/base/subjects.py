@@ -25,7 +25,7 @@ class Offer(NamedTuple):
 
 
 class TermPage(NamedTuple):
-    """A page of ``trackbench explain``."""
+    """Page of ``trackbench explain``."""
 
     name: str
     page: tuple[tuple[str, str], ...]

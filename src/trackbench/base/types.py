@@ -73,7 +73,7 @@ class FieldOfView(NamedTuple):
     half_angle: float
     """Largest angle to either side of the boresight, rad."""
     max_range: float
-    """m; infinite where there is no limit."""
+    """Largest range, m; infinite without a limit."""
     volume: float | None = None
     """Volume of the visible part of the measurement space, in units of a measurement; None if infinite. The expected
     number of false alarms in a scan is the clutter density times this volume."""
@@ -215,7 +215,7 @@ class RecordedAlarms(NamedTuple):
     scan: Indices
     """``(rows,)`` number of the scan of each detection."""
     measurement: Array
-    """``(m, rows)``."""
+    """``(m, rows)`` measurement of each detection."""
 
 
 class RecordedMeasurements(NamedTuple):
@@ -241,7 +241,7 @@ class RecordedDetections(NamedTuple):
     scan: Indices
     """``(rows,)`` number of the scan of each detection."""
     measurement: Array
-    """``(m, rows)``."""
+    """``(m, rows)`` measurement of each detection."""
     own_track: Indices
     """``(rows,)`` number of the sensor's own track to which it assigns a detection; -1 for none."""
     own_tracks: tuple[str, ...]
@@ -306,17 +306,16 @@ class Truth:
     time: Array
     """``(steps,)`` s, from 0."""
     ids: tuple[str, ...]
-    """Names of the objects."""
     px: Array
-    """m."""
+    """Position along x in the fixed frame, m."""
     py: Array
-    """m."""
+    """Position along y in the fixed frame, m."""
     heading: Array
     """Direction in which the body points, rad."""
     course: Array
     """Direction of motion (heading plus slip angle), rad."""
     speed: Array
-    """Along the course, m/s."""
+    """Speed along the course, m/s."""
     acceleration: Array
     """Rate of change of speed, m/s^2."""
     yaw_rate: Array

@@ -246,7 +246,7 @@ FUNCTIONS: dict[str, Callable[..., Term]] = {
 
 
 def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
-    """Replace transcendental functions by arithmetic in ``roots``, and in the guards of the graph, to which it adds."""
+    """Replace transcendental functions by arithmetic in ``roots`` and in the graph's guards; new guards are added."""
     lowered_nodes: dict[int, Node] = {}
     guards, graph.guards = graph.guards, []
     for node in ordered([*roots, *guards]):

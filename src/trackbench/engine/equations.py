@@ -131,5 +131,5 @@ def _select_members(value: Any, rank: int, batch: tuple[int, ...], places: Indic
 
 
 def _one_axis(axes: int, count: int) -> tuple[int, ...]:
-    """Return the lengths of batch axes where the last axis has all members."""
+    """Return lengths of batch axes that are 1, except for the last, which has all members."""
     return (1,) * (axes - 1) + (count,) * (axes > 0)

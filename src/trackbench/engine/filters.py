@@ -1,4 +1,4 @@
-"""Filters whose equations kernels compute."""
+"""Filters whose equations are computed by kernels, the machine code of the fused engine."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class FusedFilter:
         self._sensors_matter = any(motion.sensors_with_errors for motion in filter.motions)
         self._equations: dict[Hashable, Equations] = {}
         self._scan: Any = None
-        """Scan of the current call, of which kernels get only the arrays."""
+        """Scan of the current call; kernels get only its arrays."""
         self._user_types = user_types(filter.motions)
         self._by_kernels, self._again, self._of_pure, self._differs = False, 0, False, False
         self._untraced: dict[str, str] = {}

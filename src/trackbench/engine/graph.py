@@ -47,7 +47,7 @@ KNOWN: dict[str, Callable[..., float | bool]] = {
 
 
 class Untraceable(TypeError):
-    """Error of a function that does something that cannot be traced, which the message names."""
+    """Error for a function that cannot be traced; the message says why."""
 
 
 @dataclass(eq=False, slots=True)

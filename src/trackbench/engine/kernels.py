@@ -69,7 +69,7 @@ class Kernels:
         self.differing: set[Hashable] = set()
         """Keys of equations whose kernels gave other numbers than NumPy."""
         self.untraced: dict[Hashable, tuple[str, str]] = {}
-        """Name of equations that NumPy computes, and the reason, by key."""
+        """Name and reason of each set of equations that NumPy computes, by its key."""
         self.members_by_numpy = 0
         """Number of members of batches that NumPy recomputed."""
         self.seconds = 0.0
@@ -95,7 +95,7 @@ class Kernels:
         return self._stated_processor or Processor()
 
     def code(self, text: str, arrays: int) -> MachineCode:
-        """Return the machine code of an LLVM text, with a function of two numbers and of so many arrays."""
+        """Return the machine code of an LLVM text, whose function takes two numbers and so many arrays."""
         code = self._load_or_make(text, lambda: self._processor.object_code(text))
         return self._processor.function(code, arrays)
 

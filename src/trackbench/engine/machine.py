@@ -94,14 +94,14 @@ class Processor:
         self.key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def object_code(self, text: str) -> bytes:
-        """Return the object file of a module's text, after the unique name of its function."""
+        """Return the unique name of a module's function, a line break, and the object file of its text."""
         name = f"{FUNCTION}_{hashlib.sha256(text.encode()).hexdigest()}"
         module = self._llvm.parse_assembly(text.replace(f"@{FUNCTION}", f"@{name}"))
         module.verify()
         return name.encode() + b"\n" + bytes(self._target.emit_object(module))
 
     def function(self, code: bytes, arrays: int) -> MachineCode:
-        """Load a function of two numbers and of so many arrays from its ``object_code``."""
+        """Load the function of ``object_code``, which takes two numbers and so many arrays."""
         head, _, file = code.partition(b"\n")
         name = head.decode()
         if name not in self._loaded:
@@ -113,7 +113,7 @@ class Processor:
 
     @cached_property
     def _engine(self) -> Any:
-        # An engine owns its target.
+        # The LLVM engine owns its target, so that it needs one for itself.
         target = self._llvm.Target.from_default_triple().create_target_machine(jit=True, codemodel="jitdefault")
         return self._llvm.create_mcjit_compiler(self._llvm.parse_assembly(""), target)
 

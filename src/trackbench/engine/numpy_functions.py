@@ -36,8 +36,8 @@ def _fold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Nodes:
 def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
     """Return whether all or any entries hold along axes; without axes, return which way a branch goes.
 
-    A branch goes as if all, or none, of the entries held, and this assumption becomes a guard. A branch on masks among
-    the inputs goes the general way.
+    A branch goes as if all, or none, of the entries held, and this assumption becomes a guard. A branch on input masks
+    alone has no guard: it goes as if the mask differed between members.
     """
     nodes = cast(graph, nodes_of(graph, values), True)
     result = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])

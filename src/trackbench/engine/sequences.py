@@ -53,7 +53,7 @@ def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
 
 
 def place_of_each(arrays: Sequence[npt.NDArray[Any]], axes: int, size: int) -> ArrayPlace:
-    """Return the place of one array for each call, of like form: components, then members in groups of ``size``."""
+    """Return the place of like arrays, one for each call: components, then members in groups of ``size``."""
     first = arrays[0]
     addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
     stride = first.strides[axes - 1] // first.itemsize if axes else 0

@@ -46,7 +46,7 @@ def kernel_text(name: str, layout: KernelLayout, outputs: Sequence[Node], guard:
     numbers: dict[int, str] = {}
     before, body = Text(1, "s", numbers, "0"), Text(WIDTH, "v", {}, "%i")
     texts = {ALL: before, GROUP: before, MEMBER: body}
-    # Checks of an output that only the guard needs follow at once, so that no register holds the output until the end.
+    # A check of an output by the guard alone follows at once, so that no register holds the output until the end.
     guard_steps = ordered([guard], [node.number for node in ordered(outputs)])
     checks = {item.number: node for node in guard_steps for item in node.arguments}
     steps = list(ordered([step for node in outputs for step in (node, checks.get(node.number, node))] + [guard]))

@@ -14,10 +14,10 @@ from trackbench.base.config.problems import KeyPath, Problem, chosen_by, problem
 __all__ = ["Config", "KeyPath", "Problem", "chosen_by", "problem_error", "reject"]
 
 Positive = Annotated[float, Field(gt=0)]
-#: Standard deviations whose squares, and the ratios of these, double precision can hold, in any unit.
+#: Limits of a standard deviation: double precision holds the squares and their ratios, in any unit.
 LEAST_SIGMA, LARGEST_SIGMA = 1e-9, 1e9
 Sigma = Annotated[float, Field(ge=LEAST_SIGMA, le=LARGEST_SIGMA)]
-#: Variances of a state's components.
+#: Variance of a component of a state.
 Variance = Annotated[float, Field(ge=LEAST_SIGMA**2, le=LARGEST_SIGMA**2)]
 NonNegative = Annotated[float, Field(ge=0)]
 Probability = Annotated[float, Field(gt=0, le=1)]

@@ -48,7 +48,7 @@ class SensorErrors(NamedTuple):
     """Errors of a sensor that are part of the state: ``z = h(x) + E x + w``."""
 
     gain: Array
-    """``E``, ``(m, n, ...)``"""
+    """Gain ``E``, ``(m, n, ...)``."""
     noise: Array
     """``(m, m, ...)`` covariance of the remaining white noise ``w``."""
 

@@ -1,4 +1,4 @@
-"""Constant acceleration."""
+"""Motion model of constant acceleration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nearly constant turn in position, velocity and turn rate."""
+"""Motion model of a nearly constant turn, in position, velocity and turn rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Constant turn rate and acceleration."""
+"""Motion model of constant turn rate and acceleration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Constant turn rate and velocity."""
+"""Motion model of constant turn rate and velocity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Constant velocity, driven by a piecewise constant or by a continuous white acceleration."""
+"""Motion models of constant velocity, driven by a piecewise constant or by a continuous white acceleration."""
 
 from __future__ import annotations
 

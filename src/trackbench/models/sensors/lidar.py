@@ -1,4 +1,4 @@
-"""Lidar: position in the sensor's frame."""
+"""Lidar, which measures position in the sensor's frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Radar: range, azimuth and range rate, or some of these."""
+"""Radar, which measures range, azimuth and range rate, or some of these."""
 
 from __future__ import annotations
 
@@ -99,22 +99,21 @@ class Radar(Polar):
         yield from super().problems()
 
     def uniform(self, shares: Array) -> Array:
-        """Uniform in each component."""
+        """Return measurements uniform in each component."""
         (low, high), fov = self.clutter.range_rate_mps, np.deg2rad(self.fov_deg)
         assert self.max_range_m is not None
         share = dict(zip(self.components, shares, strict=True))
         r, azimuth, rate = (share.get(name, 0.0) for name in Radar.components)
-        return np.stack(self._measured(r * self.max_range_m, (azimuth - 0.5) * fov, low + rate * (high - low)))
+        return np.stack(self._select_measured(r * self.max_range_m, (azimuth - 0.5) * fov, low + rate * (high - low)))
 
     def volume(self) -> float:
-        """Product of the unit of each component: m rad m/s."""
+        """Return the volume of the field of view, in the product of the components' units (m rad m/s)."""
         low, high = self.clutter.range_rate_mps
         assert self.max_range_m is not None
-        return float(math.prod(self._measured(self.max_range_m, np.deg2rad(self.fov_deg), high - low)))
+        return float(math.prod(self._select_measured(self.max_range_m, np.deg2rad(self.fov_deg), high - low)))
 
     @classmethod
-    def _measured(cls, range_: T, azimuth: T, range_rate: T) -> tuple[T, ...]:
-        """Return the values of the components that this class measures."""
+    def _select_measured(cls, range_: T, azimuth: T, range_rate: T) -> tuple[T, ...]:
         values = {"range": range_, "azimuth": azimuth, "range_rate": range_rate}
         return tuple(values[name] for name in cls.components)
 
@@ -125,7 +124,7 @@ class Radar(Polar):
         c, s = np.cos(pose[2]), np.sin(pose[2])
         azimuth = np.arctan2(c * dy - s * dx, c * dx + s * dy)
         rate = (dx * (target[2] - velocity[0]) + dy * (target[3] - velocity[1])) / r
-        return linalg.vector(cls._measured(r, azimuth, rate))
+        return linalg.vector(cls._select_measured(r, azimuth, rate))
 
     @classmethod
     def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
@@ -135,7 +134,7 @@ class Radar(Polar):
         # Velocity across the line of sight, over the range: the rate at which the line of sight turns.
         turn = (ux * (target[3] - velocity[1]) - uy * (target[2] - velocity[0])) * inverse
         return linalg.matrix(
-            cls._measured([ux, uy, 0, 0], [-uy * inverse, ux * inverse, 0, 0], [-uy * turn, ux * turn, ux, uy])
+            cls._select_measured([ux, uy, 0, 0], [-uy * inverse, ux * inverse, 0, 0], [-uy * turn, ux * turn, ux, uy])
         )
 
     @classmethod

@@ -81,15 +81,15 @@ class Sensed:
     time: Array
     """``(instants,)`` s."""
     pose: Array
-    """``(3, instants, runs or 1)``."""
+    """``(3, instants, runs or 1)`` x m, y m, yaw rad of the sensor."""
     velocity: Array
-    """``(2, instants, runs or 1)``."""
+    """``(2, instants, runs or 1)`` vx, vy of the sensor, m/s."""
     yaw_rate: Array
-    """``(instants, runs or 1)`` rad/s."""
+    """``(instants, runs or 1)`` yaw rate of the sensor, rad/s."""
     bodies: Bodies
     """Measured points and their bodies."""
     visible: Mask
-    """``(instants, objects, runs or 1)``."""
+    """``(instants, objects, runs or 1)`` True where an object is in view."""
     probability: Array
     """``(instants, objects, runs or 1)`` P_D of a visible object."""
     scale: Array

@@ -53,7 +53,6 @@ class Interference(Effect):
             yield Problem(("alarms_per_scan",), "needs a field of view that ends: state max_range_m of the sensor")
 
     def _draw_bursts(self, time: Array, random: np.random.Generator) -> Mask:
-        """``(instants,)`` whether the sensor is in a burst."""
         begin, end = time[0] - LONGEST_BURST * self.duration_s, time[-1]
         count = random.poisson(self.per_minute * (end - begin) / 60.0)
         first = np.sort(random.uniform(begin, end, count))
