@@ -15,7 +15,7 @@ from tests.support.traffic_files import CARS, TIME, write_csv
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import EXACT, Truth
-from trackbench.metrics.evaluate import carrying
+from trackbench.metrics.evaluate import widen_for_reference
 from trackbench.results import MetricValue
 from trackbench.runner.work import Work
 from trackbench.scenario import load_scenario
@@ -250,12 +250,12 @@ def test_mistakes(options: dict[str, Any], message: str) -> None:
 def test_intervals_of_errors_carry_the_noise_of_the_reference() -> None:
     """Its mean square is added to that of the upper end and taken from that of the lower one, and moves no value."""
     exact = MetricValue(value=0.5, unit="m", ci95=(0.4, 0.6))
-    carried = carrying(exact, 0.09)
+    carried = widen_for_reference(exact, 0.09)
     assert carried.ci95 == pytest.approx((np.sqrt(0.16 - 0.09), np.sqrt(0.36 + 0.09)))
-    assert carrying(exact, 1.0).ci95 == pytest.approx((0.0, np.sqrt(1.36)))
+    assert widen_for_reference(exact, 1.0).ci95 == pytest.approx((0.0, np.sqrt(1.36)))
     assert carried.value == exact.value
     none = MetricValue(value=0.5, unit="m", reason="too short")
-    assert carrying(none, 0.09) == none
+    assert widen_for_reference(none, 0.09) == none
 
 
 SCENARIO = """

@@ -1,4 +1,8 @@
-"""Estimates and truth to numbers with a unit, an interval and a verdict."""
+"""Metrics of trackers: values with units, intervals and verdicts, and paired differences between trackers.
+
+The estimates or tracks of each block of runs come in with the ground truth. Metric values and their intervals go out,
+by tracker and dotted path. Read ``evaluate.py`` first.
+"""
 
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.built_in.basic import EstimateMetric

@@ -1,4 +1,4 @@
-"""Intervals from blocks of a single log: what is near in time, or of one object, is not independent."""
+"""Confidence intervals from a single log, by drawing whole blocks: neighbouring residuals are not independent."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from scipy.special import stdtrit
 
 from trackbench.base.types import Array, Indices
 
-#: Blocks of time that a log is cut into, at most and at least.
+#: Largest and smallest number of time blocks that a log is cut into.
 MOST, FEWEST = 40, 8
-#: Blocks are this many times longer than the residuals are correlated.
+#: Least length of a time block, as a multiple of the correlation time of the residuals.
 LONGER = 5.0
-#: Objects from which on whole objects are drawn too.
+#: Number of objects from which on the rows of each object are drawn as a block too.
 OBJECTS = 8
 DRAWS = 400
 SEED = 20261
@@ -31,12 +31,12 @@ class BlockInterval(NamedTuple):
     """Degrees of freedom of the standard deviation."""
 
     def bounds(self, level: float = 0.95) -> tuple[float, float]:
-        """The interval that holds the true value with this probability."""
+        """Return the interval that holds the true value with probability ``level``."""
         reach = stdtrit(self.freedom, 0.5 + level / 2) * self.sigma
         return self.value - reach, self.value + reach
 
     def excludes(self, value: float, level: float) -> bool:
-        """Whether ``value`` is outside the interval."""
+        """Return whether ``value`` lies outside the interval of this level."""
         low, high = self.bounds(level)
         return not low <= value <= high
 
@@ -46,18 +46,18 @@ class Blocks:
     """Two ways to cut the rows of a log: by time, and by object."""
 
     cuts: tuple[Indices, ...]
-    """Each ``(rows,)`` the number of the block of each row."""
+    """Block number of each row, ``(rows,)``, for each way to cut."""
 
     def intervals(self, terms: Array, finish: Callable[[Array], Array]) -> list[BlockInterval]:
-        """Intervals of statistics that are functions of sums over rows, by a bootstrap that draws whole blocks.
+        """Return bootstrap intervals, from whole blocks, of statistics that are functions of sums over rows.
 
-        Of the two ways to cut, the one with the wider interval counts. Source: Kuensch (1989), "The jackknife and the
+        The cut with the wider interval counts. Source: Kuensch (1989), "The jackknife and the
         bootstrap for general stationary observations"; the t quantile for few blocks as in Cameron, Gelbach and Miller
         (2008), "Bootstrap-based improvements for inference with clustered errors".
 
         Args:
-            terms: ``(k, rows)`` what is summed.
-            finish: from sums ``(k, ...)`` to the statistics ``(q, ...)``.
+            terms: ``(k, rows)`` terms of the sums.
+            finish: computes the statistics ``(q, ...)`` from sums ``(k, ...)``.
         """
         value = finish(terms.sum(axis=1))
         spreads: list[tuple[Array, int]] = []
@@ -69,24 +69,24 @@ class Blocks:
             weights = np.random.default_rng(SEED).multinomial(count, np.full(count, 1 / count), DRAWS)
             drawn = finish(np.asarray(sums @ weights.T, dtype=np.float64))
             drawn = np.where(np.isfinite(drawn), drawn, np.nan)
-            several = np.isfinite(drawn).sum(axis=1) > 1
+            has_spread = np.isfinite(drawn).sum(axis=1) > 1
             spread = np.full(len(drawn), np.nan)
-            spread[several] = np.nanstd(drawn[several], axis=1, ddof=1)
+            spread[has_spread] = np.nanstd(drawn[has_spread], axis=1, ddof=1)
             spreads.append((spread * np.sqrt(count / (count - 1)), count - 1))
         result = []
-        for i, of in enumerate(value.tolist()):
+        for i, statistic in enumerate(value.tolist()):
             finite = [(float(sigma[i]), freedom) for sigma, freedom in spreads if np.isfinite(sigma[i])]
-            wide = max(finite, key=lambda spread: spread[0] * stdtrit(spread[1], 0.975), default=(np.inf, 1))
-            result.append(BlockInterval(of, *wide))
+            widest = max(finite, key=lambda spread: spread[0] * stdtrit(spread[1], 0.975), default=(np.inf, 1))
+            result.append(BlockInterval(statistic, *widest))
         return result
 
 
 def blocks_of(time: Array, owner: Indices, residual: Array) -> Blocks:
-    """Blocks for rows whose residuals are correlated over a time that is measured.
+    """Cut rows into blocks that are longer than the measured correlation time of their residuals.
 
     Args:
         time: ``(rows,)`` s, sorted.
-        owner: ``(rows,)`` number of the object.
+        owner: ``(rows,)`` object number of each row.
         residual: ``(m, rows)``.
     """
     span = max(float(time[-1] - time[0]), 1e-9)
@@ -99,24 +99,24 @@ def blocks_of(time: Array, owner: Indices, residual: Array) -> Blocks:
     first = np.searchsorted(time, time, side="left")
     by_time = np.unique(by_time[first], return_inverse=True)[1].astype(np.intp)
     objects = np.unique(owner, return_inverse=True)[1].astype(np.intp)
-    several = len(objects) and objects.max() + 1 >= OBJECTS
-    return Blocks((by_time, objects) if several else (by_time,))
+    draws_objects = len(objects) and objects.max() + 1 >= OBJECTS
+    return Blocks((by_time, objects) if draws_objects else (by_time,))
 
 
 def correlation_time(time: Array, owner: Indices, residual: Array) -> float:
-    """For how long the residuals of one object stay alike, s: until their autocorrelation is below its noise."""
+    """Return the time, s, after which the autocorrelation of an object's residuals is below its noise."""
     products: dict[int, list[float]] = {}
     spacing = []
     scale = float(np.mean(residual**2))
     if scale <= 0:
         return 0.0
     for number in np.unique(owner):
-        own = residual[owner == number] - residual[owner == number].mean()
-        if len(own) < FEWEST:
+        centred = residual[owner == number] - residual[owner == number].mean()
+        if len(centred) < FEWEST:
             continue
         spacing.append(float(np.median(np.diff(time[owner == number]))))
-        for lag in range(1, min(200, len(own) // 4) + 1):
-            products.setdefault(lag, []).append(float(own[:-lag] @ own[lag:]) / (len(own) - lag))
+        for lag in range(1, min(200, len(centred) // 4) + 1):
+            products.setdefault(lag, []).append(float(centred[:-lag] @ centred[lag:]) / (len(centred) - lag))
     total = 0.5
     for lag in sorted(products):
         correlation = float(np.mean(products[lag])) / scale

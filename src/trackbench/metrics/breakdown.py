@@ -1,4 +1,4 @@
-"""Scores by condition."""
+"""Scores under each condition: manoeuvre, range, time in view, and velocity jump of the truth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, ClassSums
 from trackbench.results import ConditionScores, MetricValue
 
-#: What is kept of each class of estimates, and the sums of errors that each is made of.
+#: Fields of the sums of a class of estimates, with the rows of the sums of errors that each field adds up.
 FIELDS = {
     "count": ("count",),
     "given": ("given",),
@@ -30,11 +30,11 @@ FIELDS = {
     "nees_velocity_along": ("nees_velocity_along",),
     "nees_velocity_across": ("nees_velocity_across",),
 }
-#: Rows of the sums of a class: those, and how many NEES are beyond each point of chi-square.
+#: Rows of the sums of a class: the fields, and the number of NEES beyond each point of chi-square.
 ROWS = (*FIELDS, *BEYOND)
-#: Degrees of freedom of the parts of the NEES, which are means over the estimates that the tracker gave.
+#: Degrees of freedom of the NEES and its parts. Each is a mean over the estimates that the tracker gave.
 DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2} | dict.fromkeys(DIRECTIONS.values(), 1)
-#: The share beyond a point is stated where at least so many independent estimates are expected beyond it.
+#: Least number of independent estimates expected beyond a point for its share to be stated.
 LEAST_BEYOND = 10
 
 # Columns of the sums: all estimates, each manoeuvre, band, age, and jump or none.
@@ -43,7 +43,7 @@ _BAND = _MANOEUVRE + len(MANOEUVRES)
 _AGE = _BAND + BANDS
 _JUMP = _AGE + len(AGES)
 _COLUMNS = _JUMP + len(JUMPS)
-#: Row of the number of which each is a mean.
+# Row that holds the number of terms of each row: of given estimates for a NEES, else of all errors.
 _NUMBER = [1 if name in DOF or name in BEYOND else 0 for name in ROWS]
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
@@ -52,7 +52,7 @@ def class_sums(codes: Indices, errors: Array, beyond: Array) -> ClassSums:
     """Return the sums under each condition over independent parts.
 
     Args:
-        codes: ``(classes,)`` of :func:`trackbench.metrics.conditions.condition_classes`.
+        codes: ``(classes,)`` flat index of each class, see :func:`trackbench.metrics.conditions.condition_classes`.
         errors: ``(15, classes, parts)`` sums of the errors of each class, rows ``ERROR_FIELDS``.
         beyond: ``(3, classes, parts)`` numbers of NEES beyond each point of chi-square.
     """
@@ -74,11 +74,11 @@ def moments(by_part: Array) -> ClassSums:
 
 
 def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | None) -> ClassSums:
-    """Return the sums of several blocks as one.
+    """Merge the sums by condition of several blocks.
 
     Args:
-        blocks: the number of runs of each, and its sums.
-        scene: ``(runs,)`` the scene of each run where scenes are the parts; None where the parts of the blocks are.
+        blocks: number of runs and sums of each block.
+        scene: ``(runs,)`` scene of each run where scenes are the independent parts; None to keep the blocks' parts.
     """
     if scene is None:
         names = ("total", "square", "product", "parts")
@@ -90,7 +90,7 @@ def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | Non
 
 
 def breakdown(scores: BlockScores) -> dict[str, ConditionScores]:
-    """Return the scores of one tracker by condition, "" for all estimates; what did not occur is left out."""
+    """Return one tracker's scores under each condition that occurred; the key "" stands for all estimates."""
     ((_, sums),), scenes = scores.classes, scores.scenes
     if not sums.total[0, 0]:
         return {"": ConditionScores(count=0, given=0, runs=0)}
@@ -101,7 +101,7 @@ def breakdown(scores: BlockScores) -> dict[str, ConditionScores]:
 
 
 def band_name(band: int) -> str:
-    """ "20 to 50 m"."""
+    """Return the text of a range band, such as "20 to 50 m"."""
     low, high = (0.0, *BAND_EDGES, None)[band : band + 2]
     if high is None:
         return f"above {low:g} m"
@@ -147,10 +147,10 @@ def _reach(sums: ClassSums, row: int, column: int) -> float:
 
 
 def _beyond(sums: ClassSums, column: int, parts: Parts) -> dict[str, MetricValue]:
-    """Return by path the share of the NEES beyond each point, where enough are expected.
+    """Return the share of the NEES beyond each point of chi-square, by path, where enough estimates are expected.
 
-    The variance of a rare share is known badly, and too small where few happen to be beyond: its design effect is taken
-    for at least that at the nearest point. Of errors that are normal it is less, since extremes depend less.
+    The variance of a rare share is badly known, and too small where few NEES happen to lie beyond. So the design effect
+    is at least the one at the nearest point. Normal errors have a smaller one, since extremes depend less.
     """
     shares: dict[str, MetricValue] = {}
     given = sums.total[1, column]
@@ -159,9 +159,9 @@ def _beyond(sums: ClassSums, column: int, parts: Parts) -> dict[str, MetricValue
     effective = given
     for row, (point, expected) in enumerate(BEYOND.items(), len(FIELDS)):
         share = float(sums.total[row, column] / given)
-        own = effective_number(share, given, parts.stretch.difference * _reach(sums, row, column))
-        if own or not shares:
-            effective = min(effective, own)
+        number = effective_number(share, given, parts.stretch.difference * _reach(sums, row, column))
+        if number or not shares:
+            effective = min(effective, number)
         if effective * expected < LEAST_BEYOND:
             break
         shares[beyond_path(point)] = MetricValue(value=share, unit="1", ci95=share_interval(share, effective))

@@ -1,5 +1,4 @@
-"""What an object was doing, how far away it was and how long it was known at each instant: the classes by which
-scores are broken down, and under each of which a covariance is judged."""
+"""Classes of estimates by condition: manoeuvre and range of the object, time in view, jump of the truth's velocity."""
 
 from __future__ import annotations
 
@@ -12,41 +11,41 @@ from trackbench.base.types import Array, Indices, Mask, Truth, of_runs
 from trackbench.sensing.scans import IdealSensor
 from trackbench.truth.jumps import after_jump
 
-#: An object is in one of these at each instant: the last that applies.
+#: Manoeuvres of an object; where several apply at an instant, the last of them counts.
 MANOEUVRES = ("straight", "accelerating", "braking", "turning", "sensor gap")
-#: Turning: the heading changes faster than this, rad/s.
+#: Yaw rate above which an object is turning, rad/s.
 TURNING = float(np.deg2rad(3.0))
-#: Braking and accelerating: the speed changes faster than this, m/s^2.
+#: Change of speed above which an object is braking or accelerating, m/s^2.
 CHANGING_SPEED = 1.0
-#: Accelerations and yaw rates are means over so much time, s. Single steps of a random motion are no manoeuvre: where
-#: the noise of the motion is large, so is the error of a sound filter.
+#: Time over which accelerations and yaw rates are averaged, s. Single large steps of a random motion are no manoeuvre:
+#: there even a sound filter has a large error.
 WINDOW = 0.5
-#: Sensor gap: no sensor could see the object for longer than this many periods of the slowest one.
+#: Periods of the slowest sensor without a view of the object after which a sensor gap begins.
 GAP_PERIODS = 3.0
-#: Range bands from the observer are bounded by these, m.
+#: Distances from the observer that separate the range bands, m.
 BAND_EDGES = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 BANDS = len(BAND_EDGES) + 1
-#: Time since a sensor could first see the object.
+#: Classes of the time since a sensor could first see the object; the first one lasts ``FIRST`` s.
 AGES = ("first second", "later")
 FIRST = 1.0
 #: Whether the velocity of the truth jumped shortly before.
 JUMPS = ("elsewhere", "after a velocity jump")
-#: A class is one of each: its place in an array of this shape.
+#: Shape of the array in which a class has a place: one axis each for manoeuvre, range band, age and jump.
 SHAPE = (len(MANOEUVRES), BANDS, len(AGES), len(JUMPS))
-#: Of times, relative.
+#: Relative rounding error of times.
 ROUNDING = 1e-9
 
 Classes = npt.NDArray[np.int16]
 
 
 def condition_classes(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], runs: range) -> Classes:
-    """``(instants, objects, runs or 1)`` the class of each object, as a flat index into ``SHAPE``.
+    """Return the class of each object, ``(instants, objects, runs or 1)``, as a flat index into ``SHAPE``.
 
     Args:
         truth: the motion.
         instants: ``(instants,)`` indices of the truth's steps.
-        sensors: those that the tracker reads.
-        runs: the runs that are wanted, where the motion is another one in each.
+        sensors: the sensors that the tracker uses.
+        runs: the runs to classify, where the motion differs between runs.
     """
     acceleration, yaw_rate = (
         _smoothed(of_runs(values, runs), truth)[instants] for values in (truth.acceleration, truth.yaw_rate)
@@ -77,7 +76,7 @@ def condition_classes(truth: Truth, instants: Indices, sensors: Sequence[IdealSe
 
 
 def _smoothed(values: Array, truth: Truth) -> Array:
-    """The mean of values ``(steps, objects, runs or 1)`` over the steps within half a ``WINDOW`` of each."""
+    """Average values ``(steps, objects, runs or 1)`` over the steps within half a ``WINDOW`` of each step."""
     time, reach = truth.time, WINDOW / 2 * (1 + ROUNDING)
     ends = np.searchsorted(time, time - reach), np.searchsorted(time, time + reach)
 
@@ -90,12 +89,12 @@ def _smoothed(values: Array, truth: Truth) -> Array:
 
 
 def out_of_view(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
-    """``(instants, objects, runs or 1)`` for how long no sensor could see the object, s; infinite where none could yet.
+    """Return the time since a sensor could last see each object, ``(instants, objects, runs or 1)`` s, else infinity.
 
     Args:
-        time: of the truth's steps, s.
-        instants: indices of those that are wanted.
-        sensors: each with where it can see the objects, ``(measurements, objects, runs or 1)``.
+        time: times of the truth's steps, s.
+        instants: indices of the steps to evaluate.
+        sensors: each sensor with the mask ``(measurements, objects, runs or 1)`` of the objects that it can see.
     """
     latest: Array = np.array(-np.inf)
     for sensor, visible in sensors:

@@ -1,4 +1,4 @@
-"""Whether a covariance can be believed: chi-square statistics and their bounds."""
+"""Chi-square statistics by which a stated covariance is tested, and their bounds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def beyond_path(point: str) -> str:
 
 
 def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:
-    """``e^T P^-1 e``, with P the stated covariance of e.
+    """Return ``e^T P^-1 e``, with P the stated covariance of the error e.
 
     With the estimation error this is the NEES, and with the innovation, whose covariance is
     S, the NIS ``y^T S^-1 y`` (Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2).
@@ -27,7 +27,7 @@ def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Ma
         covariance: ``(n, n, ...)``.
 
     Returns:
-        It, the whitened error ``L^-1 e``, and where the covariance is positive definite.
+        The normalised square, the whitened error ``L^-1 e``, and where the covariance is positive definite.
     """
     factor = linalg.cholesky(covariance)
     whitened = factor.whiten(error)
@@ -35,7 +35,7 @@ def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Ma
 
 
 def whitened_innovation(estimate: Estimate, members: slice = slice(None)) -> Array | None:
-    """``(m, batch)`` innovation in units of its own standard deviations: what the tracker gives, or else computed.
+    """Return the innovation ``(m, batch)`` in its standard deviations, as the tracker gives it or else computed.
 
     None where the tracker gives no innovation; NaN where its covariance is not positive definite.
     """
@@ -50,32 +50,31 @@ def whitened_innovation(estimate: Estimate, members: slice = slice(None)) -> Arr
 
 
 def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
-    """Two-sided 95 % bounds of the mean of ``count`` independent chi-square variables of ``dof`` degrees of freedom."""
-    # The numbers are few: mostly that of all runs.
+    """Return the two-sided 95 % bounds of the mean of ``count`` chi-square variables of ``dof`` degrees of freedom."""
+    # Few counts are distinct: most instants count all runs.
     n, where = np.unique(np.maximum(np.asarray(count, dtype=float), 1.0), return_inverse=True)
     low, high = ((2 * gammaincinv(n * dof / 2, q) / n)[where] for q in (0.025, 0.975))
     return low, high
 
 
-#: The NEES of errors along and across the true velocity, by name of the part of the verdict: of the position, and of
-#: the velocity.
+#: Fields of the NEES of position and velocity errors along and across the true velocity, by name in the verdict.
 DIRECTIONS = {
     "along the motion": "nees_along",
     "across the motion": "nees_across",
     "velocity along the motion": "nees_velocity_along",
     "velocity across the motion": "nees_velocity_across",
 }
-#: The points of chi-square beyond which a NEES is counted, by name, with the share that lies beyond.
+#: Points of chi-square beyond which NEES are counted, by name, with the expected share beyond.
 BEYOND = {"95 %": 0.05, "99 %": 0.01, "99.9 %": 0.001}
 
 
 @cache
 def beyond_points(dof: int) -> tuple[float, ...]:
-    """Those points."""
+    """Return the chi-square quantiles of the points in ``BEYOND``."""
     return tuple(float(2 * gammaincinv(dof / 2, 1.0 - share)) for share in BEYOND.values())
 
 
 @cache
 def point95(dof: int) -> float:
-    """The 95 % point of chi-square."""
+    """Return the 95 % quantile of chi-square."""
     return float(2 * gammaincinv(dof / 2, 0.95))

@@ -1,7 +1,4 @@
-"""Differences between trackers on the same noise: tested run by run, corrected for their number, put into words.
-
-The family of the correction is stated by :class:`Family`.
-"""
+"""Paired differences between trackers, with p-values corrected over a :class:`Family`, and verdicts."""
 
 from __future__ import annotations
 
@@ -19,60 +16,59 @@ from trackbench.results.scenario_summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
 LEVEL = 0.05
-#: Of more trackers each is compared with the best alone: the number of pairs grows with the square.
+#: Number of trackers above which each is compared with the best alone: the number of pairs grows with the square.
 MOST_PAIRED = 30
-#: Share of a squared error that is charged for missing estimates above which a difference is looked at without it too.
+#: Share of a squared error charged for missing estimates above which a difference is also taken without the charge.
 MOST_CHARGED = 0.1
 EQUIVALENT, UNDECIDED = "equivalent", "undecided"
-#: Of the first of two; ``larger`` and ``smaller`` where neither is better.
+#: Verdicts on the first of two trackers; ``larger`` and ``smaller`` where neither is better.
 VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
 
 
 @dataclass(frozen=True)
 class Family:
-    """Which differences are tested together, so that 5 % is the risk of a single wrong word among all of them.
+    """Differences that are corrected together, so that 5 % is the risk of a single wrong verdict among all of them.
 
-    They are those of the metric that ranks and those that an expectation names: what the page of a run calls better.
+    The family holds the differences by the metric that ranks, and the differences that an expectation names.
     """
 
     against: str | None = None
-    """The tracker that all others are held against; None: every pair."""
+    """Tracker that all others are compared with; None for every pair."""
     selected: bool = False
-    """Whether it is the one with the best value, and so was found in the same data."""
+    """Whether that tracker was selected by its best value in the same data."""
     expected: Collection[tuple[str, frozenset[str]]] = ()
     """Metric and pair of each expectation that compares two trackers."""
 
     def pairs(self, names: Sequence[str], path: str) -> list[tuple[str, str]]:
-        """Those of some trackers that are compared by a metric."""
+        """Return the pairs of trackers that are compared by the metric at ``path``."""
         if self.against is None:
             return [*combinations(names, 2)]
-        own = [(self.against, name) for name in names if self.against in names and name != self.against]
-        stated = {pair for metric, pair in self.expected if metric == path and self.against not in pair}
-        others = [(a, b) for a, b in map(sorted, stated) if a in names and b in names]
-        return [*own, *others]
+        to_one = [(self.against, name) for name in names if self.against in names and name != self.against]
+        expected = {pair for metric, pair in self.expected if metric == path and self.against not in pair}
+        return [*to_one, *((a, b) for a, b in map(sorted, expected) if a in names and b in names)]
 
 
 def corrected_p_values(p_values: Sequence[float], choices: Sequence[float]) -> list[float]:
-    """P-values corrected for their number.
+    """Correct p-values for their number, and for the choice of the best tracker in the same data.
 
-    A tracker is called worse than the best only where it is so whichever of the others is the best: its one-sided
-    p-value is multiplied by the number of the others, as any of them may have become the best by chance; then comes
-    Holm's correction over all trackers. So in 95 % of the cases no tracker that is as good as the best is called worse.
+    A tracker is called worse than the best only where that holds whichever other tracker is the best. Chance may have
+    made any of the others the best, so the one-sided p-value is multiplied by their number. Holm's correction over all
+    trackers follows. In 95 % of the cases no tracker that is as good as the best is called worse.
     Source: Hsu (1984), "Constrained simultaneous confidence intervals for multiple comparisons with the best", Annals
     of Statistics 12, with Bonferroni's bound in place of equal variances.
 
     Args:
-        p_values: two-sided.
-        choices: by what each is multiplied before: half the number of the others where one of the two was chosen for
-            its value of this metric, the number where for that of another metric, 0 where neither was chosen.
+        p_values: two-sided p-values.
+        choices: factor of each p-value before Holm's correction. It is half the number of other trackers where one of
+            the pair was chosen by this metric, their number where by another metric, and 0 where neither was chosen.
     """
     selected = [min(1.0, number * p) if number else p for p, number in zip(p_values, choices, strict=True)]
-    # Of the best too it might have been rejected that it is as good as the best.
+    # The hypothesis that the best is as good as the best counts too.
     return holm([*selected, *([1.0] if any(choices) else [])])[: len(p_values)]
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values corrected for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
+    """Correct p-values for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
     values = np.asarray(p_values, dtype=float)
     order, remaining = np.argsort(values, kind="stable"), np.arange(len(values), 0, -1)
     corrected = np.empty(len(values))
@@ -92,36 +88,37 @@ def tracker_differences(
     values: Mapping[str, Mapping[str, MetricValue]],
     family: Family = EVERY_PAIR,
 ) -> list[Difference]:
-    """The pairs of the trackers by every metric that is compared; those in the family have a verdict.
+    """Return the differences of tracker pairs by every compared metric; differences in the family have a verdict.
 
     Args:
-        trackers: by name, the metrics that are means over runs, by path.
-        metrics: all that there are.
-        margin: what does not matter.
-        values: by name, all metrics by path.
-        family: which pairs are compared, and which of them are judged.
+        trackers: by tracker name, the intervals of the metrics that are means over runs, by path.
+        metrics: all metrics of the scenario.
+        margin: largest differences that do not matter.
+        values: by tracker name, all metric values by path.
+        family: which pairs are compared, and which of them get a verdict.
     """
     paths = list(dict.fromkeys(path for intervals in trackers.values() for path in intervals))
     compared = [
         item
         for metric in metrics
         if metric.compared and metric.better is not None
-        # The metric itself, or that of each sensor.
+        # The metric itself, or its value for each sensor.
         for path in paths
         if path == metric.name or path.startswith(f"{metric.name}.")
-        for item in _by(path, metric, trackers, margin, family)
+        for item in _compared_by(path, metric, trackers, margin, family)
     ]
     judged = [metric.ranks or (path, frozenset((a, b))) in family.expected for path, metric, a, b, _ in compared]
     tested = list(compress(compared, judged))
-    of_best = [family.selected and metric.ranks and a == family.against for _, metric, a, _, _ in tested]
-    choices = [own * sum(of_best) / 2 for own in of_best]
+    to_best = [family.selected and metric.ranks and a == family.against for _, metric, a, _, _ in tested]
+    choices = [is_to_best * sum(to_best) / 2 for is_to_best in to_best]
     p_values = iter(corrected_p_values([contrast.p_value for *_, contrast in tested], choices))
     return [
-        _difference(*item, values, next(p_values) if own else None) for item, own in zip(compared, judged, strict=True)
+        _difference(*item, values, next(p_values) if is_judged else None)
+        for item, is_judged in zip(compared, judged, strict=True)
     ]
 
 
-def _by(
+def _compared_by(
     path: str, metric: Metric, trackers: Mapping[str, Mapping[str, Interval]], margin: MarginSummary, family: Family
 ) -> Iterator[_Compared]:
     names = [name for name, intervals in trackers.items() if path in intervals]
@@ -144,9 +141,9 @@ def _difference(
     values: Mapping[str, Mapping[str, MetricValue]],
     p_value: float | None,
 ) -> Difference:
-    alone = difference_without_charged(values[a].get(path), values[b].get(path))
-    word = None if p_value is None else verdict_on_first(contrast, p_value, metric.better, alone)
-    better = {"better": a, "worse": b}.get(word or "")
+    without_charged = difference_without_charged(values[a].get(path), values[b].get(path))
+    verdict = None if p_value is None else verdict_on_first(contrast, p_value, metric.better, without_charged)
+    better = {"better": a, "worse": b}.get(verdict or "")
     return Difference(
         a=a,
         b=b,
@@ -157,13 +154,13 @@ def _difference(
         margin=contrast.margin,
         p_value=p_value,
         better=better,
-        verdict=word if better is None else f"{better} better",
-        without_charged=alone,
+        verdict=verdict if better is None else f"{better} better",
+        without_charged=without_charged,
     )
 
 
 def difference_without_charged(a: MetricValue | None, b: MetricValue | None) -> float | None:
-    """``a - b`` over the estimates that were given; None where no more than ``MOST_CHARGED`` of either is charged."""
+    """Return ``a - b`` over the given estimates; None where at most ``MOST_CHARGED`` of either error is charged."""
     values = [item for item in (a, b) if item is not None and item.value is not None]
     if len(values) < 2 or max(item.charged_share or 0.0 for item in values) <= MOST_CHARGED:
         return None
@@ -171,34 +168,36 @@ def difference_without_charged(a: MetricValue | None, b: MetricValue | None) -> 
     return float(first or 0.0) - float(second or 0.0)
 
 
-def verdict_on_first(difference: Contrast, p_value: float, better: Direction | None, alone: float | None) -> str:
-    """The verdict on the first of two, where neither is better if the difference turns without what is charged.
+def verdict_on_first(
+    difference: Contrast, p_value: float, better: Direction | None, without_charged: float | None
+) -> str:
+    """Return the verdict on the first of two trackers; neither is better if missing estimates decide the sign.
 
     Args:
         difference: the first minus the second.
-        p_value: its own, corrected.
+        p_value: corrected p-value of the difference.
         better: which values of the metric are better.
-        alone: the same over the estimates that were given; None where little is charged.
+        without_charged: difference over the estimates that were given; None where little is charged.
     """
-    word = contrast_verdict(difference, p_value, better)
-    turned = word in ("better", "worse") and alone is not None and alone * difference.value < 0
-    return size(difference.value) if turned else word
+    verdict = contrast_verdict(difference, p_value, better)
+    turns = verdict in ("better", "worse") and without_charged is not None and without_charged * difference.value < 0
+    return size(difference.value) if turns else verdict
 
 
 def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:
-    """Up to which difference it does not matter which of two trackers is used."""
+    """Return the largest difference of two trackers that does not matter."""
     best = max if better == "larger" else min
     return margin.at(best(a.value, b.value, key=abs), unit)
 
 
 def contrast_verdict(difference: Contrast, p_value: float, better: Direction | None) -> str:
-    """What is shown of the first of two, one of ``VERDICTS``.
+    """Return the verdict on the first of two trackers, one of ``VERDICTS``.
 
-    More runs lead from ``undecided`` to one of the others: the interval lies outside the margin, or inside.
+    More runs turn ``undecided`` into another verdict, as the interval comes to lie outside the margin, or inside.
 
     Args:
         difference: ``first - second``.
-        p_value: its own, corrected.
+        p_value: corrected p-value of the difference.
         better: which values of the metric are better.
     """
     if p_value >= LEVEL:
@@ -209,5 +208,5 @@ def contrast_verdict(difference: Contrast, p_value: float, better: Direction | N
 
 
 def size(difference: float) -> str:
-    """The word for a difference that is shown where neither of the two is better."""
+    """Return the verdict for a shown difference where neither tracker is better."""
     return "larger" if difference > 0 else "smaller"

@@ -16,31 +16,31 @@ _MOTION = ("px", "py", "yaw", "vx", "vy", "yaw_rate")
 
 @dataclass(frozen=True)
 class Ego(Observer):
-    """The vehicle with the sensors; its arrays are ``(...)``."""
+    """Vehicle that carries the sensors; its arrays have one common shape."""
 
     @classmethod
     def of(cls, observer: Observer, steps: Indices | slice) -> Ego:
-        """The observer at some steps of the truth; ``EGO_SIZE`` where it is a point."""
+        """Return the observer at some steps of the truth; a point gets the size ``EGO_SIZE``."""
         motion = {name: getattr(observer, name)[steps] for name in _MOTION}
         return cls(**motion, length=observer.length or EGO_SIZE[0], width=observer.width or EGO_SIZE[1])
 
     def each(self, pick: Any) -> Ego:
-        """With ``pick`` as an index of every array, such as ``(slice(None), None)``."""
+        """Return the ego with each array indexed by ``pick``, such as ``(slice(None), None)``."""
         return replace(self, **{name: getattr(self, name)[pick] for name in _MOTION})
 
     @property
     def speed(self) -> Array:
-        """m/s"""
+        """Speed, m/s."""
         return np.hypot(self.vx, self.vy)
 
 
 class EgoScene(NamedTuple):
-    """The ego and the sizes of the objects of the truth, at the instants at which trackers are scored."""
+    """Ego and sizes of the objects at the instants at which trackers are scored."""
 
     ego: Ego
     """``(instants,)``"""
     length: Array
-    """``(objects,)`` m, as ``width``."""
+    """``(objects,)`` m."""
     width: Array
 
     @classmethod
@@ -49,5 +49,5 @@ class EgoScene(NamedTuple):
         return cls(Ego.of(truth.observer, steps), truth.length, truth.width)
 
     def within(self, span: slice) -> EgoScene:
-        """At some of the instants."""
+        """Return the scene at the instants of ``span``."""
         return self._replace(ego=self.ego.each(span))

@@ -1,4 +1,4 @@
-"""What is computed of each estimate: functions of components, for any engine."""
+"""Errors and NEES of each estimate, as functions of components that any engine computes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from trackbench.engine.layout import ADDED, SUMMED
 from trackbench.metrics.consistency import beyond_points
 from trackbench.metrics.sums import ERROR, OVERFLOW
 
-#: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for, and of their
-#: sum that the variance in a direction is: rounding.
+#: Smallest determinant of a 2 by 2 covariance as a share of the product of its variances, and smallest variance in a
+#: direction as a share of their sum; anything smaller is rounding.
 SMALLEST_DETERMINANT = 1e-14
 
 
@@ -25,14 +25,14 @@ def _given(values: Values) -> Values:
     return {"finite": np.isfinite(total), "given": ~none}
 
 
-#: Of an estimate, ``finite``: whether it is; ``given``: whether there is one, a state of NaN being none.
+#: Masks of an estimate: ``finite``, and ``given``, which is False for a state of NaN.
 GIVEN = Equations("given estimate", _given, {"mean": 1, "covariance": 2})
 
 
 def _errors(values: Values) -> Values:
     covariance, finite, scored = (values[name] for name in ("covariance", "finite", "scored"))
     if not np.all(finite):
-        # Any other that is positive definite, so that no fault is found.
+        # Any positive definite covariance passes the check.
         covariance = np.where(finite, covariance, linalg.expand(np.eye(4), covariance))
     rows, definite = _rows(values["mean"], covariance, values["truth"], values["reference"], finite)
     if not np.all(scored):
@@ -44,7 +44,7 @@ def _rows(mean: Array, covariance: Array, truth: Array, reference: Array, finite
     error = mean - truth
     factor = linalg.cholesky(covariance)
     whitened = factor.whiten(error)
-    # The first two whitened components are those of the position by itself.
+    # The first two whitened components depend on the position alone.
     nees_of_position = whitened[0] * whitened[0] + whitened[1] * whitened[1]
     nees = nees_of_position + whitened[2] * whitened[2] + whitened[3] * whitened[3]
     nees_of_velocity = _nees_of_velocity(error * error, error[2] * error[3], covariance)
@@ -75,8 +75,8 @@ def _scores(values: Values) -> Values:
     }
 
 
-#: Of an estimate that is finite, in a sequence of calls: what is added to the sums where it is ``due``, those of its
-#: class with the points that its NEES is beyond; and the squared errors of position and velocity.
+#: Scores of a finite estimate in a sequence of calls: terms of the sums where it is ``due``, terms of the sums of its
+#: class with the points that its NEES is beyond, and squared errors of position and velocity.
 SCORES = Equations(
     "scores of an estimate",
     _scores,
@@ -87,7 +87,7 @@ SCORES = Equations(
 
 
 def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
-    """That of the last two of four components, of which ``product`` is the product of the errors, by themselves."""
+    """Return the NEES of the velocity alone; ``product`` is the product of its two errors."""
     a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
     variances = a * d
     determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
@@ -96,8 +96,7 @@ def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Arra
 
 
 def _nees_of_directions(error: Array, truth: Array, covariance: Array) -> list[Array]:
-    """Squared errors along and across the true velocity over their variances, of the position and of the velocity: the
-    covariance, rotated. An object that stands is taken to point along x."""
+    """Return the NEES along and across the true velocity, of position, then velocity; a standing object points at x."""
     speed = np.sqrt(truth[2] * truth[2] + truth[3] * truth[3])
     moves = speed > 0
     over = 1.0 / np.where(moves, speed, 1.0)
@@ -115,9 +114,8 @@ def _nees_of_directions(error: Array, truth: Array, covariance: Array) -> list[A
     return directions
 
 
-#: Of an estimate that is ``finite``, or that another stands for, and ``scored``, or not: ``rows`` as ERROR_FIELDS, zero
-#: where it is not scored; ``definite``: whether its covariance is positive definite; ``bounded``: whether its
-#: squares can be summed.
+#: Errors of an estimate, which a charged state replaces unless it is ``finite``: ``rows`` as ERROR_FIELDS, zero unless
+#: ``scored``; ``definite``: whether the covariance is positive definite; ``bounded``: whether squares can be summed.
 ERRORS = Equations(
     "errors of an estimate", _errors, {"mean": 1, "covariance": 2, "truth": 1, "reference": 1, "finite": 0, "scored": 0}
 )

@@ -1,4 +1,4 @@
-"""Sums the errors and innovations of a tracker, for all built-in metrics in one pass."""
+"""Sums of a tracker's errors and innovations, for all built-in metrics in one pass."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 
 
 class EstimateSums:
-    """The accumulator of the built-in metrics."""
+    """Accumulator of the built-in metrics of estimates."""
 
     name = "built-in"
 
-    def init(self, scope: Scope) -> _Summing:
-        return _Summing(scope)
+    def init(self, scope: Scope) -> _BlockSums:
+        return _BlockSums(scope)
 
-    def update(self, sums: _Summing, chunk: Chunk) -> _Summing:
+    def update(self, sums: _BlockSums, chunk: Chunk) -> _BlockSums:
         sums.add(chunk)
         return sums
 
-    def close(self, sums: _Summing) -> BlockScores:
+    def close(self, sums: _BlockSums) -> BlockScores:
         return sums.scores()
 
     def merge(self, blocks: Sequence[BlockScores]) -> BlockScores:
@@ -40,11 +40,11 @@ class EstimateSums:
 ESTIMATES = EstimateSums()
 
 
-class _Summing:
+class _BlockSums:
     def __init__(self, scope: Scope) -> None:
         self._scope, self._target = scope, scope.labelled
         assert scope.classes is not None
-        # Of a single run, each stretch of time has classes of its own.
+        # In a single run, each stretch of time has its own classes.
         time = self._target.time
         instants, objects = self._target.alive.shape
         duration = float(time[-1] - time[0])
@@ -56,7 +56,7 @@ class _Summing:
         rows = len(ERROR_FIELDS)
         self._per_step = np.zeros((rows, instants))
         self._per_class = np.zeros((rows, len(self._codes), scope.runs))
-        # Farthest point passed: of each estimate the last alone.
+        # Each estimate counts at the farthest point that its NEES is beyond.
         self._passed = np.zeros((len(BEYOND), len(self._codes), scope.runs))
         self._charged_per_step = np.zeros((rows, instants))
         self._charged_per_run = np.zeros((rows, scope.runs))
@@ -67,44 +67,42 @@ class _Summing:
         }
 
     def add(self, chunk: Chunk) -> None:
-        """Add some instants."""
         for sensor, innovations in chunk.innovations.items():
             for innovation in innovations:
                 self._innovations[sensor].add(innovation.whitened, innovation.used, innovation.due)
         self._repaired += chunk.repaired
-        here, scored, values = chunk.instants, chunk.scored, chunk.values
+        instants, scored, values = chunk.instants, chunk.scored, chunk.values
         self._note_divergence(chunk.squares[0], scored & chunk.given)
-        self._per_step[:, here] = values.sum(axis=-1)
-        self._add_by_class(values, self._class[here])
-        self._count_beyond(values[ERROR["nees"]], self._class[here])
+        self._per_step[:, instants] = values.sum(axis=-1)
+        self._add_by_class(values, self._class[instants])
+        self._count_beyond(values[ERROR["nees"]], self._class[instants])
         if not chunk.given[scored].all():
             charged = np.where(chunk.given, 0.0, values)
-            self._charged_per_step[:, here] = charged.sum(axis=-1)
+            self._charged_per_step[:, instants] = charged.sum(axis=-1)
             self._charged_per_run += self._by_run(charged.sum(axis=1))
 
     @property
     def classes(self) -> tuple[Indices, int]:
-        """``(instants, objects, runs or 1)`` number of the class of each object, and how many there are."""
+        """Class number of each object, ``(instants, objects, runs or 1)``, and number of classes."""
         return self._class, len(self._codes)
 
     def add_sequence(self, scores: ScoreSequence, squares: SquaredErrors, repaired: Array) -> None:
-        """Add some instants that were scored by kernels.
+        """Add instants that were scored by kernels.
 
         Args:
-            scores: their sums.
-            squares: the squared errors.
+            scores: sums over these instants.
+            squares: squared errors at these instants.
             repaired: ``(runs,)`` number of repaired covariances.
         """
         fields = len(ERROR_FIELDS)
-        self._per_step[:, scores.here] = scores.per_step
+        self._per_step[:, scores.instants] = scores.per_step
         self._per_class += scores.by_class[:fields]
-        # Beyond one point and not beyond the next.
+        # Counts beyond one point and not beyond the next.
         self._passed -= np.diff(scores.by_class[fields:], axis=0, append=0.0)
         self._repaired += repaired
         self._note_divergence(squares.squares[0], squares.scored & squares.given)
 
     def innovations(self, sensor: str) -> Innovations:
-        """Those of a sensor."""
         return self._innovations[sensor]
 
     def _note_divergence(self, square: Array, counts: Mask) -> None:
@@ -113,7 +111,7 @@ class _Summing:
             self._diverged |= self._by_run(np.asarray(far.any(axis=0))) > 0
 
     def scores(self) -> BlockScores:
-        """The sums of everything added."""
+        """Return the sums of all instants that were added."""
         errors, beyond = self._per_class, np.cumsum(self._passed[::-1], axis=0)[::-1]
         codes, stretch = divmod(self._codes, self._stretches)
         per_run = per_part = errors.sum(axis=1)
@@ -136,7 +134,7 @@ class _Summing:
         )
 
     def _by_run(self, batch: Array) -> Array:
-        """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
+        """Sum values ``(..., batch)`` over objects, to ``(..., runs)``."""
         return np.asarray(batch.reshape(*batch.shape[:-1], -1, self._scope.runs).sum(axis=-2))
 
     def _add_by_class(self, values: Array, classes: Indices) -> None:
@@ -148,7 +146,7 @@ class _Summing:
             if len(of_row) > 2 * len(present):
                 rows = np.stack([rows[:, of_row == place].sum(axis=1) for place in present], axis=1)
                 of_row = present
-            # Without the copy that an index of several classes makes.
+            # An index of several classes would copy.
             for number, place in enumerate(of_row):
                 per_class[:, place] += rows[:, number]
             return
@@ -157,10 +155,10 @@ class _Summing:
             total += np.bincount(places, value.reshape(-1), total.size).reshape(total.shape)
 
     def _count_beyond(self, nees: Array, classes: Indices) -> None:
-        """Count the farthest point that each NEES ``(instants, batch)`` is beyond, by its class, as above, and run."""
+        """Count each NEES ``(instants, batch)`` at the farthest point that it is beyond, by class and run."""
         points, runs = beyond_points(4), self._scope.runs
-        here = np.flatnonzero(nees > points[0])
-        place = classes.reshape(-1)[here // runs if classes.shape[-1] == 1 else here]
-        farthest = np.searchsorted(points, nees.reshape(-1)[here]) - 1
-        # Of one axis, where it is ten times as fast.
-        np.add.at(self._passed.reshape(-1), (farthest * len(self._codes) + place) * runs + here % runs, 1.0)
+        cells = np.flatnonzero(nees > points[0])
+        place = classes.reshape(-1)[cells // runs if classes.shape[-1] == 1 else cells]
+        farthest = np.searchsorted(points, nees.reshape(-1)[cells]) - 1
+        # A flat index is ten times as fast.
+        np.add.at(self._passed.reshape(-1), (farthest * len(self._codes) + place) * runs + cells % runs, 1.0)

@@ -1,4 +1,4 @@
-"""The metrics of one tracker from its sums."""
+"""Metric values and intervals of one tracker, computed from its sums."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from trackbench.results import Health, MetricValue
 
 log = logging.getLogger(__name__)
 
-#: By accumulator, what is kept of a tracker's estimates.
+#: Sums over a tracker's estimates or tracks, by name of the accumulator.
 MetricSums = dict[str, Any]
 
 
 @dataclass
 class Evaluation:
-    """The metrics of one tracker."""
+    """Metrics of one tracker."""
 
     sums: MetricSums
-    """What they are made of."""
+    """Sums that the metrics are computed from."""
     values: dict[str, MetricValue] = field(default_factory=dict)
-    """By dotted path."""
+    """Metric values by dotted path."""
     intervals: dict[str, Interval] = field(default_factory=dict)
-    """Of those that are means, with what each independent part adds."""
+    """Intervals of the metrics that are means, by dotted path."""
     run_columns: dict[str, Array] = field(default_factory=dict)
-    """``(runs,)`` each, the columns of the table of runs of those with sums of their own."""
+    """Columns ``(runs,)`` of the table of runs, of the metrics with sums of their own."""
     broken: dict[str, str] = field(default_factory=dict)
-    """By name, why a metric has no value: what its ``finish`` raised."""
+    """Error that ``finish`` raised, by name of the metric."""
 
     @property
     def scores(self) -> BlockScores:
-        """The sums of which the built-in metrics of estimates are made."""
+        """Sums that the built-in metrics of estimates share."""
         scores: BlockScores = self.sums[ESTIMATES.name]
         return scores
 
@@ -56,14 +56,14 @@ def evaluate(
     in_time: bool = False,
     few_scenes_decide: bool = False,
 ) -> Evaluation:
-    """The metrics of estimates or of tracks from the sums of all runs.
+    """Compute the metrics of estimates or of tracks from the sums of all runs.
 
     Args:
-        sums: what :func:`merge_sums` gives.
+        sums: merged sums, see :func:`merge_sums`.
         scene: ``(runs,)`` number of the scene of each run.
-        metrics: those to compute.
-        noise: of the truth, where it is recorded.
-        in_time: whether the scenes are stretches of time that follow each other.
+        metrics: metrics to compute.
+        noise: noise of the truth, if it is recorded.
+        in_time: whether the scenes are successive stretches of time.
         few_scenes_decide: whether one scene of a hundred may decide between two trackers.
     """
     evaluation = Evaluation(dict(sums))
@@ -73,30 +73,30 @@ def evaluate(
         sensors = list(blocks.nis)
         evaluation.sums[ESTIMATES.name] = independent_scores(blocks, scene)
     for metric in metrics:
-        # The built-in ones of estimates rest on parts that are independent already.
+        # Sums of the built-in metrics of estimates are by independent part already.
         by_part = metric.accumulator is ESTIMATES
         parts = evaluation.scores.per_part.shape[1] if by_part else len(scene)
-        own_sums = evaluation.sums[metric.accumulator.name]
+        metric_sums = evaluation.sums[metric.accumulator.name]
         try:
-            values = _checked(metric, own_sums, sensors, parts)
+            values = _checked(metric, metric_sums, sensors, parts)
         except Exception as error:
             if is_built_in(metric):
                 raise
             evaluation.broken[metric.name] = cause = one_line(error)
             values = {metric.name: (MetricValue(unit=metric.unit, reason=cause), None)}
-        charged = metric.without_charged(own_sums) if by_part else None
+        charged = metric.without_charged(metric_sums) if by_part else None
         for path, (value, interval) in values.items():
             if metric.shared is None or run_column(path) in metric.columns:
-                evaluation.run_columns |= metric.in_runs(path, own_sums, interval, len(scene))
+                evaluation.run_columns |= metric.in_runs(path, metric_sums, interval, len(scene))
             if interval is not None:
                 if not by_part:
                     interval = clustered(interval, scene, in_time=in_time)
                     value = interval.as_value(metric.unit)
                 elif blocks.stretches is not None:
                     interval = interval._replace(of_stretches=True)
-                if noise != EXACT and (axes := metric.reference_axes(path, own_sums)):
+                if noise != EXACT and (axes := metric.reference_axes(path, metric_sums)):
                     sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps
-                    value = carrying(value, axes * sigma**2)
+                    value = widen_for_reference(value, axes * sigma**2)
                 evaluation.intervals[path] = interval._replace(few_decide=few_scenes_decide)
             if charged is not None:
                 value = value.model_copy(update={"charged_share": charged[0], "without_charged": charged[1]})
@@ -104,11 +104,11 @@ def evaluate(
     return evaluation
 
 
-def carrying(error: MetricValue, variance: float) -> MetricValue:
-    """A root mean square error whose interval allows for the errors of the reference, of this mean square.
+def widen_for_reference(error: MetricValue, variance: float) -> MetricValue:
+    """Widen the interval of a root mean square error for reference errors of this mean square.
 
-    They are independent of the tracker's: their mean square is added to that of the upper end and taken from that of
-    the lower one. They are the same for all trackers, and widen no difference.
+    Reference errors are independent of the tracker's: ``variance`` is added to the square of the upper end and
+    subtracted from the square of the lower end. All trackers share them, so no difference is widened.
     """
     if error.ci95 is None:
         return error
@@ -120,12 +120,12 @@ def carrying(error: MetricValue, variance: float) -> MetricValue:
 def independent_scores(merged: BlockScores, scene: Indices) -> BlockScores:
     """Return the sums within parts that are independent of each other.
 
-    Runs of one scene share its traffic, so that with several scenes these are what is independent. A single run, and
-    each of few logs, is cut into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the analysis of
-    simulation output").
+    Runs of one scene share its traffic, so several scenes are the independent parts. A single run, and each of few
+    logs, is cut into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the analysis of simulation
+    output").
 
     Args:
-        merged: its sums over all runs.
+        merged: sums over all runs.
         scene: ``(runs,)`` number of the scene of each run.
     """
     if scene[-1] == 0 or merged.stretches is not None:
@@ -141,12 +141,12 @@ def independent_scores(merged: BlockScores, scene: Indices) -> BlockScores:
 
 
 def no_metrics(reason: str, metrics: Iterable[Metric] = BUILT_IN) -> dict[str, MetricValue]:
-    """The metrics of a tracker that has no sums."""
+    """Return the metrics of a tracker without sums: none has a value."""
     return {metric.name: metric.no_value(reason) for metric in metrics if not metric.per_sensor}
 
 
 def health(scores: BlockScores) -> Health:
-    """What went wrong without ending the run."""
+    """Count the faults that did not end the run."""
     return Health(
         diverged_runs=int(scores.diverged.sum()),
         repaired_covariances=int(scores.repaired.sum()),
@@ -156,17 +156,17 @@ def health(scores: BlockScores) -> Health:
 
 
 def accumulators(metrics: Sequence[Metric]) -> dict[str, Accumulator]:
-    """Return what sums for these metrics by name, each once."""
+    """Return the accumulators of these metrics by name."""
     return {metric.accumulator.name: metric.accumulator for metric in metrics}
 
 
 def merge_sums(blocks: Sequence[MetricSums], metrics: Sequence[Metric] = BUILT_IN) -> MetricSums:
-    """The sums of consecutive blocks of runs as one."""
+    """Merge the sums of consecutive blocks of runs."""
     return {name: item.merge([block[name] for block in blocks]) for name, item in accumulators(metrics).items()}
 
 
 def is_built_in(plugin: Accumulator | Metric) -> bool:
-    """Whether a metric or an accumulator is the bench's own."""
+    """Return whether a metric or an accumulator belongs to the bench."""
     return type(plugin).__module__.startswith("trackbench.")
 
 
@@ -201,6 +201,6 @@ def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, I
 
 
 def log_broken(broken: Iterable[Mapping[str, str]]) -> None:
-    """Say once of each metric that it raised; ``broken``: of each tracker why, by name."""
+    """Log each metric that raised once; ``broken`` has the error by metric name for each tracker."""
     for metric, cause in {name: cause for each in broken for name, cause in each.items()}.items():
         log.warning("metric %s has no value: %s", metric, cause)

@@ -1,4 +1,4 @@
-"""The events of a result: of its functions, the worst first, and of its tracks, by what they cost."""
+"""Events of a result: of driver assistance functions, the worst first, and of tracks, the costliest first."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.results import Result, Tables
 
-#: Of the metric that every function has, before its name.
+#: Path prefix of the metric that every function has.
 _STEM = "warn_delay."
 
 
 class FunctionEvent(NamedTuple):
-    """A time in which a function should have been active, or was without a reason."""
+    """Period in which a function should have been active, or was active without a reason."""
 
     tracker: str
     function: str
     object: str
-    """Empty where a track on no object was meant."""
+    """Empty for a track on no object."""
     outcome: str
-    """answered, missed or false."""
+    """One of ``answered``, ``missed`` and ``false``."""
     run: int
     time_s: float
     until_s: float
     delay_s: float | None
-    """Below 0 where it was early; None of what is false."""
+    """Delay of the answer, below 0 where it was early; None for a false activation."""
 
     @property
     def word(self) -> str:
-        """What was wrong: missed, late, false or early; on time where nothing was."""
+        """Fault of the function: missed, late, false or early; else ``on time``."""
         if self.outcome != "answered" or not self.delay_s:
             return self.outcome if self.outcome != "answered" else "on time"
         return "late" if self.delay_s > 0 else "early"
 
     @property
     def wrong_s(self) -> float:
-        """For how long it was not as on the truth, s."""
+        """Time for which the function differed from its answer on the truth, s."""
         return self.until_s - self.time_s if self.delay_s is None else abs(self.delay_s)
 
 
-#: What was wrong, the worst first.
+#: Faults of a function, the worst first.
 WORST = ("missed", "late", "false", "early")
 
 
 def function_labels(paths: Iterable[str]) -> list[str]:
-    """The functions that have metrics among these paths."""
+    """Return the names of the functions that have metrics among these paths."""
     return list(dict.fromkeys(path.removeprefix(_STEM) for path in paths if path.startswith(_STEM)))
 
 
@@ -62,15 +62,14 @@ def function_events(
     run: int | None = None,
     vehicle: str | None = None,
 ) -> list[FunctionEvent]:
-    """The events of a function in which something was wrong: those that were missed first, then those that were late,
-    what was false, and what was early; of each the longest first.
+    """Return the faulty events of a function in the order of ``WORST``, the longest of each fault first.
 
     Args:
-        result: of a run.
-        function: by its name in the scenario.
-        tracker: of this one alone.
-        run: of this one alone.
-        vehicle: about this one alone.
+        result: result of a run.
+        function: name of the function in the scenario.
+        tracker: the only tracker to look at; None for all.
+        run: the only run to look at; None for all.
+        vehicle: the only object to look at; None for all.
 
     Raises:
         InputError: the scenario has no such function.
@@ -86,7 +85,7 @@ def function_events(
 
 
 def _rows(table: pa.Table, **values: str | int | None) -> list[dict[str, Any]]:
-    """Return the rows with these values in their columns, None for any; what is not known is None."""
+    """Return the rows with these column values (None: any); NaN becomes None."""
     for name, value in values.items():
         if value is not None and table.num_rows:
             table = table.filter(pc.equal(table[name], float(value) if name == "run" else value))
@@ -100,19 +99,19 @@ def _rows(table: pa.Table, **values: str | int | None) -> list[dict[str, Any]]:
     ]
 
 
-#: A time in a reason, which tells events of one cause apart.
+#: Time at the start of a reason, which differs between events of one cause.
 _TIME = re.compile(r"^[\d.]+ s ")
 
 
 class TrackEvent(NamedTuple):
-    """Something that happened to a track or an object."""
+    """Event of a track or an object."""
 
     tracker: str
     run: int
     kind: str
     time_s: float
     object: str
-    """Empty where it is about a track on none."""
+    """Empty for a track on no object."""
     track: int | None
     other_object: str
     other_track: int | None
@@ -123,12 +122,12 @@ class TrackEvent(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """Why, without what is of this event alone."""
+        """Reason without the time of the event."""
         return _TIME.sub("", self.why)
 
     @property
     def reason(self) -> str:
-        """Why, with the other object and track."""
+        """Reason with the other object and track."""
         others = [f"vehicle {self.other_object}"] if self.other_object else []
         others += [f"track {self.other_track}"] if self.other_track is not None else []
         return f"{self.why} ({', '.join(others)})" if others else self.why
@@ -137,14 +136,13 @@ class TrackEvent(NamedTuple):
 def events_of(
     result: Result, tracker: str | None = None, run: int | None = None, vehicle: str | None = None
 ) -> list[TrackEvent]:
-    """The events of a result, the costliest first; those in which a track starts come after the others
-    that cost anything.
+    """Return the track events of a result, the costliest first; a first confirmation comes after other costly events.
 
     Args:
-        result: one whose identities are hidden.
-        tracker: of this one alone.
-        run: of this one alone.
-        vehicle: those in which this one has a part.
+        result: result with hidden identities.
+        tracker: the only tracker to look at; None for all.
+        run: the only run to look at; None for all.
+        vehicle: an object of every event; None for all.
     """
     rows = _rows(result.tables.events, tracker=tracker, run=run)
     events = [TrackEvent(**{name: row[name] for name in TrackEvent._fields}) for row in rows]
@@ -158,7 +156,7 @@ def events_of(
 
 
 def drawn_instants(tables: Tables) -> Array:
-    """``(instants,)`` s at which a sensor looks in the recorded run; without objects those with something to draw."""
+    """Return the instants of the recorded run, ``(instants,)`` s; without objects, of its tracks and measurements."""
     sources = [tables.due] if tables.due.num_rows else [tables.tracks, tables.measurements]
     return np.unique(
         np.concatenate([table["time_s"].to_numpy() for table in sources if table.num_rows] or [np.empty(0)])

@@ -1,4 +1,4 @@
-"""Sums over the innovations of one sensor, several measurements at a time so that NumPy's calls are few."""
+"""Sums over the innovations of one sensor, computed for several measurements at a time to save NumPy calls."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackbench.engine.layout import ADDED, SUMMED
 from trackbench.metrics.consistency import point95
 from trackbench.metrics.sums import NIS, NIS_FIELDS, OVERFLOW, NisScores, added
 
-#: How many measurements are summed at a time.
+#: Number of measurements that are summed at a time.
 CHUNK = 32
 
 
@@ -33,9 +33,9 @@ def _innovation_sums(values: Values) -> Values:
 
 
 def _counted(white: Array, used: Any) -> tuple[Array, Any, Array]:
-    """Innovations that count, zero elsewhere, which of them do, and their NIS: those that are used and can be summed.
+    """Return the innovations with zeros where they do not count, the mask of those that count, and their NIS.
 
-    A sequence of calls leaves what is not used as it is, so that it may be anything.
+    An innovation counts if it is used and its NIS can be summed. A sequence of calls leaves anything in unused ones.
     """
     white = np.where(used, white, 0.0)
     nis = np.einsum("m...,m...->...", white, white)
@@ -43,15 +43,15 @@ def _counted(white: Array, used: Any) -> tuple[Array, Any, Array]:
     return white, counted, np.where(counted, nis, 0.0)
 
 
-#: Of a whitened innovation ``white`` and the one before it, which are anything unless they are ``used``: ``rows`` as
-#: NIS_FIELDS. ``due``: whether there should be one.
+#: ``rows``, as NIS_FIELDS, of a whitened innovation ``white`` and of the previous one; both may be anything unless
+#: ``used``. ``due``: whether the tracker should give an innovation.
 INNOVATION = Equations(
     "whitened innovation",
     _innovation,
     {"white": 1, "used": 0, "white_before": 1, "used_before": 0, "due": 0},
 )
-#: What a whitened innovation in a sequence of calls adds to the sums, where the measurement is ``valid`` and the
-#: estimate is ``due``, that is where it is ``used``; the tracker has an estimate before each measurement.
+#: Terms that a whitened innovation in a sequence of calls adds to the sums. It is used where the measurement is
+#: ``valid`` and the estimate is ``due``; the tracker has an estimate before each measurement.
 INNOVATION_SUMS = Equations(
     "sums of whitened innovations",
     _innovation_sums,
@@ -61,13 +61,13 @@ INNOVATION_SUMS = Equations(
 
 
 class Innovations:
-    """Collects whitened innovations; ``scores`` gives the sums at the end.
+    """Running sums over whitened innovations, which ``scores`` returns at the end.
 
-    Some wait in rows, one for each measurement, behind that of the latest measurement that is summed.
+    New measurements wait in rows; row 0 holds the latest measurement that is summed.
     """
 
     def __init__(self, measurements: int, objects: int, runs: int, compute: Compute = by_numpy) -> None:
-        """``measurements``: how many the sensor takes."""
+        """Start the sums of a sensor that takes this number of ``measurements``."""
         self._shape = objects, runs
         self._compute = compute
         self._per_step = np.zeros((len(NIS_FIELDS), measurements))
@@ -78,9 +78,9 @@ class Innovations:
         self._measurement = self._dof = self._waiting = 0
 
     def add(self, white: Array | None, used: Mask, due: Mask) -> None:
-        """Take in the whitened innovations ``(m, batch)`` of the next measurement, None where the tracker gives none.
+        """Add the whitened innovations ``(m, batch)`` of the next measurement; None if the tracker gives none.
 
-        ``used`` ``(batch,)``: which of them count. ``due`` ``(batch,)``: which of them there should be.
+        ``used`` ``(batch,)`` masks the innovations that count, ``due`` ``(batch,)`` those that should exist.
         """
         if white is None and not self._dof:
             self._per_step[NIS["missing"], self._measurement] = due.sum()
@@ -100,16 +100,16 @@ class Innovations:
 
     @property
     def known(self) -> bool:
-        """Whether an innovation was taken in, so that their size is known."""
+        """Whether an innovation was added, so that the dimension is known."""
         return self._dof > 0
 
     def latest(self) -> tuple[Array, Mask]:
-        """Return the whitened innovations ``(m, batch)`` of the latest measurement, and which of them count."""
+        """Return the latest measurement's whitened innovations ``(m, batch)``, and the mask of those that count."""
         self.flush()
         return self._white[0], self._used[0]
 
     def take_sums(self, per_step: Array, per_run: Array, white: Array, used: Mask) -> None:
-        """Take in the sums of the next measurements, and what is ``latest`` after them."""
+        """Add the sums of the next measurements, with the ``latest`` innovations after them."""
         count = per_step.shape[1]
         self._per_step[:, self._measurement : self._measurement + count] = per_step
         self._per_run += per_run
@@ -117,16 +117,16 @@ class Innovations:
         self._white[0], self._used[0] = white, used
 
     def flush(self) -> None:
-        """Sum what waits."""
-        here, before = slice(1, 1 + self._waiting), slice(self._waiting)
+        """Sum the measurements that wait."""
+        rows, before = slice(1, 1 + self._waiting), slice(self._waiting)
         if not self._waiting:
             return
         inputs = {
-            "white": self._white[here].swapaxes(0, 1),
-            "used": self._used[here],
+            "white": self._white[rows].swapaxes(0, 1),
+            "used": self._used[rows],
             "white_before": self._white[before].swapaxes(0, 1),
             "used_before": self._used[before],
-            "due": self._due[here],
+            "due": self._due[rows],
         }
         values = self._compute(INNOVATION, inputs)["rows"]
         per_run = values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1)
@@ -134,7 +134,7 @@ class Innovations:
         self._waiting = 0
 
     def scores(self, stretches: int = 0) -> NisScores:
-        """Return the sums of everything taken in; ``stretches``: the number of parts of a single run, else 0."""
+        """Return the sums of all measurements; ``stretches`` is the number of stretches of a single run, else 0."""
         self.flush()
         per_part = self._per_run
         if stretches:

@@ -1,4 +1,4 @@
-"""Confidence intervals from what is independent: the scenes, or the runs of one scene; steps within a run are not."""
+"""Confidence intervals from independent parts: scenes, or runs of one scene; steps within a run are dependent."""
 
 from __future__ import annotations
 
@@ -12,47 +12,47 @@ from trackbench.base.types import Array, Mask
 from trackbench.metrics.count_intervals import Counted, count_limits
 from trackbench.results import MetricValue
 
-#: Relative difference of two values below which it is one of arithmetic, not of what was measured.
+#: Relative difference of two values that is attributed to rounding.
 ROUNDING = 1e-9
 TOO_SHORT = "too short for an interval"
 ALL_THE_SAME = "the same in every run, which says nothing of others: no interval"
-#: With fewer scenes there is no interval and no verdict: what holds is calibrated from here on.
+#: Least number of scenes for an interval and a verdict; intervals are calibrated from here on.
 FEWEST_SCENES = 5
-#: With fewer stretches of a single run no two trackers are compared.
+#: Least number of stretches of a single run for a comparison of two trackers.
 FEWEST_STRETCHES = 4
 UNCALIBRATED = "no interval holds"
 TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the report shows each of them"
 
 
 class Stretch(NamedTuple):
-    """What the reach of Student's interval is multiplied by."""
+    """Factors on the reach of Student's interval; a value with one limit has the interval on the logarithmic scale."""
 
     toward: float = 1.0
-    """Of what has one limit, on the logarithmic scale, towards the limit: below an error."""
+    """Factor towards the limit: below an error."""
     away: float = 1.0
-    """Of what has one limit, away from it: above an error."""
+    """Factor away from the limit: above an error."""
     difference: float = 1.0
-    """Of a difference."""
+    """Factor for a difference of two values."""
 
 
 class Parts(NamedTuple):
-    """What an interval rests on: independent runs, or scenes."""
+    """Independent parts that an interval rests on: runs, or scenes."""
 
     number: int
     scenes: bool
     fewest: float = 2
-    """Runs from which on an interval of one tracker is calibrated."""
+    """Least number of runs for a calibrated interval of one tracker."""
 
     @property
     def too_few(self) -> str:
-        """Why there are too few for an interval or a difference; empty where there are enough."""
+        """Reason why the parts are too few for an interval or a difference; empty where they are enough."""
         if self.scenes and self.number < FEWEST_SCENES:
             return TOO_FEW_SCENES
         return TOO_SHORT if self.number < 2 else ""
 
     @property
     def uncalibrated(self) -> str:
-        """Why there are too few for an interval of one tracker, of which differences may tell; empty where enough."""
+        """Reason why the parts are too few for the interval of one tracker, if not for a difference; else empty."""
         if self.too_few or self.scenes or self.number >= self.fewest:
             return self.too_few
         if self.fewest == np.inf:
@@ -61,12 +61,12 @@ class Parts(NamedTuple):
 
     @property
     def stretch(self) -> Stretch:
-        """How much further than Student's an interval over so many reaches.
+        """Factors on the reach of Student's interval over this number of parts.
 
-        Few scenes are much harder than the others. A sample without them has too small a mean and too small a spread
-        at once, so that nothing in it warns of the miss. What skewness costs falls with the root of the number of
-        scenes, and with the number itself (Hall 1992, "The Bootstrap and Edgeworth Expansion", section 2.3). The terms
-        are fitted to scenes of highway, merge and intersection, for six trackers, and measured on other scenes:
+        A few scenes are much harder than the others. A sample without them has too small a mean and too small a spread
+        at once, so that nothing in it warns. The effect of skewness falls with the root of the number of scenes, and
+        with the number itself (Hall 1992, "The Bootstrap and Edgeworth Expansion", section 2.3). The terms are fitted
+        to scenes of highway, merge and intersection, for six trackers, and measured on other scenes:
         ``benchmarks/calibration/scenes.py``.
         """
         if not self.scenes:
@@ -76,43 +76,43 @@ class Parts(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """A value with what each independent run, or scene, adds to it."""
+    """Metric value with the influence of each independent run, or scene."""
 
     value: float
     influence: Array
-    """``(runs,)`` what each run adds to the value, to first order; its mean is zero. ``(scenes,)`` once clustered."""
+    """``(runs,)`` first-order contribution of each run to the value, with mean zero; ``(scenes,)`` once clustered."""
     at_least: float = -np.inf
-    """What it cannot be below, such as zero for squared errors."""
+    """Lower limit of the value, such as zero for squared errors."""
     at_most: float = np.inf
-    """What it cannot be above, such as one for a share."""
+    """Upper limit of the value, such as one for a share."""
     weight: Array | None = None
-    """``(runs,)`` how much the value leans to each, to scale; alike unless given."""
+    """``(runs,)`` relative weight of each run in the value; None for equal weights."""
     scenes: bool = False
     """Whether each part is a scene, and not a run."""
     skewed: bool = False
     """Whether few runs decide the value, so that its interval is stretched by their skewness."""
     fewest: float = 2
-    """Runs from which on the interval is calibrated."""
+    """Least number of runs for a calibrated interval."""
     in_time: bool = False
-    """Whether the parts are stretches of time that follow each other, so that neighbours may be alike."""
+    """Whether the parts are successive stretches of time, so that neighbours may be correlated."""
     few_decide: bool = False
     """Whether one scene of a hundred may decide the value."""
     of_stretches: bool = False
-    """Whether the parts are stretches of single runs, as which two values are compared."""
+    """Whether the parts are stretches of single runs, over which two values are compared."""
     counted: Counted | None = None
-    """What it is, where its limits are those of counts."""
+    """Kind of a counted value, whose interval has the limits of counts; None for other values."""
     repeats: float = 1.0
     """Mean number of runs of each part."""
     sparse: bool = False
     """Whether parts of weight 0 tell nothing of the value, so that its interval rests on the others alone."""
     details: tuple[tuple[str, float], ...] = ()
-    """Fields of the value in a result, by name."""
+    """Further fields of the value in a result: name and number."""
     power: float = 1.0
-    """What power the value is of a mean: one half for a root mean square."""
+    """Exponent that makes the value from a mean: one half for a root mean square."""
 
     @property
     def corrected(self) -> Array:
-        """The influence as if the value did not lean to the runs or scenes that weigh more: the jackknife's correction.
+        """Influence, corrected as in the jackknife for runs or scenes with large weights.
 
         Source: Bell and McCaffrey (2002), "Bias reduction in standard errors for linear regression with multi-stage
         samples".
@@ -125,37 +125,36 @@ class Interval(NamedTuple):
 
     @property
     def constant(self) -> bool:
-        """Whether every run, or scene, adds the same: nothing is known of how they differ."""
+        """Whether every run, or scene, contributes the same, so that nothing is known of their variation."""
         return bool(np.abs(self.influence).max(initial=0.0) <= ROUNDING * abs(self.value))
 
     def only(self, there: Mask) -> Interval:
-        """From some parts ``(parts,)`` alone, where all others have weight 0."""
+        """Return the interval from the parts ``there`` ``(parts,)``, if all others have weight 0."""
         weight = None if self.weight is None else self.weight[there]
         return self._replace(influence=self.influence[there] * there.mean(), weight=weight)
 
     @property
     def telling(self) -> Mask:
-        """``(parts,)`` which have a weight; of the others, such as scenes without an event, the value tells nothing."""
+        """Mask ``(parts,)`` of the parts with a weight; others, such as scenes without an event, tell nothing."""
         return np.ones(len(self.influence), dtype=bool) if self.weight is None else self.weight > 0
 
     @property
     def is_ratio_of_stretches(self) -> bool:
-        """Whether it is a positive value over stretches of a run, of which the ratio of two is the steadier one."""
+        """Whether the value is positive and over stretches of a run, so that two are compared by their ratio."""
         return self.of_stretches and self.at_least == 0.0 < self.value and self.at_most == np.inf
 
     @property
     def parts(self) -> Parts:
-        """The runs or scenes."""
+        """Number and kind of the parts."""
         return Parts(len(self.influence), self.scenes, self.fewest)
 
     @property
     def stretch(self) -> Stretch:
-        """That of the scenes; of runs of which few decide the value, half their skewness over the root of their number,
-        away from the limit.
+        """Factors on the reach of Student's interval: for scenes by their number, for skewed runs by their skewness.
 
-        The skewness is that of the influence, as in the correction of Johnson (1978), "Modified t tests and confidence
-        intervals for asymmetrical populations". Towards the limit the interval on the logarithmic scale reaches far
-        enough.
+        Away from the limit, half the skewness of the influence over the root of the number of runs is added: Johnson
+        (1978), "Modified t tests and confidence intervals for asymmetrical populations". Towards the limit the interval
+        on the logarithmic scale reaches far enough.
         """
         if self.scenes or not self.skewed or self.parts.too_few or self.constant:
             return self.parts.stretch
@@ -166,17 +165,17 @@ class Interval(NamedTuple):
 
     @property
     def error(self) -> float | None:
-        """The standard error; None with too few runs or scenes."""
+        """Standard error of the value; None with too few runs or scenes."""
         return None if self.parts.too_few else float(standard_errors(self.corrected[None], self.in_time)[0])
 
     @property
     def ci95(self) -> tuple[float, float] | None:
-        """The 95 % interval, by Student's t; None with fewer parts than calibrate it, or where all runs are the same.
+        """95 % interval by Student's t; None with too few parts for a calibrated one, or where all runs are the same.
 
-        Of what has a limit it is that of a function without one, by the delta method: the logarithm of the distance
-        from a single limit, the log-odds between two. Such values are skewed away from the limit, and Student's
-        interval of the value itself lies too near to it. The interval of a root mean square is so the root of that of
-        the mean square, whatever unit it is in. That with a single limit is stretched, see ``stretch``.
+        A value with a limit is transformed by the delta method: to the logarithm of the distance from a single limit,
+        to the log-odds between two. Such values are skewed away from the limit, and Student's interval of the value
+        itself lies too near to it. So the interval of a root mean square is the root of the interval of the mean
+        square, in any unit. An interval with a single limit is stretched, see ``stretch``.
 
         Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
         """
@@ -202,7 +201,7 @@ class Interval(NamedTuple):
         return self.value - reach, self.value + reach
 
     def as_value(self, unit: str) -> MetricValue:
-        """As it stands in a result."""
+        """Return the value and its interval as an entry of a result."""
         if self.sparse:
             return self.only(self.telling)._replace(sparse=False).as_value(unit)
         ci95 = self.ci95
@@ -214,21 +213,21 @@ class Interval(NamedTuple):
 def ratio(
     total: Array, count: Array, *, at_least: float = -np.inf, at_most: float = np.inf, scenes: bool = False
 ) -> Interval:
-    """Mean of a quantity summed within each run: ``sum(total) / sum(count)``, by the delta method.
+    """Return the mean of a quantity summed within each run, ``sum(total) / sum(count)``, by the delta method.
 
     Args:
         total: ``(runs,)`` sums.
-        count: ``(runs,)`` number of terms in each.
-        at_least: what no ratio can be below: zero where no term can be negative.
-        at_most: what none can be above: one for a share.
-        scenes: whether the sums are those of scenes.
+        count: ``(runs,)`` number of terms in each sum.
+        at_least: lower limit of the mean: zero where no term can be negative.
+        at_most: upper limit of the mean: one for a share.
+        scenes: whether the sums are by scene, not by run.
     """
     mean = float(total.sum() / count.sum())
     return Interval(mean, (total - mean * count) / count.mean(), at_least, at_most, count, scenes)
 
 
 def root(mean_square: Interval) -> Interval:
-    """The root of a mean square, by the delta method."""
+    """Return the root of a mean square, by the delta method."""
     value = float(np.sqrt(mean_square.value))
     slope, at_most = 0.5 / value if value > 0 else 0.0, float(np.sqrt(mean_square.at_most))
     influence, power = mean_square.influence * slope, 0.5 * mean_square.power
@@ -236,14 +235,15 @@ def root(mean_square: Interval) -> Interval:
 
 
 def positive_ends(value: float, reach: float, stretch: Stretch) -> tuple[float, float]:
-    """The interval of what cannot be negative, on the scale of the logarithm, from half of the symmetric one."""
+    """Return the interval of a positive value on the logarithmic scale; ``reach`` is half of the symmetric interval."""
     reach = reach / value if value > 0 else 0.0
     return value * float(np.exp(-stretch.toward * reach)), value * float(np.exp(stretch.away * reach))
 
 
 def reach_of_ratio(total: float, count: float, square: float, product: float, count_square: float, runs: int) -> float:
-    """Half of the symmetric 95 % interval of :func:`ratio` from sums over runs: of the totals, of the numbers of terms,
-    and of their squares and product. For many ratios of which the runs are not kept; NaN with fewer than two runs.
+    """Return half of the symmetric 95 % interval of a :func:`ratio` whose runs are not kept; NaN below two runs.
+
+    It takes the sums over runs of the totals, of the numbers of terms, and of their squares and product.
     """
     if runs < 2:
         return float("nan")
@@ -253,15 +253,15 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: bool = False) -> Interval:
-    """The interval from what each scene adds: runs of one scene share its traffic, and are not independent.
+    """Return the interval over scenes: runs of one scene share its traffic, and are not independent.
 
-    The standard error is the cluster-robust one (Liang and Zeger 1986, "Longitudinal data analysis using generalized
-    linear models"). Nothing changes where all runs are of one scene, which can then be spoken of alone.
+    The standard error is cluster-robust (Liang and Zeger 1986, "Longitudinal data analysis using generalized linear
+    models"). If all runs are of one scene, the interval over runs is returned, which holds for this scene alone.
 
     Args:
-        interval: from runs.
-        scene: ``(runs,)`` the number of the scene of each.
-        in_time: whether the scenes are stretches of time that follow each other.
+        interval: interval over runs.
+        scene: ``(runs,)`` number of the scene of each run.
+        in_time: whether the scenes are successive stretches of time.
     """
     scenes, index = np.unique(scene, return_inverse=True)
     if len(scenes) == 1:
@@ -274,8 +274,8 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: b
 def standard_errors(influences: Array, in_time: bool) -> Array:
     """Return ``(k,)`` standard errors from influences ``(k, parts)``.
 
-    Of parts that follow each other in time it is that of a first-order autoregressive process: the autocorrelation of
-    neighbours is allowed for where it is positive, up to one half, without its bias of one over the number of parts
+    For parts that follow each other in time, they are those of a first-order autoregressive process: a positive
+    autocorrelation of neighbours counts, up to one half, without its bias of one over the number of parts
     (Marriott and Pope 1954, "Bias in the estimation of autocorrelations").
     """
     parts = influences.shape[1]
@@ -283,7 +283,7 @@ def standard_errors(influences: Array, in_time: bool) -> Array:
     if in_time:
         offset = influences - influences.mean(axis=1, keepdims=True)
         square = (offset**2).sum(axis=1)
-        alike = (offset[:, 1:] * offset[:, :-1]).sum(axis=1) / np.where(square > 0, square, 1.0) + 1 / parts
-        alike = np.clip(alike, 0.0, 0.5)
-        errors *= np.sqrt((1 + alike) / (1 - alike))
+        correlation = (offset[:, 1:] * offset[:, :-1]).sum(axis=1) / np.where(square > 0, square, 1.0) + 1 / parts
+        correlation = np.clip(correlation, 0.0, 0.5)
+        errors *= np.sqrt((1 + correlation) / (1 - correlation))
     return np.asarray(errors)

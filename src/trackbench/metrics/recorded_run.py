@@ -1,4 +1,4 @@
-"""The estimates of the recorded run out of its tables: those at a time, and when each tracker was worst."""
+"""Estimates of the recorded run, read from its tables: at a given time, and at the largest errors of each tracker."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-#: Two moments of one object are told apart if they lie farther apart than this, s.
+#: Time between two moments of one object above which they are different peaks, s.
 APART = 1.0
 STATE = ["px_m", "py_m", "vx_mps", "vy_mps"]
 
 
 @dataclass(frozen=True)
 class EstimateMoment:
-    """A tracker's estimate of an object, and its errors; None where they are not known."""
+    """Estimate of an object by a tracker at one time, with its errors; None for an unknown error."""
 
     tracker: str
     object: str
@@ -34,11 +34,11 @@ class EstimateMoment:
     velocity_error_mps: float | None
     nees: float | None
     starting: bool
-    """Whether the track starts: the object is known for less than a second."""
+    """Whether the track is starting: the object has been known for less than a second."""
 
 
 def recorded_estimates(result: Result) -> pd.DataFrame:
-    """Return the table of estimates, with a column ``starting``; without rows where there are none."""
+    """Return the table of estimates with a column ``starting``; it may have no rows."""
     frame = table_frame(result.tables.estimates, "due", *EstimateMoment.__dataclass_fields__)
     of_track, due = [frame["tracker"], frame["object"]], frame["due"] > 0
     begins = due & ~due.groupby(of_track).shift(fill_value=False)
@@ -48,22 +48,22 @@ def recorded_estimates(result: Result) -> pd.DataFrame:
 
 
 def estimates_at(result: Result, time: float) -> list[EstimateMoment]:
-    """Return the latest estimate of each tracker and object up to a time, of those that there are."""
+    """Return the latest estimate of each tracker and object up to a time, s; missing estimates are left out."""
     return _moments(latest_rows(recorded_estimates(result), time, "tracker", "object").dropna(subset=STATE))
 
 
 def worst(
     estimates: pd.DataFrame, trackers: Sequence[str], count: int, vehicle: str | None = None
 ) -> list[EstimateMoment]:
-    """Return the scored moments of the largest position error, the largest first; of one peak only its top.
+    """Return the scored moments with the largest position errors, the largest first and one for each peak.
 
-    Moments at which the track starts come after all others: every track starts with a large error.
+    Moments of a starting track come after all others, since every track starts with a large error.
 
     Args:
-        estimates: of :func:`recorded_estimates`.
-        trackers: whose errors are looked at; at each moment the largest of them counts.
-        count: how many moments at most.
-        vehicle: of this one alone.
+        estimates: table of :func:`recorded_estimates`.
+        trackers: trackers to look at; at each moment the largest of their errors counts.
+        count: largest number of moments.
+        vehicle: the only object to look at; None for all.
     """
     counted = estimates["tracker"].isin(trackers) & (estimates["due"] > 0)
     if vehicle is not None:
@@ -79,14 +79,14 @@ def worst(
 
 
 def table_frame(table: pa.Table, *required: str) -> pd.DataFrame:
-    """Return a table as a data frame, whose names are text, with columns that it has none of where it has no rows."""
+    """Convert a table to a data frame with text for categories, and add the ``required`` columns that it lacks."""
     frame: pd.DataFrame = table.to_pandas(ignore_metadata=True)
     columns = dict.fromkeys([*frame.columns, *required])
     return frame.astype(dict.fromkeys(frame.select_dtypes("category").columns, object)).reindex(columns=list(columns))
 
 
 def latest_rows(frame: pd.DataFrame, time: float, *keys: str) -> pd.DataFrame:
-    """Return the last row of each series up to a time, s, but for rounding."""
+    """Return the last row up to a time, s, for each combination of ``keys``."""
     return frame[frame["time_s"] <= time + 1e-9].groupby(list(keys), sort=False).tail(1)
 
 

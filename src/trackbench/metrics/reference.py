@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 UNKNOWN_POSITION = 1e4
 #: Eigenvalues of an information below this share of the largest are rounding.
 NEGLIGIBLE = 1e-12
-#: Largest information of a component: one millimetre, of a target in a radar's own place too. Beyond it the unknown
-#: position before the first measurement would be lost in rounding.
+#: Largest information of a component, for an error of one millimetre; a target at a radar's own place would have more.
+#: Above it the unknown position before the first measurement would be lost in rounding.
 LARGEST = 1e6
-#: Of targets that enter at rest it is not known that they are; least standard deviation of their velocity, m/s.
+#: Least standard deviation of the velocity on entry, m/s: a target that enters at rest is not known to be at rest.
 LEAST_VELOCITY = 1.0
 
 
 @dataclass(frozen=True)
 class BoundStart:
-    """What is known of a target before its first measurement."""
+    """Prior knowledge of a target before its first measurement."""
 
     velocity_sigma: float
     """m/s, per axis."""
     position_sigma: float | None = None
-    """m, per axis; None where tracks start from their first measurement, and the target is unknown before it."""
+    """m, per axis; None where tracks start from their first measurement, and the position is unknown before it."""
 
 
 def typical_acceleration(truths: Sequence[Truth]) -> float:
-    """RMS over scenes, targets and time of the true acceleration per axis, m/s^2: that of the velocity vector."""
+    """Return the RMS of the true acceleration per axis over scenes, targets and time, m/s^2, from true velocities."""
     square = time = 0.0
     for truth in truths:
         vx, vy = np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)
@@ -53,7 +53,7 @@ def typical_acceleration(truths: Sequence[Truth]) -> float:
 
 
 def entry_velocity(truths: Sequence[Truth]) -> float:
-    """RMS over scenes and targets of the true velocity per axis as each enters the scene, m/s; at least 1."""
+    """Return the RMS of the true velocity per axis over scenes and targets as each enters, m/s; at least 1."""
     squares = []
     for truth in truths:
         there = truth.alive.any(axis=0)
@@ -64,23 +64,23 @@ def entry_velocity(truths: Sequence[Truth]) -> float:
 
 
 class Information(NamedTuple):
-    """What the measurements of one sensor tell of the position and velocity of the targets."""
+    """Fisher information on the position and velocity of the targets in the measurements of one sensor."""
 
     steps: Indices
     """``(measurements,)`` indices of the truth's steps."""
     root: Array
-    """``(rank, 4, measurements, objects)`` ``A`` with ``A^T A = E[H^T R^-1 H]``, the Fisher information."""
+    """``(rank, 4, measurements, objects)`` matrix ``A`` with the information ``A^T A = E[H^T R^-1 H]``."""
 
 
 def information(sensor: IdealSensor, truth: Truth) -> Information:
-    """The Fisher information of each measurement of a sensor.
+    """Return the Fisher information of each measurement of a sensor.
 
-    It is an expectation over the motion of the targets: the mean over the runs in which the sensor can see the target,
-    and where the truth is the same in every run, that along the truth.
+    It is an expectation over the motion of the targets: the mean over the runs in which the sensor can see the target.
+    If the truth is the same in every run, it is the information along the truth.
     """
     target = truth.state
-    each = np.stack([_information(sensor, k, target[:, step]) for k, step in enumerate(sensor.steps)])
-    # A radar has no Jacobian of a target at its own place, and is taken to tell nothing of it.
+    each = np.stack([_mean_information(sensor, k, target[:, step]) for k, step in enumerate(sensor.steps)])
+    # A radar has no Jacobian for a target at its own place; its information there is taken as zero.
     each = np.where(np.isfinite(each).all(axis=(-2, -1), keepdims=True), each, 0.0)
     # Semidefinite: a measurement tells nothing of some directions.
     values, vectors = np.linalg.eigh(each)
@@ -91,24 +91,24 @@ def information(sensor: IdealSensor, truth: Truth) -> Information:
 
 
 class ConditionalBound:
-    """The bound of the errors of each run, given which of its measurements there are.
+    """Cramér-Rao bound of the errors in each run, given which measurements the run has.
 
-    For targets that move with white acceleration: the recursion of Tichavský, Muravchik and Nehorai (1998), "Posterior
-    Cramér-Rao bounds for discrete-time nonlinear filtering", equation 21, where a measurement adds its information in
-    those runs that have it. Its mean over the runs is the enumeration bound (Farina, Ristic and Timmoneri 2002,
+    For targets that move with white acceleration, it is the recursion of Tichavský, Muravchik and Nehorai (1998),
+    "Posterior Cramér-Rao bounds for discrete-time nonlinear filtering", equation 21. A measurement adds its information
+    in the runs that have it. The mean over the runs is the enumeration bound (Farina, Ristic and Timmoneri 2002,
     "Cramér-Rao bound for nonlinear filtering with Pd<1 and its application to target tracking"; Hernandez, Ristic,
-    Farina and Timmoneri 2004, "A comparison of two Cramér-Rao bounds for nonlinear filtering with Pd<1"), the
-    sequences of detections being drawn and not enumerated.
+    Farina and Timmoneri 2004, "A comparison of two Cramér-Rao bounds for nonlinear filtering with Pd<1"), but the
+    sequences of detections are drawn, not enumerated.
 
     Args:
         truth: the motion of the targets.
-        sensors: by name, the information of those that the tracker reads.
+        sensors: information of each sensor that the tracker uses, by name.
         acceleration_sigma: m/s^2 per axis.
-        start: what is known before the first measurement.
-        instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted, among them those of all
+        start: prior knowledge before the first measurement.
+        instants: ``(instants,)`` indices of the truth's steps at which the bound is computed; they include those of all
             measurements.
-        drawn: indices of the truth's steps at which the acceleration is drawn anew, among them those of all
-            measurements, and constant in between; unless given, it is at each measurement of these sensors.
+        drawn: indices of the truth's steps at which a new acceleration is drawn, constant in between; they include
+            those of all measurements. By default they are the measurements of these sensors.
     """
 
     def __init__(
@@ -121,16 +121,16 @@ class ConditionalBound:
         drawn: Indices | None = None,
     ) -> None:
         if drawn is None:
-            drawn = np.unique(np.concatenate([of.steps for of in sensors.values()]))
+            drawn = np.unique(np.concatenate([info.steps for info in sensors.values()]))
         self._shape = len(instants), len(truth.ids)
         self._prior = np.diag(np.square([start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2))
-        self._told: dict[str, dict[str, Array | Mask]] = {}
-        for name, of in sensors.items():
+        self._constants: dict[str, dict[str, Array | Mask]] = {}
+        for name, info in sensors.items():
             # The prior is too wide for the update of a covariance.
-            first = np.linalg.inv(np.linalg.inv(self._prior) + np.einsum("rkmo,rjmo->mokj", of.root, of.root))
-            enters = truth.alive[of.steps] & (start.position_sigma is not None)
-            self._told[name] = {"root": of.root, "first": first.transpose(2, 3, 0, 1).copy(), "enters": enters}
-        numbers = {name: {step: k for k, step in enumerate(of.steps.tolist())} for name, of in sensors.items()}
+            first = np.linalg.inv(np.linalg.inv(self._prior) + np.einsum("rkmo,rjmo->mokj", info.root, info.root))
+            enters = truth.alive[info.steps] & (start.position_sigma is not None)
+            self._constants[name] = {"root": info.root, "first": first.transpose(2, 3, 0, 1).copy(), "enters": enters}
+        numbers = {name: {step: k for k, step in enumerate(info.steps.tolist())} for name, info in sensors.items()}
         # Instant; time and process noise since the latest measurement; sensor, or none; measurement.
         self._steps: list[tuple[int, float, Array, str, int]] = []
         latest = instants[0]
@@ -150,12 +150,12 @@ class ConditionalBound:
             compute: how equations are computed.
 
         Returns:
-            ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each the
-            sum over both axes; one for all runs where the measurements of all are of the same instants. Zero before the
-            first measurement, or before the target's time in the scene where tracks start from the truth.
+            ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each
+            summed over both axes; one for all runs if all have the same measurements. Zero before the first
+            measurement; if tracks start from the truth, before the target enters.
         """
-        masks = {name: valid[name] for name in self._told}
-        # Sums by NumPy are as quick for few runs.
+        masks = {name: valid[name] for name in self._constants}
+        # For few runs NumPy is as quick.
         kernels = kernels_of(compute, next(iter(masks.values())).shape[-1])
         if all((mask == mask[..., :1]).all() for mask in masks.values()):
             masks = {name: mask[..., :1] for name, mask in masks.items()}
@@ -171,8 +171,8 @@ class ConditionalBound:
         for row, dt, noise, sensor, k in self._steps:
             values |= {"dt": np.asarray(dt), "noise": noise}
             if sensor:
-                told = {name: array[..., k, :, None] for name, array in self._told[sensor].items()}
-                values |= by_numpy(MEASUREMENT, {**values, **told, "seen": masks[sensor][k]})
+                constants = {name: array[..., k, :, None] for name, array in self._constants[sensor].items()}
+                values |= by_numpy(MEASUREMENT, {**values, **constants, "seen": masks[sensor][k]})
                 result[:, row] = values["bound"]
             else:
                 result[:, row] = by_numpy(PREDICTION, values)["bound"]
@@ -187,7 +187,7 @@ class ConditionalBound:
         if runs == 1:
             masks = {name: mask.repeat(WIDTH, axis=-1) for name, mask in masks.items()}
         shape = objects, max(runs, WIDTH)
-        # Of the state there are two slots: a step reads one and writes the other.
+        # The state has two slots: a step reads one and writes the other.
         covariance, begun = np.empty((4, 4, 2, *shape)), np.zeros((2, *shape), dtype=bool)
         covariance[:, :, 0] = self._prior[:, :, None, None]
         result = np.empty((2, instants, *shape))
@@ -202,8 +202,8 @@ class ConditionalBound:
             inputs |= {"dt": place(times, 0, at), "noise": place(np.moveaxis(noises, 0, -1), 2, at)}
             outputs = {"bound": place(result, 1, rows[at])}
             if name:
-                told = {**self._told[name], "seen": masks[name]}
-                inputs |= {item: place(array, MEASUREMENT.ranks[item], k) for item, array in told.items()}
+                arrays = {**self._constants[name], "seen": masks[name]}
+                inputs |= {item: place(array, MEASUREMENT.ranks[item], k) for item, array in arrays.items()}
                 outputs |= {"covariance": place(covariance, 2, into), "begun": place(begun, 0, into)}
             if not sequence.compute(MEASUREMENT if name else PREDICTION, at, inputs, outputs):
                 return None
@@ -211,7 +211,7 @@ class ConditionalBound:
 
 
 def _process_noise(acceleration_sigma: float, times: Array) -> Array:
-    """``(4, 4)`` from one time to the last; the acceleration is drawn at each of the times but the last."""
+    """Return the process noise ``(4, 4)`` from the first to the last time; each but the last has a new acceleration."""
     dt = np.diff(times)
     moved = dt * (times[-1] - times[1:] + 0.5 * dt)
     per_axis = np.array([[moved @ moved, moved @ dt], [moved @ dt, dt @ dt]])
@@ -227,7 +227,7 @@ def _predicted(values: Values) -> Array:
 
 
 def _measured(values: Values) -> Values:
-    """``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without an inverse of ``P``, after a prediction."""
+    """Predict, and update ``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without inverting ``P``."""
     covariance, root, seen = _predicted(values), values["root"], values["seen"]
     begun = values["begun"] | values["enters"]
     cross = linalg.matmul(root, covariance)
@@ -243,15 +243,15 @@ def _bound(covariance: Array, begun: Mask) -> Array:
     return np.where(begun, linalg.vector(variances), 0.0)
 
 
-#: A prediction of the bound over ``dt`` s where something is ``begun``.
+#: Prediction of the bound over ``dt`` s for targets that have ``begun``.
 PREDICTION = Equations(
     "prediction of the bound",
     lambda values: {"bound": _bound(_predicted(values), values["begun"])},
     {"covariance": 2, "begun": 0, "dt": 0, "noise": 2},
     frozenset({"covariance", "noise"}),
 )
-#: A prediction, and a measurement with the ``root`` of its information where it is ``seen``; ``enters``: whether the
-#: target is there, whose start is known; ``first``: the covariance after it where nothing was ``begun`` before.
+#: Prediction, and update with the ``root`` of the information where a measurement is ``seen``. ``enters``: whether the
+#: target is there and its start is known; ``first``: covariance after a first measurement.
 MEASUREMENT = Equations(
     "measurement of the bound",
     _measured,
@@ -260,8 +260,8 @@ MEASUREMENT = Equations(
 )
 
 
-def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
-    """``(objects, 4, 4)`` of a measurement of targets ``(4, objects, runs)``, mean over the runs that can have it."""
+def _mean_information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
+    """Average the information ``(objects, 4, 4)`` of one measurement over the runs that can have it."""
     pose, velocity = sensor.pose[:, measurement], sensor.velocity[:, measurement]
     h = SENSOR_MODELS[sensor.config.type].jacobian(target, pose, velocity)
     h = np.broadcast_to(linalg.expand(h, target[None]), (len(h), *target.shape))

@@ -1,4 +1,4 @@
-"""Every metric: those that each run has, and those that a scenario names; and what an expectation may name of them."""
+"""All metrics, built in and of plug-ins, and the fields that an expectation may name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.protocol import PROPERTIES, SENSOR, Field, Metric
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 
-#: Paths that begin so are of a tracker's health, beside its metrics.
+#: Path prefix of a tracker's health, which stands beside its metrics.
 HEALTH = "health."
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -22,26 +22,26 @@ _HEALTH = (
     Field(HEALTH + "non_finite_estimates", "estimates with NaN or infinity", needs={"labels"}),
     Field(HEALTH + "reused_ids", "identities that were used again after their track had ended", needs={"tracks"}),
 )
-#: Every built-in metric. Two of one name are one metric, summed over estimates and over tracks.
+#: Every built-in metric. Two with the same name are one metric, over estimates and over tracks.
 _EVERY: tuple[Metric, ...] = (*BUILT_IN, *TRACK_METRICS.values(), *DETECTION_METRICS.values())
 
 
 def metrics_for(properties: Set[str]) -> tuple[Metric, ...]:
-    """Return the built-in metrics of a scenario that has these of ``PROPERTIES``."""
+    """Return the built-in metrics of a scenario with these members of ``PROPERTIES``."""
     return tuple(metric for metric in _EVERY if metric.needs <= properties)
 
 
 def ranking_path(metrics: Iterable[Metric]) -> str:
-    """The path of the metric that trackers are ranked by."""
+    """Return the path of the metric that ranks trackers."""
     return next(metric.path for metric in metrics if metric.ranks)
 
 
 def metric_paths(own: Iterable[Metric | type[Metric]] = (), properties: Set[str] = PROPERTIES) -> list[Field]:
-    """Return what an expectation may name of the built-in metrics and of others, each once.
+    """Return every field of the metrics that an expectation may name, each once.
 
     Args:
         own: metrics beside the built-in ones.
-        properties: those of the scenarios that are spoken of.
+        properties: members of ``PROPERTIES`` that the scenarios have.
     """
     fields: dict[str, Field] = {}
     every = (metric if isinstance(metric, Metric) else metric.model_construct() for metric in (*_EVERY, *own))
@@ -63,7 +63,7 @@ def by_path(sensors: Iterable[str], own: Iterable[Metric] = (), properties: Set[
 
 
 def unfit_name(name: str) -> str | None:
-    """Return why no metric of one's own can have this name; None if one can."""
+    """Return why a user's metric cannot have this name; None if it can."""
     if not NAME.fullmatch(name):
         return f"its name {name!r} may have a to z, 0 to 9 and _ alone"
     if name in {"health", *(item.name.partition(".")[0] for item in _EVERY)}:
@@ -89,5 +89,5 @@ def _lacks(metric: Any) -> str | None:
     return None
 
 
-#: The metrics beside the built-in ones, by the names that scenarios use.
+#: Metrics beside the built-in ones, by the names that scenarios use.
 METRICS: Registry[type[Metric]] = Registry("trackbench.metrics", "metric", _lacks)

@@ -1,4 +1,4 @@
-"""Scores a tracker's estimates as they come, several instants at a time so that NumPy's calls are few."""
+"""Scorer of a tracker's estimates as they come, for several instants at a time to save NumPy calls."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import accumulators, is_built_in
 from trackbench.metrics.innovations import Innovations
+from trackbench.metrics.missing_estimates import ChargedEstimates
 from trackbench.metrics.protocol import Chunk, Innovation, Metric, Scope, SquaredErrors, Target, raise_fault
-from trackbench.metrics.silence import Silence
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.trackers.track_steps import log_likelihood
 
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from trackbench.engine.kernels import Kernels
     from trackbench.metrics.score_sequence import ScoreSequence
 
-#: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
+#: Number of estimates that are scored at a time, over batch and instants: large enough to save NumPy calls.
 BATCH = 16_000
-#: Instants that are scored by themselves, at most, before a sequence of calls is tried again.
+#: Largest number of instants that are scored without kernels before a sequence of calls is tried again.
 BEFORE_SEQUENCES = 8
 
 
 class Scorer:
-    """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end."""
+    """Scorer of one tracker's estimates on one block of runs; ``close`` returns the sums at the end."""
 
     def __init__(
         self,
@@ -52,19 +52,19 @@ class Scorer:
         measured: Callable[[slice], Array] | None = None,
         bodies: EgoScene | None = None,
     ) -> None:
-        """A scorer of one block.
+        """Start the sums of one block.
 
         Args:
-            target: what the estimates are held against.
-            classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`.
-            measurements: how many instants each sensor has.
-            tracker: whose estimates they are.
-            single: whether it is a run whose stretches of time stand for independent runs.
-            metrics: what is to be computed.
-            compute: how equations are computed.
-            measured: gives ``(2, instants, batch)`` the latest measured position at some instants, m; needed where the
-                tracker gave no estimate that is due.
-            bodies: the ego and the sizes of the objects.
+            target: ground truth that the estimates are compared with.
+            classes: result of :func:`trackbench.metrics.conditions.condition_classes`.
+            measurements: number of instants of each sensor.
+            tracker: name of the tracker.
+            single: whether the block is a single run whose stretches of time stand for independent runs.
+            metrics: metrics to compute.
+            compute: function that computes equations.
+            measured: returns ``(2, instants, batch)`` the latest measured positions at some instants, m; needed where
+                an estimate that is due is missing.
+            bodies: ego and sizes of the objects.
         """
         self._target, self._compute = target, compute
         _, _, self._objects, _ = target.state.shape
@@ -92,30 +92,30 @@ class Scorer:
         self._covariance = np.empty((4, 4, self.chunk, batch))
         self._first, self._filled = 0, 0
         self._had = np.zeros(batch, dtype=bool)
-        self._silence = Silence(target.state, target.due | target.starting, measured)
+        self._charged = ChargedEstimates(target.state, target.due | target.starting, measured)
         self._sensors = tuple(measurements)
-        self.none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
-        """In the place of the estimates of a tracker that gives none."""
+        self.no_estimate = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
+        """Placeholder for the answer of a tracker without any estimate."""
         self._begin_chunk()
         if self.kernels is not None:
             self.chunk = min(self.chunk, BEFORE_SEQUENCES)
 
     def take(self, step: DriveStep[Estimate | None]) -> None:
-        """Take in what a tracker made of a scan; to be called in order.
+        """Score the tracker's answer to a scan; call it for each scan in order.
 
         Raises:
             Fault: an estimate cannot be scored.
         """
-        estimate = step.answer or self.none
+        estimate = step.answer or self.no_estimate
         self.scan(step.instant, step.scan, estimate, step.seconds)
         if step.last:
             self.estimate(estimate)
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
-        """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
+        """Add the innovations, repairs and computing time at a scan; call it for each scan in order."""
         if not scan.asked:
             white, used = whitened_innovation(estimate), scan.valid & self._due[instant]
-            # A view would keep all that the step computed, so that the next one found no memory that is in the cache.
+            # A view would keep all arrays of this step alive, and the next step could not reuse their cached memory.
             white = None if white is None else white.copy()
             density = log_likelihood(estimate) if self._of_density else None
             self._innovations[scan.sensor].append(Innovation(instant, white, used, used & self._had, density))
@@ -126,7 +126,7 @@ class Scorer:
         self._steps += scan.valid.size
 
     def estimate(self, estimate: Estimate) -> None:
-        """Take in the estimate after the last scan of an instant; score what waits at the end of a chunk.
+        """Add the estimate after the last scan of an instant; score the waiting ones at the end of a chunk.
 
         Raises:
             Fault: an estimate cannot be scored.
@@ -140,21 +140,23 @@ class Scorer:
 
     @property
     def waits(self) -> bool:
-        """Whether something was taken in that is not scored yet."""
+        """Whether estimates wait to be scored."""
         return self._filled > 0
 
     @cached_property
     def kernels(self) -> Kernels | None:
-        """The kernels by whose sequences of calls instants can be scored; None: they cannot."""
-        others = dict(self._accumulators)
-        if others.pop(ESTIMATES.name, None) is None or self._classes.shape[-1] > 1:
+        """Kernels that can score instants in sequences of calls; None if none can."""
+        accumulators_left = dict(self._accumulators)
+        if accumulators_left.pop(ESTIMATES.name, None) is None or self._classes.shape[-1] > 1:
             return None
-        of_squares = all(is_built_in(item) and getattr(item, "of_squares", False) for item in others.values())
+        of_squares = all(
+            is_built_in(item) and getattr(item, "of_squares", False) for item in accumulators_left.values()
+        )
         return kernels_of(self._compute, self._runs) if of_squares else None
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of objects and of runs."""
+        """Number of objects, number of runs."""
         return self._objects, self._runs
 
     @property
@@ -162,58 +164,58 @@ class Scorer:
         """``(instants, batch)`` where an estimate is due."""
         return self._due
 
-    def has_all(self, started: Mask, here: slice) -> bool:
-        """Whether tracks ``(batch,)`` that have started are all that an estimate is expected of at some instants."""
-        return not (self._expected[here] & ~started).any()
+    def has_all(self, started: Mask, instants: slice) -> bool:
+        """Return whether the tracks ``(batch,)`` that have started cover all estimates expected at some instants."""
+        return not (self._expected[instants] & ~started).any()
 
-    def sequence(self, here: slice) -> ScoreSequence:
-        """What scores some instants, the next ones, by a sequence of calls."""
+    def sequence(self, instants: slice) -> ScoreSequence:
+        """Return the scores of the next instants, to be made by a sequence of calls."""
         from trackbench.metrics.score_sequence import ScoreSequence
 
         classes, count = self._sums[ESTIMATES.name].classes
-        return ScoreSequence(self._target, classes[..., 0], count, here)
+        return ScoreSequence(self._target, classes[..., 0], count, instants)
 
     def innovations(self, sensor: str) -> Innovations:
-        """What sums the innovations of a sensor."""
+        """Return the sums over the innovations of a sensor."""
         innovations: Innovations = self._sums[ESTIMATES.name].innovations(sensor)
         return innovations
 
     def take_sequence(
         self, scores: ScoreSequence, repaired: Array, latest: Array, given: Mask, spent: tuple[float, int]
     ) -> None:
-        """Take in what a sequence has scored.
+        """Add the scores of a sequence of calls.
 
         Args:
-            scores: at the next instants.
+            scores: scores at the next instants.
             repaired: ``(instants, batch or 1)`` number of repaired covariances.
-            latest: ``(4, batch)`` the estimates at the last of them.
-            given: ``(batch,)`` which of them there are.
-            spent: seconds, and for how many steps of single objects.
+            latest: ``(4, batch)`` estimates at the last of these instants.
+            given: ``(batch,)`` which of these estimates exist.
+            spent: seconds, and number of steps of single objects in this time.
         """
-        here = scores.here
-        due = self._due[here]
-        squares = SquaredErrors(here, scores.squares, due, np.broadcast_to(given, due.shape), self._runs, *spent)
+        instants = scores.instants
+        due = self._due[instants]
+        squares = SquaredErrors(instants, scores.squares, due, np.broadcast_to(given, due.shape), self._runs, *spent)
         repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0) if repaired.any() else 0.0
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
                 self._sums[name].add_sequence(scores, squares, repairs)
             else:
                 self._sums[name] = accumulator.update(self._sums[name], squares)
-        self._first = here.stop
-        self._had = given & self._expected[here.stop - 1]
-        self._silence.note(np.where(given, latest, np.nan), here.stop - 1)
+        self._first = instants.stop
+        self._had = given & self._expected[instants.stop - 1]
+        self._charged.note(np.where(given, latest, np.nan), instants.stop - 1)
 
     def close(self) -> dict[str, Any]:
-        """By accumulator, the sums of everything that was scored."""
+        """Return the sums of all scored estimates, by name of the accumulator."""
         return {name: accumulator.close(self._sums[name]) for name, accumulator in self._accumulators.items()}
 
     def score(self) -> None:
-        """Score what waits.
+        """Score the waiting estimates.
 
         Raises:
             Fault: an estimate is not finite, a covariance not positive definite, or an error too large.
         """
-        chunk = self._taken()
+        chunk = self._scored_chunk()
         for name, accumulator in self._accumulators.items():
             self._sums[name] = accumulator.update(self._sums[name], chunk)
         self._begin_chunk()
@@ -223,35 +225,35 @@ class Scorer:
         self._repaired = np.zeros(self._runs)
         self._seconds, self._steps = 0.0, 0
 
-    def _taken(self) -> Chunk:
-        here, estimates = self._waiting, self._estimates()
-        self._filled, self._first = 0, here.stop
-        truth = self._target.state[:, here]
+    def _scored_chunk(self) -> Chunk:
+        instants, estimates = self._waiting, self._estimates()
+        self._filled, self._first = 0, instants.stop
+        truth = self._target.state[:, instants]
         finite, given = _masks(self._computed(GIVEN, estimates), "finite", "given")
         if not finite.all():
-            raise_fault(NOT_FINITE, self._alive(here) & given & ~finite, here.start)
-        self._silence.charge(estimates["mean"].reshape(4, *finite.shape), finite, here)
+            raise_fault(NOT_FINITE, self._alive(instants) & given & ~finite, instants.start)
+        self._charged.charge(estimates["mean"].reshape(4, *finite.shape), finite, instants)
         shape = estimates["mean"].shape[1:]
-        held_against = {
+        compared_with = {
             "truth": truth,
-            "reference": self._target.reference[:, here],
+            "reference": self._target.reference[:, instants],
             "finite": finite.reshape(shape),
-            "scored": self._target.due[here],
+            "scored": self._target.due[instants],
         }
-        errors = self._computed(ERRORS, {**estimates, **held_against})
+        errors = self._computed(ERRORS, {**estimates, **compared_with})
         definite, bounded = _masks(errors, "definite", "bounded")
         if not definite.all():
-            raise_fault(NOT_DEFINITE, self._alive(here) & ~definite, here.start)
+            raise_fault(NOT_DEFINITE, self._alive(instants) & ~definite, instants.start)
         if not bounded.all():
-            raise_fault(TOO_LARGE, ~bounded, here.start)
+            raise_fault(TOO_LARGE, ~bounded, instants.start)
         return Chunk(
-            instants=here,
-            time=self._target.time[here],
+            instants=instants,
+            time=self._target.time[instants],
             truth=truth,
             mean=estimates["mean"].reshape(4, *finite.shape),
             covariance=estimates["covariance"].reshape(4, 4, *finite.shape),
             values=errors["rows"].reshape(-1, *finite.shape),
-            scored=self._due[here],
+            scored=self._due[instants],
             given=finite,
             innovations=self._innovations,
             repaired=self._repaired,
@@ -264,7 +266,7 @@ class Scorer:
         return slice(self._first, self._first + self._filled)
 
     def _estimates(self) -> dict[str, Array]:
-        """What waits, with the batch axes ``(instants, objects, runs)``."""
+        """Return the waiting estimates with the batch axes ``(instants, objects, runs)``."""
         shape = self._filled, self._objects, self._runs
         mean, covariance = self._mean[:, : self._filled], self._covariance[:, :, : self._filled]
         return {"mean": mean.reshape(4, *shape), "covariance": covariance.reshape(4, 4, *shape)}

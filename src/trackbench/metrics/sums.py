@@ -1,4 +1,4 @@
-"""The sums that all built-in metrics share: small enough for any number of runs, and they merge exactly."""
+"""Sums that all built-in metrics share: small enough for any number of runs, and merged exactly."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 
-#: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
+#: Squared error, NEES or NIS above which sums would overflow.
 OVERFLOW = 1e100
-#: Rows of the sums of errors: number of errors and squared errors; the NEES, those of the position and of the velocity
-#: alone, and of each along and across the true velocity (1 degree of freedom); the reference of the squared
-#: errors; and how many of the errors are of an estimate that the tracker gave, which alone have a NEES.
+#: Rows of the sums of errors: number of errors and squared errors; NEES of the state, of the position and the velocity
+#: alone, and of each along and across the true velocity (1 degree of freedom); squared errors of the reference; number
+#: of errors of given estimates, which alone have a NEES.
 ERROR_FIELDS = (
     "count",
     "px",
@@ -32,17 +32,17 @@ ERROR_FIELDS = (
     "velocity_reference",
     "given",
 )
-#: Rows of the sums of innovations; pairs are successive measurements of one object, and an innovation is missing where
-#: the tracker had an estimate before the measurement.
+#: Rows of the sums of innovations. Pairs are successive measurements of one object. An innovation that the tracker did
+#: not give is missing if it had an estimate before the measurement.
 NIS_FIELDS = ("count", "nis", "inside", "pairs", "product", "square", "missing")
 ERROR, NIS = ({name: row for row, name in enumerate(names)} for names in (ERROR_FIELDS, NIS_FIELDS))
-#: A single run is cut into at most so many stretches of time, none shorter than this, s, whose sums are taken for
-#: independent: an error is forgotten within a few measurements.
+#: Largest number and least duration, s, of the stretches of time of a single run. Their sums are taken as independent:
+#: an error is forgotten within a few measurements.
 STRETCHES, SHORTEST = 20, 4.0
 
 
 def stretch_numbers(instants: int, duration: float) -> Indices:
-    """``(instants,)`` number of the stretch of each of the instants of so many seconds."""
+    """Return the stretch number of each instant of a run of so many seconds, ``(instants,)``."""
     count = min(STRETCHES, max(1, int(duration / SHORTEST)))
     return np.arange(instants) * count // max(instants, 1)
 
@@ -58,7 +58,7 @@ class NisScores:
     per_run: Array
     """``(7, runs)`` sums over steps and objects, rows ``NIS_FIELDS``."""
     per_part: Array
-    """``(7, parts)`` sums within the parts of ``BlockScores``."""
+    """``(7, parts)`` sums within the independent parts of ``BlockScores``."""
 
 
 @dataclass
@@ -69,21 +69,21 @@ class ClassSums:
     """
 
     total: Array
-    """Sums; the first field is their number."""
+    """Sums; the first field is the number of errors."""
     square: Array
-    """Squares of the sum of each part."""
+    """Squared sum of each part, added over parts."""
     product: Array
-    """The sum of each part times the number of errors, of a NEES times that of estimates, in it."""
+    """Sum of each part times its number of terms, added over parts; the terms are errors, or estimates for a NEES."""
     parts: Array
     """``(1, conditions)`` number of parts with an estimate under the condition."""
 
 
 @dataclass
 class BlockScores:
-    """Sums over the estimates of one tracker in a block of runs, or in several that are merged.
+    """Sums over the estimates of one tracker in a block of runs, or in several merged blocks.
 
-    Intervals rest on parts that are independent of each other. They are the runs, or the stretches of a single run;
-    once :func:`trackbench.metrics.evaluate.independent_scores` has seen several scenes, the scenes.
+    Intervals rest on independent parts: the runs, or the stretches of a single run. If there are several scenes,
+    :func:`trackbench.metrics.evaluate.independent_scores` makes the scenes the parts.
     """
 
     per_step: Array
@@ -91,9 +91,9 @@ class BlockScores:
     per_run: Array
     """``(15, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
     per_part: Array
-    """``(15, parts)`` rows ``ERROR_FIELDS``."""
+    """``(15, parts)`` sums within independent parts, rows ``ERROR_FIELDS``."""
     charged: Array
-    """Share of ``per_part`` that the tracker is charged with where it gave no estimate."""
+    """Portion of ``per_part`` that is charged for missing estimates."""
     due: Array
     """``(runs,)`` number of instants and objects at which there should be an estimate."""
     diverged: Array
@@ -101,11 +101,11 @@ class BlockScores:
     repaired: Array
     """``(runs,)`` number of repaired covariances."""
     nis: dict[str, NisScores]
-    """By sensor."""
+    """Sums of innovations by sensor."""
     classes: list[tuple[int, ClassSums]]
-    """Number of runs and sums by condition of each block that was merged; a single entry for independent parts."""
+    """Number of runs and sums by condition of each merged block; a single entry once the parts are independent."""
     stretches: list[int] | None = None
-    """Number of stretches of each single run; None where the runs stand for themselves."""
+    """Number of stretches of each single run; None where runs are not cut into stretches."""
     scenes: bool = False
     """Whether the parts are scenes."""
 
@@ -116,13 +116,13 @@ class BlockScores:
 
     @property
     def coverage(self) -> float:
-        """Share of the instants and objects at which there should be an estimate that have one; NaN of none."""
+        """Share of the due estimates that were given; NaN if none was due."""
         due = float(self.due.sum())
         return self.given / due if due else float("nan")
 
 
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
-    """Add the scores of consecutive blocks of runs in their order; later scenes may be shorter."""
+    """Merge the scores of consecutive blocks of runs in their order; later scenes may be shorter."""
     first = blocks[0]
     by_run: dict[str, Any] = _joined(blocks, ("per_run", "per_part", "charged", "due", "diverged", "repaired"))
     return replace(
@@ -145,12 +145,12 @@ def _joined(parts: Sequence[Any], names: Sequence[str]) -> dict[str, Array]:
 
 
 def added(sums: Array, part: Indices) -> Array:
-    """Return ``(rows, parts)`` sums ``(rows, ...)`` added up within each part."""
+    """Add up sums ``(rows, ...)`` within each part, to ``(rows, parts)``."""
     return np.stack([np.bincount(part, row) for row in sums])
 
 
 def _total(parts: Sequence[Array]) -> Array:
-    """Add arrays whose last axes begin alike and may end earlier."""
+    """Add arrays whose last axes may differ in length, as if padded with zeros."""
     longest = max(part.shape[-1] for part in parts)
     total = np.zeros((*parts[0].shape[:-1], longest))
     for part in parts:

@@ -1,4 +1,4 @@
-"""What intervals say of a tracker's covariance: over all estimates, under each condition, and together."""
+"""Verdicts on a tracker's covariance from intervals: over all estimates, under each condition, and combined."""
 
 from __future__ import annotations
 
@@ -12,51 +12,51 @@ from trackbench.metrics.consistency import BEYOND, DIRECTIONS, beyond_path, beyo
 from trackbench.results import ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 
 CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
-#: Of a NEES, which is judged by its tails and under each condition too.
+#: Verdicts on a NEES, which is also judged by its tails and under each condition.
 TRUST = (*CONSISTENCY, "mixed", "heavy-tailed")
 WHITENESS = ("white", "coloured", "undecided")
 
-#: How far the mean of a NEES or NIS may be from its degrees of freedom without consequence, as a share of them. A
-#: covariance that is 10 % too large or too small is one whose standard deviations are 5 % off.
+#: Tolerated deviation of the mean of a NEES or NIS from its degrees of freedom, as a share of them. A covariance that
+#: is 10 % too large or too small has standard deviations that are 5 % off.
 TOLERANCE = 0.1
-#: Probability at which few runs or scenes call a consistent tracker wrong, on each side.
+#: Probability, on each side, that few runs or scenes call a consistent tracker wrong.
 DOUBT = 0.001
-#: How far above it may be for the share beyond the farthest point that is judged: where ten are expected beyond it, a
-#: matched filter is shown to be within this in 97 % of all cases or more, and within ``TOLERANCE`` in 33 to 79 %.
+#: Tolerated excess of the mean NEES for the share beyond the farthest point that is judged: where ten are expected
+#: beyond it, a matched filter is shown to be within this in 97 % of all cases, and within ``TOLERANCE`` in 33 to 79 %.
 FAR_TOLERANCE = 0.2
-#: The same under one condition, below and above. A condition is chosen by what the truth did, which the error has to do
-#: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and on
-#: straights up to 15 % below, as the calibration measures.
+#: Tolerated deviation of the mean under one condition, below and above. A condition is chosen by the motion, which the
+#: error depends on: even a sound filter has a mean NEES up to 30 % above its degrees of freedom in a manoeuvre, and up
+#: to 15 % below on straights, as the calibration measures.
 BELOW, ABOVE = 0.25, 0.5
-#: The parts of the NEES, which are judged too.
+#: Names of the two halves of the NEES, which are judged too.
 HALVES = ("position alone", "velocity alone")
-#: Name of the part of the NEES beyond a point of chi-square.
+#: Name of the verdict's part on the share of the NEES beyond a point of chi-square.
 _PART = "beyond the {} point"
-#: The point of chi-square beyond which a share can be too small as well.
+#: Point of chi-square beyond which a share can also be too small.
 NEAR = "95 %"
-#: A NEES or NIS is judged where this share of the estimates or innovations that there should be is given: the missing
-#: ones may be the large ones. Without the worst 1 % a NEES of 4.00 becomes 3.88; without the worst 5 %, 3.59.
+#: Share of the due estimates or innovations that must be given for a verdict on the NEES or NIS: the missing ones may
+#: be the large ones. Without the worst 1 % a NEES of 4.00 becomes 3.88; without the worst 5 %, 3.59.
 LEAST_COVERAGE = 0.99
-#: A condition is judged where it has this share of the estimates, from so many runs or scenes.
+#: Least share of the estimates, and least number of runs or scenes, for a verdict under a condition.
 SMALLEST_SHARE = 0.02
 FEWEST_RUNS = 5
-#: How far an autocorrelation may be from zero. Predicting each innovation from the one before then saves 0.05^2, a
-#: quarter of a percent, of its variance.
+#: Tolerated deviation of an autocorrelation from zero. Predicting each innovation from the previous one then saves
+#: 0.05^2, a quarter of a percent, of its variance.
 WHITENESS_TOLERANCE = 0.05
 
 
 def mean_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
-    """What the interval of a mean NEES or NIS says of the covariance.
+    """Return the verdict on a covariance from the interval of a mean NEES or NIS.
 
-    ``consistent``: shown to be within ``TOLERANCE`` of ``dof``. ``optimistic``: shown to be above, errors are larger
-    than stated. ``pessimistic``: the same below. ``undecided``: none of these is shown. With more runs an interval
-    becomes shorter about the same mean, so that ``undecided`` may become any of the others, which stay. This is the
-    logic of an equivalence test (Schuirmann 1987, "A comparison of the two one-sided tests procedure and the power
+    ``consistent``: the mean is shown to be within ``TOLERANCE`` of ``dof``. ``optimistic``: shown to be above, as
+    errors are larger than stated. ``pessimistic``: shown to be below. ``undecided``: none of these is shown. More runs
+    shorten the interval about the same mean, so ``undecided`` may become any other verdict, and others stay. This is
+    the logic of an equivalence test (Schuirmann 1987, "A comparison of the two one-sided tests procedure and the power
     approach").
 
     Args:
-        ci95: None where nothing is known of it.
-        dof: what the mean of a consistent tracker is.
+        ci95: interval of the mean; None where there is none.
+        dof: mean of a consistent tracker.
     """
     return _consistency(ci95, dof * (1 - TOLERANCE), dof * (1 + TOLERANCE))
 
@@ -64,13 +64,13 @@ def mean_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
 def doubtless_verdict(mean: float, parts: float, dof: int) -> str:
     """Return ``optimistic`` or ``pessimistic`` where a mean over few parts leaves no doubt, else ``undecided``.
 
-    However much the errors within a part are correlated, the mean NEES of a consistent filter there varies no more than
-    a single chi-square variable. So the sum is held against chi-square with ``dof`` degrees of freedom for each part.
+    However correlated the errors within a part are, its mean NEES varies no more than a single chi-square variable if
+    the filter is consistent. So the sum is compared with chi-square with ``dof`` degrees of freedom for each part.
 
     Args:
-        mean: of a NEES or NIS.
+        mean: mean NEES or NIS.
         parts: effective number of independent runs or scenes.
-        dof: what the mean of a consistent tracker is.
+        dof: mean of a consistent tracker.
     """
     total, freedom = mean * parts, dof * parts
     if chdtrc(freedom, total / (1 + TOLERANCE)) < DOUBT:
@@ -79,18 +79,19 @@ def doubtless_verdict(mean: float, parts: float, dof: int) -> str:
 
 
 def condition_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
-    """The same of the mean under one condition, with ``BELOW`` and ``ABOVE``."""
+    """Return the verdict on a covariance from a mean under one condition, with tolerances ``BELOW`` and ``ABOVE``."""
     return _consistency(ci95, dof * (1 - BELOW), dof * (1 + ABOVE))
 
 
 def tail_limits(point: str, under_condition: bool = False, factor: float = 1.0) -> tuple[float, float]:
-    """Between which the share of the NEES beyond a point of chi-square may be: where it is if the covariance is right
-    but for a factor that is tolerated. Beyond the 99 % and 99.9 % points too few change nothing.
+    """Return the limits of the share of the NEES beyond a point, if the covariance is right within the tolerances.
+
+    The lower limit is 0 beyond the 99 % and 99.9 % points.
 
     Args:
-        point: of ``BEYOND``.
-        under_condition: with ``BELOW`` and ``ABOVE``.
-        factor: by which the covariance is known to be too small.
+        point: name of a point in ``BEYOND``.
+        under_condition: whether the tolerances are ``BELOW`` and ``ABOVE``.
+        factor: factor by which the covariance is known to be too small.
     """
     place = dict(zip(BEYOND, beyond_points(4), strict=True))[point] / factor
     below, above = (BELOW, ABOVE) if under_condition else (TOLERANCE, TOLERANCE if point == NEAR else FAR_TOLERANCE)
@@ -99,26 +100,26 @@ def tail_limits(point: str, under_condition: bool = False, factor: float = 1.0) 
 
 
 def tail_verdict(ci95: tuple[float, float], point: str, under_condition: bool = False) -> str:
-    """What the interval of the share of the NEES beyond a point says of the covariance: ``heavy-tailed`` and
-    ``pessimistic`` where it is shown to be above and below :func:`tail_limits`; else as in ``mean_verdict``."""
-    word = _consistency(ci95, *tail_limits(point, under_condition))
-    return "heavy-tailed" if word == "optimistic" else word
+    """Return the verdict on a share of the NEES beyond a point; ``heavy-tailed`` if above :func:`tail_limits`."""
+    verdict = _consistency(ci95, *tail_limits(point, under_condition))
+    return "heavy-tailed" if verdict == "optimistic" else verdict
 
 
 def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
-    """What the interval of an autocorrelation says: ``white``, ``coloured`` or ``undecided``; as ``mean_verdict``."""
+    """Return ``white``, ``coloured`` or ``undecided`` from the interval of an autocorrelation."""
     side = _side(ci95, -WHITENESS_TOLERANCE, WHITENESS_TOLERANCE)
     return "undecided" if side is None else "coloured" if side else "white"
 
 
 def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list[PartVerdict]:
-    """The share of the NEES beyond the 95 % point and beyond the farthest point of which the share is stated, and the
-    NEES along and across the motion. None where the first is not stated: there are too few estimates. An estimate that
-    is missing may be within a point or beyond it, and the interval of the share holds both.
+    """Return the verdicts on the tails of the NEES, and on the NEES along and across the motion.
+
+    The tails are the shares beyond the 95 % point and beyond the farthest point with a stated share. The list is empty
+    where too few estimates state the first. A missing estimate may lie within a point or beyond; the interval has both.
 
     Args:
-        scores: under one condition, or of all estimates.
-        under_condition: whether they are those of one.
+        scores: scores under one condition, or of all estimates.
+        under_condition: whether the scores are under one condition.
     """
     complete, parts = _is_complete(scores), []
     beyond = {point: scores.metrics[path] for point in BEYOND if (path := beyond_path(point)) in scores.metrics}
@@ -126,21 +127,20 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
     for point, share in beyond.items():
         if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None:
             ci95 = (share_given * share.ci95[0], share_given * share.ci95[1] + 1 - share_given)
-            word = tail_verdict(ci95, point, under_condition) if complete else "undecided"
+            verdict = tail_verdict(ci95, point, under_condition) if complete else "undecided"
             name, expected = _PART.format(point), BEYOND[point]
-            parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=word))
+            parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=verdict))
     for name, field in DIRECTIONS.items():
         nees = scores.metrics.get(field)
-        # What the truth did under a condition is what the velocity of a sound filter lags behind.
+        # A condition is a kind of motion, which the velocity of even a sound filter lags behind.
         if parts and not (under_condition and "velocity" in name) and nees and nees.value is not None and nees.ci95:
-            word = condition_verdict(nees.ci95, 1) if complete else "undecided"
-            parts.append(PartVerdict(name=name, value=nees.value, expected=1.0, ci95=nees.ci95, verdict=word))
+            verdict = condition_verdict(nees.ci95, 1) if complete else "undecided"
+            parts.append(PartVerdict(name=name, value=nees.value, expected=1.0, ci95=nees.ci95, verdict=verdict))
     return parts
 
 
 def condition_verdicts(conditions: Mapping[str, ConditionScores]) -> list[ConditionVerdict]:
-    """Return the verdicts under the conditions with enough estimates: each manoeuvre, each range band and the first
-    second; and on the two halves of the NEES."""
+    """Return the verdicts under each condition with enough estimates, and on the two halves of the NEES."""
     judged = _judged(_conditions_by_name(conditions).items(), conditions[""].count)
     return [*judged, *_halves(conditions[""])]
 
@@ -154,22 +154,22 @@ def _conditions_by_name(conditions: Mapping[str, ConditionScores]) -> dict[str, 
 def overall_verdict(
     mean: float, whole: str, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict] = ()
 ) -> str:
-    """The verdict on a covariance from that over all estimates and those under each condition.
+    """Combine the verdicts over all estimates and under each condition to the verdict on a covariance.
 
-    ``consistent``: so over all estimates and under each condition. ``optimistic`` and ``pessimistic``: off over all
+    ``consistent``: over all estimates and under each condition. ``optimistic`` and ``pessimistic``: off over all
     estimates or under some conditions, to that side alone. ``mixed``: off to both sides; or off under some condition
-    and consistent over all estimates; or consistent under some condition, with a mean that differs from that over all
-    estimates by more than is allowed for under a condition. The first second does not count for the last: it rests on
-    the covariance that a track starts from, and may be right where the process noise is wrong everywhere; nor do
-    position and velocity alone, which no fault need touch alike. ``heavy-tailed``: none of these, and too many of the
-    NEES are far out, over all estimates or under some condition. What is undecided of the tails and directions under a
-    condition, which take more estimates than its mean, counts neither for nor against.
+    and consistent over all estimates; or consistent under some condition, with a mean that differs from the mean over
+    all estimates by more than a condition tolerates. The first second is excepted: its covariance is the initial one,
+    which may be right where the process noise is wrong everywhere. The two halves are excepted as well, since a fault
+    need not touch both. ``heavy-tailed``: none of these, and too many NEES are far out, over all estimates or under
+    some condition. Undecided tails and directions under a condition, which take more estimates than its mean, do not
+    count.
 
     Args:
-        mean: over all estimates.
-        whole: the verdict on it.
-        conditions: those that are judged.
-        parts: those over all estimates.
+        mean: mean NEES over all estimates.
+        whole: verdict on this mean.
+        conditions: verdicts under each condition.
+        parts: verdicts on the tails and directions over all estimates.
     """
     under = {part.verdict for condition in conditions for part in condition.parts} - {"undecided"}
     # A mean that is off is said first, whichever way its directions are: along a straight line all may lag.
@@ -189,25 +189,25 @@ def overall_verdict(
 
 
 def heavy_beside(
-    word: str, mean: float, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict]
+    verdict: str, mean: float, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict]
 ) -> str | None:
-    """``heavy-tailed`` where a verdict by means, which comes first, hides that large errors are too frequent.
+    """Return ``heavy-tailed`` where a verdict by means, which takes precedence, hides too frequent large errors.
 
-    They are where the share beyond a point, over all estimates or under a condition, is above what the mean there
-    explains: that of a covariance which is too small by the factor of the mean, and of none that is too large.
+    Large errors are too frequent where the share beyond a point, over all estimates or under a condition, exceeds the
+    share for a covariance that is too small by the factor that the mean NEES there shows.
 
     Args:
-        word: the verdict.
-        mean: over all estimates.
-        conditions: those that are judged.
-        parts: those over all estimates.
+        verdict: overall verdict.
+        mean: mean NEES over all estimates.
+        conditions: verdicts under each condition.
+        parts: verdicts on the tails and directions over all estimates.
     """
-    if word not in ("optimistic", "pessimistic", "mixed"):
+    if verdict not in ("optimistic", "pessimistic", "mixed"):
         return None
     groups = [(mean, parts, False), *((item.mean, item.parts, True) for item in conditions)]
     heavy = any(
-        part.ci95[0] > tail_limits(point, under_condition, max(own / 4, 1.0))[1]
-        for own, items, under_condition in groups
+        part.ci95[0] > tail_limits(point, under_condition, max(mean_nees / 4, 1.0))[1]
+        for mean_nees, items, under_condition in groups
         for part in items
         for point in BEYOND
         if part.name == _PART.format(point) and part.verdict == "heavy-tailed"
@@ -216,13 +216,13 @@ def heavy_beside(
 
 
 def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
-    """The NEES of the position and of the velocity by themselves: one too large may hide the other, too small."""
+    """Yield the verdicts on the NEES of the position and of the velocity, as one may hide the other in the sum."""
     for name, nees in zip(HALVES, map(scores.metrics.get, ("nees_position", "nees_velocity")), strict=True):
         if scores.runs >= FEWEST_RUNS and nees and nees.value is not None and nees.ci95 and nees.dof:
-            word = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
-            # Twice as much, to stand beside the others, of which 4 is right.
+            verdict = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
+            # Doubled, so that 4 is right as for the whole NEES.
             low, high = nees.ci95
-            yield ConditionVerdict(name=name, mean=2 * nees.value, ci95=(2 * low, 2 * high), verdict=word)
+            yield ConditionVerdict(name=name, mean=2 * nees.value, ci95=(2 * low, 2 * high), verdict=verdict)
 
 
 def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> Iterator[ConditionVerdict]:
@@ -231,9 +231,9 @@ def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> It
         if nees is None or nees.value is None or nees.dof is None or nees.ci95 is None:
             continue
         if scores.count >= SMALLEST_SHARE * count and scores.runs >= FEWEST_RUNS:
-            word = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
+            verdict = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
             parts = tuple(judged_parts(scores, under_condition=True))
-            yield ConditionVerdict(name=name, mean=nees.value, ci95=nees.ci95, verdict=word, parts=parts)
+            yield ConditionVerdict(name=name, mean=nees.value, ci95=nees.ci95, verdict=verdict, parts=parts)
 
 
 def _is_complete(scores: ConditionScores) -> bool:
@@ -246,7 +246,7 @@ def _consistency(ci95: tuple[float, float] | None, low: float, high: float) -> s
 
 
 def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | None:
-    """0 where an interval is between two limits, 1 and -1 where it is above and below both, else None."""
+    """Return 0 for an interval between two limits, 1 for one above them, -1 for one below them, else None."""
     if ci95 is None:
         return None
     if low <= ci95[0] and ci95[1] <= high:
@@ -254,7 +254,7 @@ def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | No
     return 1 if ci95[0] > high else -1 if ci95[1] < low else None
 
 
-#: What a reader is told of a verdict on a covariance.
+#: Explanation of each verdict on a covariance.
 MEANING = {
     "consistent": f"the errors are as large as its covariance states, within the tolerance of {100 * TOLERANCE:g} % of "
     f"the mean NEES ({100 * BELOW:g} % below to {100 * ABOVE:g} % above under a condition), and in the tails",
@@ -264,17 +264,14 @@ MEANING = {
     "heavy-tailed": "large errors are more frequent than its covariance states; the mean NEES does not show it",
     "undecided": "too few runs or scenes to say whether the errors are as large as its covariance states",
 }
-
-
-#: What is added where large errors are too frequent as well.
+#: Text added where large errors are too frequent as well.
 _MORE_LARGE = "; large errors are more frequent than its mean NEES explains"
 
 
 def meaning(nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str:
-    """The same, with where alone it holds if the mean is undecided. Of an undecided one with the share of the estimates
-    that are given, where more runs would not tell for those that are missing."""
-    word = nees.verdict or "undecided"
-    if word == "undecided" and conditions:
+    """Explain the verdict on a NEES, with the conditions that alone show it, or with the estimates missing for one."""
+    verdict = nees.verdict or "undecided"
+    if verdict == "undecided" and conditions:
         by_name, every = _conditions_by_name(conditions), conditions[""]
         verdicts = condition_verdicts(conditions)
         rows = [("", every)]
@@ -291,11 +288,11 @@ def meaning(nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str
             share = f"{100 * every.given / every.count:.3g} % given"
             return f"too many estimates are missing to say whether large errors are as frequent as stated: {share}"
     where = f", as shown for {places}; the mean NEES is undecided" if (places := only_where(nees)) else ""
-    return MEANING[word] + where + (_MORE_LARGE if nees.also else "")
+    return MEANING[verdict] + where + (_MORE_LARGE if nees.also else "")
 
 
 def only_where(nees: MetricValue, most: int = 2) -> str:
-    """Where a covariance is off of which the mean NEES is undecided: "braking, velocity alone"; else empty."""
+    """Return where a covariance is off though its mean NEES is undecided: "braking, velocity alone"; else empty."""
     word = nees.verdict
     if word not in ("optimistic", "pessimistic") or nees.ci95 is None or mean_verdict(nees.ci95, nees.dof or 4) == word:
         return ""
@@ -307,15 +304,15 @@ def only_where(nees: MetricValue, most: int = 2) -> str:
 
 
 def what_is_off(nees: MetricValue, most: int = 4, word: str | None = None) -> str:
-    """What is off, farthest first, and by how much: "turning 39.7, straight 2.9".
+    """Return what is off, farthest first, and by how much: "turning 39.7, straight 2.9".
 
-    The conditions under which the mean is; of a mixed one, where there are none, those that are furthest apart; and of
-    a heavy-tailed one, or where no mean is off, "15 % beyond the 95 % point (5 % expected)".
+    These are the conditions with a mean that is off; for a mixed verdict without any, the two furthest apart. For a
+    heavy-tailed verdict, or if no mean is off, they are parts: "15 % beyond the 95 % point (5 % expected)".
 
     Args:
-        nees: with its verdict.
-        most: how many to name.
-        word: of the verdict, of which to say it; the main one unless given.
+        nees: NEES with its verdict.
+        most: largest number of names.
+        word: word of the verdict to explain; the main one by default.
     """
     word = word or nees.verdict
     off = [condition for condition in nees.conditions or () if condition.verdict in ("optimistic", "pessimistic")]
@@ -340,7 +337,7 @@ def _parts_off(nees: MetricValue, word: str | None) -> list[str]:
 
 
 def part_text(part: PartVerdict) -> str:
-    """ "15 % beyond the 95 % point (5 % expected)", "1.9 along the motion (1 expected)"."""
+    """Return a part in words: "15 % beyond the 95 % point (5 % expected)", "1.9 along the motion (1 expected)"."""
     if part.name in DIRECTIONS:
         return f"{mean_text(part.value)} {part.name} (1 expected)"
     return f"{100 * part.value:.2g} % {part.name} ({100 * part.expected:g} % expected)"
@@ -352,5 +349,5 @@ def _first(texts: Sequence[str], most: int) -> str:
 
 
 def mean_text(mean: float) -> str:
-    """ "4.2", "0.05", "2e+05"."""
+    """Return a mean NEES in few digits: "4.2", "0.05", "2e+05"."""
     return f"{mean:.1g}" if mean < 0.095 else f"{mean:.1f}" if mean < 1000 else f"{mean:.0e}"

@@ -91,7 +91,7 @@ class EstimateScoring:
         """
         self._has_answered = True
         self._scorer.take(step)
-        latest = step.answer or self._scorer.none
+        latest = step.answer or self._scorer.no_estimate
         members = self._members
         if step.number is not None and self._recorded is not None:
             white = whitened_innovation(latest, members)

@@ -13,8 +13,8 @@ from trackbench.driving.drive import deliveries
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST, Classes, condition_classes, out_of_view
+from trackbench.metrics.missing_estimates import measured_positions
 from trackbench.metrics.reference import BoundStart, ConditionalBound
-from trackbench.metrics.silence import measured_positions
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario.keys import TrackerEntry
@@ -67,7 +67,7 @@ class Targets:
         )
 
     def measured(self, tracker: TrackerEntry, here: slice) -> Array:
-        """``(2, instants, batch)`` m, as of :func:`trackbench.metrics.silence.measured_positions` at some instants.
+        """Return the ``measured_positions`` of :mod:`trackbench.metrics.missing_estimates` at some instants.
 
         Nothing is computed of those after them: most estimates that are missing are at the start.
         """

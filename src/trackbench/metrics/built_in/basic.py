@@ -1,4 +1,4 @@
-"""The built-in metrics: what each makes of the sums that they share."""
+"""Built-in metrics of estimates, computed from the sums that they share."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ from trackbench.results import MetricValue
 
 
 class EstimateMetric(Metric):
-    """A metric that is made of the sums of all estimates and innovations: ``finish`` gets their ``BlockScores``."""
+    """Metric from the sums of all estimates and innovations: ``finish`` gets their ``BlockScores``."""
 
     compared: ClassVar[bool] = False
     shared: ClassVar[Accumulator | None] = ESTIMATES
 
 
 class RootMeanSquare(EstimateMetric):
-    """A root mean square error: ``sqrt(sum(e^2) / count)`` over the scored estimates of all objects and runs."""
+    """Root mean square error: ``sqrt(sum(e^2) / count)`` over the scored estimates of all objects and runs."""
 
     better = "smaller"
     compared = True
     rows: ClassVar[tuple[str, ...]]
-    """Of the sums of squared errors."""
+    """Rows of the sums of squared errors that are added."""
     column: ClassVar[str]
-    """Where the table of runs holds the error of each run."""
+    """Column of the table of runs with the error of each run."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -141,7 +141,7 @@ class Nees(EstimateMetric):
         conditions, parts = condition_verdicts(scores), judged_parts(scores[""])
         whole = value.verdict if sums.coverage >= LEAST_COVERAGE else "undecided"
         if whole is None or (whole == "consistent" and not parts):
-            # Too few to tell anything of the tails.
+            # Too few estimates to judge the tails.
             whole = "undecided"
         assert value.value is not None
         word = overall_verdict(value.value, whole, conditions, parts)
@@ -203,15 +203,15 @@ class Whiteness(EstimateMetric):
 
 
 class OverReference(EstimateMetric):
-    """A root mean square error over its reference, both over the same estimates."""
+    """Ratio of a root mean square error to its reference, both over the same estimates."""
 
     unit, better = "1", "smaller"
     rows: ClassVar[tuple[str, ...]]
     row: ClassVar[str]
     column: ClassVar[str]
-    """Where the table of runs holds the error of each run."""
+    """Column of the table of runs with the error of each run."""
     over: ClassVar[str]
-    """Where it holds that of the reference."""
+    """Column of the table of runs with the reference of each run."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -251,22 +251,22 @@ class Coverage(EstimateMetric):
 
 
 def _chi_square(total: Array, count: Array, dof: int, steps_inside: float, scenes: bool, runs: int) -> MetricValue:
-    """The mean of sums ``(parts,)`` over as many terms, of parts of so many runs, with its verdict."""
+    """Return the mean and its verdict for sums ``(parts,)`` of chi-square variables in all ``runs``."""
     mean = ratio(total, count, at_least=0.0, scenes=scenes)
     value = mean.as_value("1")
-    # Innovations that are zero in every run are too small, whatever is not known of other runs.
+    # Innovations that are zero in every run are surely too small, though their mean has no interval.
     certain = (mean.value, mean.value) if mean.constant and len(mean.influence) > 1 else value.ci95
     word = mean_verdict(certain, dof)
     if word == "undecided":
-        # Stretches of one run may share an error that stays.
+        # Stretches of one run may share a lasting error, so parts count as no more than the runs.
         parts = min(runs, float(count.sum() ** 2 / (count**2).sum()))
         word = doubtless_verdict(mean.value, parts, dof)
     return value.model_copy(update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": word})
 
 
 def _inside(count: Array, total: Array, dof: int) -> float:
-    """Share of the steps at which the mean over runs and objects is within its own bounds."""
-    some = count > 0
-    low, high = mean_bounds(dof, count[some])
-    mean = total[some] / count[some]
+    """Return the share of the steps at which the mean over runs and objects is within its own 95 % bounds."""
+    counted = count > 0
+    low, high = mean_bounds(dof, count[counted])
+    mean = total[counted] / count[counted]
     return float(((mean >= low) & (mean <= high)).mean())

@@ -1,4 +1,4 @@
-"""The time that a tracker takes, of estimates and of tracks."""
+"""Computing time of a tracker, with known and with hidden identities."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class StepTime(Metric):
     of_squares = True
 
     def init(self, scope: Scope) -> Array:
-        """Seconds and number of steps."""
+        """Return the sums of seconds and of steps."""
         return np.zeros(2)
 
     def update(self, sums: Array, part: Any) -> Array:

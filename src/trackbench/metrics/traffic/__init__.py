@@ -1,7 +1,6 @@
-"""Scores of tracks that carry no object's name: which object each is on, how well, how long and with which switches.
+"""Scores of tracks with hidden identities: which object each track is on, how well, how long, with which switches.
 
-Pure functions of one run's histories; :func:`score_run` computes all at once, and ``TRACK_METRICS`` says what each
-means.
+They are pure functions of one run's histories; :func:`score_run` computes all, ``TRACK_METRICS`` has their meanings.
 """
 
 from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TrafficScoreOptions, TruthHistory

@@ -1,4 +1,4 @@
-"""What is scored of a run, which tracks are near which objects, and which count: computed once for all scores."""
+"""Objects and tracks of a run, the near pairs of them, and those that count: computed once for all scores."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy.typing as npt
 from trackbench.base.types import ABSENT, DUE, Array, Indices, Mask
 from trackbench.trackers.multi.association import best_assignment
 
-#: In place of the origin of a detection: the track took none.
+#: Stands for the origin of a detection where a track took none.
 NO_DETECTION = -2
 
 Status = npt.NDArray[np.int8]
 
 
 class TrafficScoreOptions(NamedTuple):
-    """What is asked of a track."""
+    """Criteria by which a track is scored."""
 
     cutoff: float = 5.0
-    """m: distance of GOSPA, and of no similarity; up to half of it a track is on an object."""
+    """Cutoff distance of GOSPA, and of zero similarity, m; up to half of it a track is on an object."""
     switch_costs: float = 0.5
-    """s: a switch costs as much in T-GOSPA as missing the object for so long."""
+    """Time of missing an object that costs as much in T-GOSPA as an identity switch, s."""
 
     def switch(self, spacing: float) -> float:
         """Return the cost of an identity switch, m, where the instants are ``spacing`` s apart."""
@@ -30,7 +30,7 @@ class TrafficScoreOptions(NamedTuple):
 
 
 class TruthHistory(NamedTuple):
-    """T instants of N objects."""
+    """N objects at T instants."""
 
     time: Array
     """``(T,)`` s, increasing."""
@@ -39,22 +39,22 @@ class TruthHistory(NamedTuple):
     status: Status
     """``(T, N)``: ``ABSENT``, ``OPTIONAL`` (a track on it is neither right nor wrong) or ``DUE``."""
     at_tracks: Array | None = None
-    """``(4, T, N, K)`` the objects at the time stamps of the tracks, where those of an instant have several."""
+    """``(4, T, N, K)`` objects at the time stamp of each track; None if all tracks of an instant have the same."""
 
     def within(self, span: slice) -> TruthHistory:
-        """At some of the instants."""
+        """Return the objects at the instants of ``span``."""
         at_tracks = None if self.at_tracks is None else self.at_tracks[:, span]
         return TruthHistory(self.time[span], self.state[:, span], self.status[span], at_tracks)
 
     def at(self, instant: Indices, item: Indices, column: Indices) -> Array:
-        """``(4, P)`` the objects as tracks are to have them."""
+        """Return the states ``(4, P)`` that tracks in these columns are compared with."""
         if self.at_tracks is not None:
             return self.at_tracks[:, instant, item, column]
         return self.state[:, instant, item]
 
 
 class TrackHistory(NamedTuple):
-    """The tracks that a tracker gave at the T instants, in K columns of no meaning."""
+    """Tracks that a tracker gave at T instants, in K columns without a meaning."""
 
     ids: Indices
     """``(T, K)``, -1 where a column is empty."""
@@ -66,40 +66,44 @@ class TrackHistory(NamedTuple):
     """``(T, K)``."""
 
     def within(self, span: slice) -> TrackHistory:
-        """At some of the instants."""
+        """Return the tracks at the instants of ``span``."""
         existence = None if self.existence is None else self.existence[span]
         return TrackHistory(self.ids[span], self.mean[:, span], self.covariance[:, :, span], existence)
 
 
 class Associations(NamedTuple):
-    """Which detection each track took in each of S scans, and what caused it."""
+    """Detection that each track took in each of S scans, and the object that caused it."""
 
     instant: Indices
-    """``(S,)`` the instant of each scan, in order."""
+    """``(S,)`` instant of each scan, in order."""
     ids: Indices
-    """``(S, K)`` the tracks after the scan, -1 where a column is empty."""
+    """``(S, K)`` ids of the tracks after the scan, -1 where a column is empty."""
     origin: Indices
-    """``(S, K)`` the object that caused the detection, ``FALSE_ALARM``, or ``NO_DETECTION`` where none was taken."""
+    """``(S, K)`` object that caused the detection, ``FALSE_ALARM``, or ``NO_DETECTION`` where none was taken."""
     detected: Mask
-    """``(S, N)`` which objects caused a detection in the scan."""
+    """``(S, N)`` objects that caused a detection in the scan."""
     merged: Indices | None = None
-    """``(S, K)`` the second object of a detection that two objects caused, else negative."""
+    """``(S, K)`` second object of a detection that two objects caused, else negative."""
 
     def within(self, span: slice) -> Associations:
-        """In the scans at some of the instants, from ``span.start`` up to ``span.stop``."""
-        own = slice(*np.searchsorted(self.instant, [span.start, span.stop]))
-        merged = None if self.merged is None else self.merged[own]
-        return Associations(self.instant[own] - span.start, self.ids[own], self.origin[own], self.detected[own], merged)
+        """Return the scans at the instants from ``span.start`` up to ``span.stop``."""
+        scans = slice(*np.searchsorted(self.instant, [span.start, span.stop]))
+        merged = None if self.merged is None else self.merged[scans]
+        return Associations(
+            self.instant[scans] - span.start, self.ids[scans], self.origin[scans], self.detected[scans], merged
+        )
 
 
 def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, rows: int, columns: int) -> Mask:
-    """``(P,)`` which of the pairs are matched, so that the gain of each group is largest.
+    """Return which pairs ``(P,)`` are matched, so that the gain of each group is largest.
 
     Args:
-        group: ``(P,)``
-        row: ``(P,)`` below ``rows``.
-        column: ``(P,)`` below ``columns``; a row and a column meet at most once in a group.
-        gain: ``(P,)``; pairs that gain nothing are not matched.
+        group: ``(P,)`` group of each pair.
+        row: ``(P,)`` row of each pair.
+        column: ``(P,)`` column of each pair; a row and a column meet at most once in a group.
+        gain: ``(P,)`` gain of each pair; pairs that gain nothing are not matched.
+        rows: number of rows.
+        columns: number of columns.
     """
     chosen = np.zeros(len(group), dtype=bool)
     chosen[best_assignment(group * rows + row, group * columns + column, gain, group)] = True
@@ -107,32 +111,32 @@ def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, ro
 
 
 def equal_stretches(group: Indices) -> list[slice]:
-    """The stretches of equal numbers."""
+    """Return the slices of successive equal numbers."""
     if not len(group):
         return []
     ends = [*(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
     return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def among(values: Indices, some: Indices) -> Mask:
-    """Which of the values, 0 or more, are among some of them."""
+def among(values: Indices, chosen: Indices) -> Mask:
+    """Return which of the values, 0 or more, are among the chosen ones."""
     mark = np.zeros(values.max() + 1, dtype=bool)
-    mark[some] = True
+    mark[chosen] = True
     return mark[values]
 
 
 def last_instant(mask: Mask) -> Indices:
-    """``(T, ...)`` the last instant up to each, with it, at which ``mask`` is True; -1 where there is none."""
+    """Return the last instant up to and including each at which ``mask`` is True, ``(T, ...)``; -1 for none."""
     steps = np.arange(len(mask)).reshape(-1, *[1] * (mask.ndim - 1))
     return np.asarray(np.maximum.accumulate(np.where(mask, steps, -1), axis=0))
 
 
 def last_instant_before(mask: Mask) -> Indices:
-    """``(T, ...)`` the same without the instant itself."""
+    """Return the last instant before each at which ``mask`` is True, ``(T, ...)``; -1 for none."""
     return np.concatenate([np.full((1, *mask.shape[1:]), -1), last_instant(mask)[:-1]])
 
 
-#: Distances computed at once: they fit the cache.
+#: Number of distances that are computed at once, so that they fit the cache.
 CHUNK = 1 << 18
 
 
@@ -142,26 +146,26 @@ class NearPairs(NamedTuple):
     instant: Indices
     object: Indices
     column: Indices
-    """Of the track, in the history."""
+    """Column of the track in the history."""
     track: Indices
-    """Its number: one for each id."""
+    """Number of the track: one for each id."""
     distance: Array
     """m."""
 
     def where(self, mask: Mask) -> NearPairs:
-        """Some of them."""
+        """Return the pairs that ``mask`` selects."""
         return NearPairs(
             self.instant[mask], self.object[mask], self.column[mask], self.track[mask], self.distance[mask]
         )
 
     def within(self, span: slice) -> NearPairs:
-        """Those at some of the instants, which are numbered from the first of them."""
-        own = self.where((self.instant >= span.start) & (self.instant < span.stop))
-        return own._replace(instant=own.instant - span.start)
+        """Return the pairs at the instants of ``span``, which are numbered from its start."""
+        pairs = self.where((self.instant >= span.start) & (self.instant < span.stop))
+        return pairs._replace(instant=pairs.instant - span.start)
 
 
 def similarity(distance: Array, cutoff: float) -> Array:
-    """From 1 at no distance to 0 at the cutoff, as HOTA, CLEAR and identity take it."""
+    """Return the similarity of HOTA, CLEAR and IDF1: 1 at no distance, 0 at the cutoff."""
     return 1 - distance / cutoff
 
 
@@ -171,45 +175,45 @@ class Nearby(NamedTuple):
     cutoff: float
     """m."""
     due: Mask
-    """``(T, N)``."""
+    """``(T, N)`` where an object is due."""
     there: Mask
-    """``(T, K)`` the tracks."""
+    """``(T, K)`` where a column has a track."""
     track: Indices
-    """``(T, K)`` the number of each track, -1 where a column is empty."""
+    """``(T, K)`` number of each track, -1 where a column is empty."""
     ids: Indices
-    """``(tracks,)`` the id of each number."""
+    """``(tracks,)`` id of each number."""
     pairs: NearPairs
-    """Of due objects."""
+    """Near pairs of due objects."""
     optional: NearPairs
-    """Of optional ones."""
+    """Near pairs of optional objects."""
     unscored: Mask
-    """``(T, K)`` tracks where nothing counts: such a track is right on a due object, and else does not count."""
+    """``(T, K)`` tracks in places that are not scored: there a track counts only if it is on a due object."""
 
 
 class Counted(NamedTuple):
-    """What counts in a run: the due objects, and the tracks that are on no optional one, where anything counts."""
+    """Objects and tracks of a run that count: due objects, and scored tracks that are on no optional object."""
 
     cutoff: float
     """m."""
     reach: float
-    """m, up to which a track is matched."""
+    """Largest distance of a matched pair, m."""
     due: Mask
-    """``(T, N)``."""
+    """``(T, N)`` where an object is due."""
     present: Mask
-    """``(T, K)``: the tracks that count."""
+    """``(T, K)`` where a track counts."""
     track: Indices
-    """``(T, K)`` the number of each track, -1 where a column is empty."""
+    """``(T, K)`` number of each track, -1 where a column is empty."""
     ids: Indices
-    """``(tracks,)`` the id of each number."""
+    """``(tracks,)`` id of each number."""
     pairs: NearPairs
-    """Of those that count."""
+    """Near pairs of due objects and tracks that count."""
     matched: NearPairs
-    """Those of them that are matched."""
+    """Matched pairs."""
     excused: NearPairs
-    """Optional objects with the tracks that therefore do not count."""
+    """Pairs of an optional object and a track, which therefore does not count."""
 
     def until(self, end: int) -> Counted:
-        """What counts before an instant."""
+        """Return the objects and tracks that count before the instant ``end``."""
         return self._replace(
             due=self.due[:end],
             present=self.present[:end],
@@ -221,17 +225,17 @@ class Counted(NamedTuple):
 
     @property
     def object_counts(self) -> Indices:
-        """``(N,)`` instants at which each object is due."""
+        """Number of instants at which each object is due, ``(N,)``."""
         return np.asarray(self.due.sum(axis=0))
 
     @property
     def track_counts(self) -> Indices:
-        """``(tracks,)`` instants at which each track counts."""
+        """Number of instants at which each track counts, ``(tracks,)``."""
         return np.bincount(self.track[self.present], minlength=len(self.ids))
 
 
 def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: Mask | None = None) -> Nearby:
-    """What may be matched, ``cutoff`` in m; ``unscored`` as in ``Nearby``, none unless given."""
+    """Return the pairs that may be matched; ``cutoff`` in m, ``unscored`` as in ``Nearby``, by default nowhere."""
     ids, track = _numbered(tracks.ids)
     there, exists = track >= 0, truth.status > ABSENT
     objects = _where(truth.state[:2], exists)
@@ -245,14 +249,14 @@ def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: M
 
 
 def _numbered(ids: Indices) -> tuple[Indices, Indices]:
-    """The ids that are there, ascending, and the number among them of each, -1 where there is none."""
+    """Return the ids that occur, ascending, and the number of each entry among them, -1 for an empty one."""
     largest = int(ids.max(initial=-1))
     if largest > 4 * ids.size:
         every, number = np.unique(ids, return_inverse=True)
         none = int(every[0] < 0)
         return every[none:], number.reshape(ids.shape) - none
     there = np.zeros(largest + 2, dtype=bool)
-    # The last place is that of -1.
+    # The index -1 has marked the last place.
     there[ids] = True
     there[-1] = False
     number = np.where(there, there.cumsum() - 1, -1)
@@ -260,26 +264,26 @@ def _numbered(ids: Indices) -> tuple[Indices, Indices]:
 
 
 def count_by_gospa(near: Nearby) -> Counted:
-    """What counts for GOSPA and its like: due objects are matched as in GOSPA, with the cutoff for both kinds.
+    """Match due objects and tracks as in GOSPA, and return what counts; the cutoff holds for optional objects too.
 
-    At each instant due objects and tracks are matched one-to-one so that the sum of the squared distances, with half of
-    the squared cutoff for each object and each track without partner, is smallest.
+    At each instant the matching is one-to-one. It has the smallest sum of the squared distances, plus half of the
+    squared cutoff for each object and each track without a partner.
     """
     pairs = near.pairs
     gain = near.cutoff**2 - pairs.distance**2
-    return excusing(near, best_matching(*pairs[:3], gain, near.due.shape[1], near.there.shape[1]), near.cutoff)
+    return excuse_tracks(near, best_matching(*pairs[:3], gain, near.due.shape[1], near.there.shape[1]), near.cutoff)
 
 
-def excusing(near: Nearby, chosen: Mask, reach: float) -> Counted:
-    """Leave out the tracks that are on optional objects, or where nothing counts.
+def excuse_tracks(near: Nearby, chosen: Mask, reach: float) -> Counted:
+    """Leave out the tracks that are on optional objects, or in places that are not scored.
 
-    The tracks that no due object has are matched one-to-one with the optional objects within ``reach`` m, so that the
-    sum of the distances is smallest. Those with a partner are neither right nor wrong: they do not count.
+    The tracks without a due object are matched one-to-one with the optional objects within ``reach`` m, so that the sum
+    of the distances is smallest. Tracks with an optional object are neither right nor wrong, and do not count.
 
     Args:
         near: all objects and tracks.
-        chosen: ``(P,)`` which of its pairs are matched.
-        reach: m, up to which a track is matched.
+        chosen: ``(P,)`` which of the near pairs are matched.
+        reach: largest distance of a matched pair, m.
     """
     matched, optional = near.pairs.where(chosen), near.optional
     left = near.there.copy()
@@ -295,8 +299,7 @@ def excusing(near: Nearby, chosen: Mask, reach: float) -> Counted:
 
 
 def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> NearPairs:
-    """The pairs within ``cutoff`` of positions ``(2, T, N)`` and ``(2, T, K)`` m, NaN where there is nothing; objects
-    ``(2, T, N, K)`` where they are elsewhere for each track."""
+    """Return the pairs of positions ``(2, T, N)`` or ``(2, T, N, K)``, and ``(2, T, K)``, m, within ``cutoff``."""
     steps, n, k = objects.shape[1], objects.shape[2], tracks.shape[2]
     at_once = max(1, CHUNK // max(1, n * k))
     cells, squares = [np.empty(0, dtype=np.intp)], [np.empty(0)]

@@ -1,4 +1,4 @@
-"""What happened: where tracks were born, objects lost and found, identities switched, and what each event cost."""
+"""Events of a run: births of tracks, confirmations, losses and identity switches, each with its cost in GOSPA."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.metrics.traffic.assignment import Counted, NearPairs, TrackHistory, TruthHistory
 from trackbench.metrics.traffic.mot_metrics import NO_TRACK, NOBODY, Switches, object_of_each
 
-#: What an object's strip says of an instant. WAITING: due, and not yet tracked. SWITCHED: by another track than last.
+#: States of an object at an instant. WAITING: due and not yet tracked. SWITCHED: tracked by another track than last.
 NOT_DUE, WAITING, TRACKED, SWITCHED, LOST = range(5)
-#: Their names.
+#: Names of the states.
 STATES = ("not due", "waiting", "tracked", "switched", "lost")
 
 
 def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.int8]:
-    """``(T, N)`` NOT_DUE, WAITING, TRACKED, SWITCHED or LOST."""
+    """Return the state of each object at each instant, ``(T, N)``."""
     tracked = track_of != NO_TRACK
     untracked = np.where(np.logical_or.accumulate(tracked, axis=0), LOST, WAITING)
     states = np.where(due, np.where(tracked, TRACKED, untracked), NOT_DUE).astype(np.int8)
@@ -28,46 +28,40 @@ def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.in
 
 
 class Stretches(NamedTuple):
-    """Stretches ``(S,)`` of instants at which an object, or a track, is there and has a partner or has none."""
+    """Stretches ``(S,)`` of instants at which an object or a track, the owner, always or never has a partner."""
 
     owner: Indices
     """Number of the object or track, in increasing order."""
     paired: Mask
     start: Indices
-    """Instant."""
+    """First instant of the stretch."""
     before: Indices
-    """The owner's last instant before, -1 where this is its first stretch."""
+    """Owner's last instant before the stretch, -1 for its first stretch."""
     cost: Array
-    """Sum over its instants."""
+    """Sum of the costs of its instants."""
     last: Mask
     """Whether it is the owner's last stretch."""
 
 
 def _paired_stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
-    """Instants at which the owner is not there are passed over.
-
-    Args:
-        there: ``(T, owners)``.
-        paired: ``(T, owners)``.
-        cost: ``(T, owners)`` of each instant.
-    """
+    """Return the stretches of owners from arrays ``(T, owners)``; instants without the owner are passed over."""
     owner, instant = np.nonzero(there.T)
     with_partner = paired[instant, owner]
     changes = (owner[1:] != owner[:-1]) | (with_partner[1:] != with_partner[:-1])
     start = np.flatnonzero(np.concatenate([[True], changes])) if len(owner) else np.empty(0, dtype=np.intp)
-    own = owner[start]
-    first = np.concatenate([[True], own[1:] != own[:-1]])[: len(own)]
+    owners = owner[start]
+    first = np.concatenate([[True], owners[1:] != owners[:-1]])[: len(owners)]
     before = np.where(first, -1, instant[np.maximum(start - 1, 0)])
-    last = np.concatenate([own[1:] != own[:-1], [True]])[: len(own)]
+    last = np.concatenate([owners[1:] != owners[:-1], [True]])[: len(owners)]
     total = np.add.reduceat(cost[instant, owner], start) if len(start) else np.empty(0)
-    return Stretches(own, with_partner[start], instant[start], before, total, last)
+    return Stretches(owners, with_partner[start], instant[start], before, total, last)
 
 
 NONE = -1
 
 
 class Costs(NamedTuple):
-    """The parts of squared GOSPA of missed objects and false tracks, m^2, by whose they are."""
+    """Parts of squared GOSPA from missed objects, by object, and from false tracks, by track, m^2."""
 
     missed: Array
     """``(T, N)``."""
@@ -77,9 +71,9 @@ class Costs(NamedTuple):
 
 class _Partners(NamedTuple):
     column: Indices
-    """``(T, N)`` of the track of each object."""
+    """``(T, N)`` column of the track of each object."""
     object: Indices
-    """``(T, K)`` of each column."""
+    """``(T, K)`` object of each column."""
 
     def add(self, pairs: NearPairs) -> None:
         self.column[pairs.instant, pairs.object] = pairs.column
@@ -87,10 +81,11 @@ class _Partners(NamedTuple):
 
 
 def _event_costs(of_gospa: Counted, of_clear: Counted) -> Costs:
-    """Half of the squared cutoff for each due object and each track that GOSPA leaves without a partner.
+    """Assign half of the squared cutoff for each due object and each track that GOSPA leaves without a partner.
 
-    CLEAR, by whose matching events are told, can have a partner for it that GOSPA gives to another one, which in CLEAR
-    has yet another partner, and so on. The cost goes to the last of this chain, which is the one too many in CLEAR.
+    Events follow the matching of CLEAR. An object without a partner in GOSPA may have one in CLEAR, whose partner in
+    GOSPA is another object with a partner in CLEAR, and so on. The last object of this chain has none in CLEAR and gets
+    the cost. Tracks are treated alike.
     """
     half, due, track = of_gospa.cutoff**2 / 2, of_gospa.due, of_gospa.track
     gospa, clear = (_Partners(np.full(due.shape, NONE), np.full(track.shape, NONE)) for _ in range(2))
@@ -108,7 +103,7 @@ def _event_costs(of_gospa: Counted, of_clear: Counted) -> Costs:
 
 
 def _last_of_chain(instant: Indices, item: Indices, partner: Indices, owner: Indices) -> Indices:
-    """From each item to the owner of its partner, as long as there is one."""
+    """Go from each item to the owner of its partner, as long as there is one."""
     item, moving = item.copy(), np.arange(len(item))
     while len(moving):
         other = partner[instant[moving], item[moving]]
@@ -127,8 +122,8 @@ class TrafficEvent(NamedTuple):
 
     kind: EventKind
     """born: a track is there for the first time. confirmed: an object is tracked for the first time. switched: an
-    object has another track than last. lost: a due object has no track any more, or never had one. merged: the same,
-    while its track is there, near an object that has another track. false: a track is on no object from here on.
+    object has another track than last. lost: a due object has no track any more, or never had one. merged: an object is
+    lost, and its former track is near an object that has another track. false: a track is on no object from here on.
     fragmented: a lost object is tracked again."""
     instant: int
     time: float
@@ -138,31 +133,31 @@ class TrafficEvent(NamedTuple):
     object: int
     """Number of the object, -1 where there is none."""
     other_track: int
-    """switched: id of the former track; merged: of the track that the other object has. Else -1."""
+    """switched: id of the former track; merged: id of the other object's track; else -1."""
     other_object: int
-    """switched, lost: the object that the former track is on now; merged: the object that it is near. Else -1."""
+    """switched, lost: object that the former track is on now; merged: object that the former track is near; else -1."""
     x: float
-    """m, of the object, or of the track where there is none."""
+    """Position of the object, or of the track where there is no object, m."""
     y: float
     cost: float
-    """m^2, by :func:`_event_costs`: the part of squared GOSPA that is due to what is missed or false. confirmed: of the
-    instants before without a track; lost, merged: of those until it has one; false: of those until the track is on an
-    object. switched: as in T-GOSPA."""
+    """Part of squared GOSPA, m^2, from a missed object or a false track, see :func:`_event_costs`. confirmed: cost of
+    the instants before without a track; lost, merged: of the instants until the object has a track; false: of the
+    instants until the track is on an object. switched: cost of a switch in T-GOSPA."""
     why: str
 
 
-class _Timeline(NamedTuple):
+class _MatchedRun(NamedTuple):
     truth: TruthHistory
     tracks: TrackHistory
     counted: Counted
     track_of: Indices
     """``(T, N)``."""
     object_of: Indices
-    """``(T, tracks)`` the due object of each."""
+    """``(T, tracks)`` due object of each track."""
     optional_of: Indices
-    """``(T, tracks)`` the optional object of each."""
+    """``(T, tracks)`` optional object of each track."""
     column_of: Indices
-    """``(T, tracks)``, -1 where the track is not there."""
+    """``(T, tracks)`` column of each track, -1 where it is not there."""
     counts: Mask
     """``(T, tracks)`` where the track counts."""
     costs: Costs
@@ -178,7 +173,7 @@ class _Timeline(NamedTuple):
         other_track: int = NO_TRACK,
         other_object: int = NOBODY,
     ) -> TrafficEvent:
-        """Tracks by their numbers."""
+        """Make an event; tracks are given by their numbers."""
         if item != NOBODY:
             x, y = self.truth.state[:2, instant, item].tolist()
         else:
@@ -197,17 +192,16 @@ def events(
     changes: Switches,
     switch: float,
 ) -> tuple[TrafficEvent, ...]:
-    """In the order of time. Their costs without those of switches sum to GOSPA's parts of missed objects and false
-    tracks.
+    """Return the events of a run in the order of time; costs other than of switches add up to GOSPA's missed and false.
 
     Args:
         truth: objects.
         tracks: tracks.
-        counted: what counts of both, matched by :func:`clear_matches`.
-        of_gospa: the same, matched as in GOSPA.
-        track_of: of the first.
-        changes: of the same.
-        switch: m that a switch costs.
+        counted: objects and tracks that count, matched as in CLEAR.
+        of_gospa: objects and tracks that count, matched as in GOSPA.
+        track_of: ``(T, N)`` track of each object by CLEAR.
+        changes: switches by CLEAR.
+        switch: cost of a switch, m.
     """
     steps, numbers = len(truth.time), len(counted.ids)
     column_of = np.full((steps, numbers), NO_TRACK)
@@ -218,100 +212,100 @@ def events(
     instant, column = np.nonzero(counted.present)
     counts[instant, counted.track[instant, column]] = True
     shared = _event_costs(of_gospa, counted)
-    line = _Timeline(truth, tracks, counted, track_of, object_of, optional_of, column_of, counts, shared)
-    rows = [*_births(line), *_of_objects(line), *_of_tracks(line), *_of_gospa_alone(line)]
-    rows += _switched(line, changes, switch**2)
+    run = _MatchedRun(truth, tracks, counted, track_of, object_of, optional_of, column_of, counts, shared)
+    rows = [*_births(run), *_object_events(run), *_false_tracks(run), *_events_of_gospa_alone(run)]
+    rows += _switch_events(run, changes, switch**2)
     return tuple(sorted(rows, key=lambda event: event.instant))
 
 
-def _births(line: _Timeline) -> Iterator[TrafficEvent]:
-    for track, instant in enumerate((line.column_of != NO_TRACK).argmax(axis=0).tolist()):
-        item = int(line.object_of[instant, track])
-        optional = line.optional_of[instant, track] != NOBODY
-        elsewhere = "on no object" if line.counts[instant, track] else "where nothing counts"
+def _births(run: _MatchedRun) -> Iterator[TrafficEvent]:
+    for track, instant in enumerate((run.column_of != NO_TRACK).argmax(axis=0).tolist()):
+        item = int(run.object_of[instant, track])
+        optional = run.optional_of[instant, track] != NOBODY
+        elsewhere = "on no object" if run.counts[instant, track] else "where nothing counts"
         why = "on an object" if item != NOBODY else "on an optional object" if optional else elsewhere
-        yield line.event("born", instant, track, item, why)
+        yield run.event("born", instant, track, item, why)
 
 
-def _of_objects(line: _Timeline) -> Iterator[TrafficEvent]:
-    time = line.truth.time
-    spans = _paired_stretches(line.counted.due, line.track_of != NO_TRACK, line.costs.missed)
+def _object_events(run: _MatchedRun) -> Iterator[TrafficEvent]:
+    time = run.truth.time
+    spans = _paired_stretches(run.counted.due, run.track_of != NO_TRACK, run.costs.missed)
     waited: float | None = None
     since = 0
     for item, paired, start, before, cost, last in zip(*(values.tolist() for values in spans), strict=True):
         if not paired:
             since = start
             if before >= 0:
-                yield _loss(line, start, item, int(line.track_of[before, item]), cost)
+                yield _loss(run, start, item, int(run.track_of[before, item]), cost)
             elif last:
-                yield line.event("lost", start, NO_TRACK, item, "it never had a track", cost)
+                yield run.event("lost", start, NO_TRACK, item, "it never had a track", cost)
             else:
                 waited = cost
             continue
-        track = int(line.track_of[start, item])
+        track = int(run.track_of[start, item])
         if before < 0:
-            yield line.event("confirmed", start, track, item, "as soon as it was due")
+            yield run.event("confirmed", start, track, item, "as soon as it was due")
         elif waited is not None:
             why = f"{time[start] - time[since]:.2f} s after it was due"
-            yield line.event("confirmed", start, track, item, why, waited)
+            yield run.event("confirmed", start, track, item, why, waited)
             waited = None
         else:
             why = f"{time[start] - time[since]:.2f} s after it was lost"
-            yield line.event("fragmented", start, track, item, why)
+            yield run.event("fragmented", start, track, item, why)
 
 
-def _loss(line: _Timeline, instant: int, item: int, former: int, cost: float) -> TrafficEvent:
-    if line.column_of[instant, former] == NO_TRACK:
-        return line.event("lost", instant, former, item, "its track ended", cost)
-    now_on = int(line.object_of[instant, former])
+def _loss(run: _MatchedRun, instant: int, item: int, former: int, cost: float) -> TrafficEvent:
+    if run.column_of[instant, former] == NO_TRACK:
+        return run.event("lost", instant, former, item, "its track ended", cost)
+    now_on = int(run.object_of[instant, former])
     if now_on != NOBODY:
-        return line.event("lost", instant, former, item, "its track went to another object", cost, other_object=now_on)
-    if line.optional_of[instant, former] != NOBODY:
-        return line.event("lost", instant, former, item, "its track went to an optional object", cost)
-    pairs = line.counted.pairs
+        return run.event("lost", instant, former, item, "its track went to another object", cost, other_object=now_on)
+    if run.optional_of[instant, former] != NOBODY:
+        return run.event("lost", instant, former, item, "its track went to an optional object", cost)
+    pairs = run.counted.pairs
     start, end = np.searchsorted(pairs.instant, [instant, instant + 1])
-    own = (pairs.track[start:end] == former) & (pairs.distance[start:end] <= line.counted.reach)
-    near = start + np.flatnonzero(own)
+    is_near = (pairs.track[start:end] == former) & (pairs.distance[start:end] <= run.counted.reach)
+    near = start + np.flatnonzero(is_near)
     if not len(near):
-        return line.event("lost", instant, former, item, "its track left it", cost)
+        return run.event("lost", instant, former, item, "its track left it", cost)
     other = int(pairs.object[near[np.argmin(pairs.distance[near])]])
     why = "its track is near an object that has another track"
-    return line.event("merged", instant, former, item, why, cost, int(line.track_of[instant, other]), other)
+    return run.event("merged", instant, former, item, why, cost, int(run.track_of[instant, other]), other)
 
 
-def _of_tracks(line: _Timeline) -> Iterator[TrafficEvent]:
-    spans = _paired_stretches(line.counts, line.object_of != NOBODY, line.costs.false)
+def _false_tracks(run: _MatchedRun) -> Iterator[TrafficEvent]:
+    spans = _paired_stretches(run.counts, run.object_of != NOBODY, run.costs.false)
     for track, paired, start, before, cost, _ in zip(*(values.tolist() for values in spans), strict=True):
         if paired:
             continue
         why = "it began on no object"
         if before >= 0:
-            left = line.counted.due[start, line.object_of[before, track]]
+            left = run.counted.due[start, run.object_of[before, track]]
             why = "it left its object" if left else "its object is not there any more"
-        yield line.event("false", start, track, NOBODY, why, cost)
+        yield run.event("false", start, track, NOBODY, why, cost)
 
 
-def _of_gospa_alone(line: _Timeline) -> Iterator[TrafficEvent]:
-    """What CLEAR has together, and GOSPA not: one event for each object and each track."""
-    missed = np.where(line.track_of == NO_TRACK, 0, line.costs.missed)
+def _events_of_gospa_alone(run: _MatchedRun) -> Iterator[TrafficEvent]:
+    """Yield one event for each object and each track that CLEAR matches where GOSPA does not."""
+    missed = np.where(run.track_of == NO_TRACK, 0, run.costs.missed)
     for item in np.flatnonzero(missed.any(axis=0)).tolist():
         instant = int(np.argmax(missed[:, item] > 0))
         why, cost = "GOSPA gives its track to another object", float(missed[:, item].sum())
-        yield line.event("lost", instant, int(line.track_of[instant, item]), item, why, cost)
-    false = np.where(line.counts & (line.object_of == NOBODY), 0, line.costs.false)
+        yield run.event("lost", instant, int(run.track_of[instant, item]), item, why, cost)
+    false = np.where(run.counts & (run.object_of == NOBODY), 0, run.costs.false)
     for track in np.flatnonzero(false.any(axis=0)).tolist():
         instant = int(np.argmax(false[:, track] > 0))
         why, cost = "GOSPA gives its object to another track", float(false[:, track].sum())
-        yield line.event("false", instant, track, NOBODY, why, cost)
+        yield run.event("false", instant, track, NOBODY, why, cost)
 
 
-def _switched(line: _Timeline, changes: Switches, cost: float) -> Iterator[TrafficEvent]:
+def _switch_events(run: _MatchedRun, changes: Switches, cost: float) -> Iterator[TrafficEvent]:
     for instant, item, before, after in zip(*(values.tolist() for values in changes), strict=True):
-        now_on = int(line.object_of[instant, before])
-        if line.column_of[instant, before] == NO_TRACK:
+        now_on = int(run.object_of[instant, before])
+        if run.column_of[instant, before] == NO_TRACK:
             why = "its former track ended"
         elif now_on != NOBODY:
             why = "its former track is on another object"
         else:
             why = "its former track is on no object"
-        yield line.event("switched", instant, after, item, why, cost, before, now_on)
+        yield run.event("switched", instant, after, item, why, cost, before, now_on)

@@ -1,4 +1,4 @@
-"""The public scores of multi-object tracking: CLEAR, HOTA and IDF1."""
+"""Public scores of multi-object tracking: CLEAR, HOTA and IDF1."""
 
 from __future__ import annotations
 
@@ -20,46 +20,46 @@ NO_TRACK = NOBODY = -1
 
 
 class Switches(NamedTuple):
-    """Instants ``(switches,)`` at which an object got another track than it had last, ordered by object."""
+    """Identity switches ``(switches,)``, by object: an object has another track than it had last."""
 
     instant: Indices
     object: Indices
     before: Indices
-    """The track it had."""
+    """Number of the track before the switch."""
     after: Indices
-    """The track it got."""
+    """Number of the track after the switch."""
 
 
 def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) -> Mask:
-    """Matching of each instant: first the pairs that were matched before and still may be, then the nearest.
+    """Match objects and tracks at each instant: first the near pairs that were matched before, then the nearest.
 
     With misses FN, false tracks FP and switches IDSW, MOTA = 1 - (FN + FP + IDSW) / due instants. Source: Bernardin
     and Stiefelhagen (2008), "Evaluating multiple object tracking performance: the CLEAR MOT metrics", section 2.1.1. An
     instant without objects or without tracks is passed over, as in TrackEval.
 
     Args:
-        pairs: all that are near enough to be the same.
+        pairs: all pairs that are near enough to be matched.
         gain: ``(P,)`` above zero, larger for a nearer pair.
-        objects: ``(T, N)`` those that are there.
-        tracks: ``(T, K)`` the columns that are there.
+        objects: ``(T, N)`` where an object is there.
+        tracks: ``(T, K)`` where a column has a track.
 
     Returns:
         ``(P,)`` which pairs are matched.
     """
     rows, columns = objects.shape[1], tracks.shape[1]
     at_object, at_column = pairs.instant * rows + pairs.object, pairs.instant * columns + pairs.column
-    alone = (np.bincount(at_object)[at_object] == 1) & (np.bincount(at_column)[at_column] == 1)
-    matched: Mask = alone.copy()
+    is_uncontested = (np.bincount(at_object)[at_object] == 1) & (np.bincount(at_column)[at_column] == 1)
+    matched: Mask = is_uncontested.copy()
     track_of = np.full(objects.shape, NO_TRACK)
-    track_of[pairs.instant[alone], pairs.object[alone]] = pairs.track[alone]
+    track_of[pairs.instant[is_uncontested], pairs.object[is_uncontested]] = pairs.track[is_uncontested]
     before = last_instant_before(np.asarray(objects.any(axis=1) & tracks.any(axis=1)))
-    contested = np.flatnonzero(~alone)
+    contested = np.flatnonzero(~is_uncontested)
     for part in equal_stretches(pairs.instant[contested]):
-        own = contested[part]
-        instant, item, track = pairs.instant[own[0]], pairs.object[own], pairs.track[own]
-        kept = track_of[before[instant], item] == track if before[instant] >= 0 else np.zeros(len(own), dtype=bool)
-        left = own[~(among(item, item[kept]) | among(pairs.column[own], pairs.column[own[kept]]))]
-        now = own[kept]
+        group = contested[part]
+        instant, item, track = pairs.instant[group[0]], pairs.object[group], pairs.track[group]
+        stays = track_of[before[instant], item] == track if before[instant] >= 0 else np.zeros(len(group), dtype=bool)
+        left = group[~(among(item, item[stays]) | among(pairs.column[group], pairs.column[group[stays]]))]
+        now = group[stays]
         if len(left):
             won = left[assigned(pairs.object[left], pairs.column[left], gain[left])]
             now = np.concatenate([now, won])
@@ -69,34 +69,34 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
 
 
 def object_of_each(matched: NearPairs, steps: int, tracks: int) -> Indices:
-    """``(T, tracks)`` the object that each track is matched with, ``NOBODY`` where there is none."""
+    """Return the object that each track is matched with, ``(T, tracks)``; ``NOBODY`` for none."""
     object_of = np.full((steps, tracks), NOBODY)
     object_of[matched.instant, matched.track] = matched.object
     return object_of
 
 
 def track_of_each(matched: NearPairs, shape: tuple[int, ...]) -> Indices:
-    """``(T, N)`` the number of the track matched with each object, ``NO_TRACK`` where there is none."""
+    """Return the number of the track that each object is matched with, ``(T, N)``; ``NO_TRACK`` for none."""
     track_of = np.full(shape, NO_TRACK)
     track_of[matched.instant, matched.object] = matched.track
     return track_of
 
 
 def switches(track_of: Indices) -> Switches:
-    """Every change of an object's track, however long it had none in between. Source: as :func:`clear_matches`."""
+    """Return every change of an object's track, however long it had none in between, as CLEAR counts them."""
     item, instant = np.nonzero(track_of.T != NO_TRACK)
     track = track_of[instant, item]
     changed = np.flatnonzero((item[1:] == item[:-1]) & (track[1:] != track[:-1])) + 1
     return Switches(instant[changed], item[changed], track[changed - 1], track[changed])
 
 
-#: The similarities from which a pair may count as matched; the scores are means over them.
+#: Similarities from which on a pair may count as matched; HOTA and its parts are means over them.
 THRESHOLDS = np.arange(0.05, 0.99, 0.05)
 EPSILON = np.finfo(float).eps
 
 
 class HotaScores(NamedTuple):
-    """Each ``(19,)``, one value for each threshold."""
+    """HOTA and its parts, ``(19,)`` each: one value for each threshold."""
 
     hota: Array
     detection: Array
@@ -106,17 +106,17 @@ class HotaScores(NamedTuple):
 
 
 def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_counts: Indices) -> HotaScores:
-    """Higher order tracking accuracy: ``sqrt(DetA AssA)``, the mean over thresholds of the similarity.
+    """Return the higher order tracking accuracy ``sqrt(DetA AssA)`` at each threshold of the similarity.
 
     DetA = TP / (TP + FN + FP), and AssA is the mean over matched pairs of TPA / (TPA + FNA + FPA). Source: Luiten et
     al. (2021), "HOTA: A higher order metric for evaluating multi-object tracking", International Journal of Computer
     Vision 129, with the matching of its public code: pairs that go together over the whole run are preferred.
 
     Args:
-        pairs: ``(P,)`` at least all with a similarity above zero.
+        pairs: ``(P,)`` pairs, at least all with a similarity above zero.
         similarity: ``(P,)`` from 0 to 1.
-        object_counts: ``(N,)`` instants at which each object is there.
-        track_counts: ``(tracks,)`` the same of the tracks.
+        object_counts: ``(N,)`` number of instants at which each object is there.
+        track_counts: ``(tracks,)`` number of instants at which each track is there.
     """
     objects, tracks = len(object_counts), len(track_counts)
     together = pairs.object * tracks + pairs.track
@@ -139,26 +139,26 @@ def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_coun
 
 
 def _jaccard(pairs: NearPairs, similarity: Array, objects: int, tracks: int) -> Array:
-    """``(P,)`` the similarity of each pair as a share of what object and track have with all."""
+    """Return the similarity ``(P,)`` of each pair as a share of all similarities of its object and its track."""
     by_object, by_track = pairs.instant * objects + pairs.object, pairs.instant * tracks + pairs.track
     whole = np.bincount(by_object, similarity)[by_object] + np.bincount(by_track, similarity)[by_track] - similarity
     return np.asarray(np.divide(similarity, whole, out=np.zeros_like(similarity), where=whole > EPSILON))
 
 
 def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) -> tuple[int, int, int]:
-    """One-to-one matching of objects and tracks for the whole run, with most instants together.
+    """Match objects and tracks one-to-one for the whole run, with most instants together.
 
     IDF1 = 2 IDTP / (2 IDTP + IDFP + IDFN). Source: Ristani et al. (2016), "Performance measures and a data set for
     multi-target, multi-camera tracking".
 
     Args:
-        pairs: all that are near enough to be the same.
+        pairs: all pairs that are near enough to be matched.
         object_counts: ``(N,)`` instants at which each object is there.
-        track_counts: ``(tracks,)`` the same of the tracks.
+        track_counts: ``(tracks,)`` instants at which each track is there.
 
     Returns:
-        IDTP, instants at which an object and the track that stands for it are together; IDFN, other instants of
-        objects; IDFP, other instants of tracks.
+        IDTP, instants at which an object is together with its matched track; IDFN, other instants of objects; IDFP,
+        other instants of tracks.
     """
     # A run with known identities does without the .3 s of this import.
     from scipy.optimize import linear_sum_assignment

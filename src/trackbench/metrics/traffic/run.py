@@ -1,4 +1,4 @@
-"""All scores of one run."""
+"""All scores of the tracks of one run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackbench.metrics.traffic.assignment import (
     TrafficScoreOptions,
     TruthHistory,
     count_by_gospa,
-    excusing,
+    excuse_tracks,
     nearby,
     similarity,
 )
@@ -45,31 +45,31 @@ from trackbench.metrics.traffic.track_quality import (
     never_confirmed,
 )
 
-#: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
+#: Similarity from which on CLEAR and IDF1 take a track to be on an object: at half of the cutoff.
 LEAST_SIMILARITY = 0.5
-#: Share of the squared GOSPA below which what T-GOSPA has beside it is rounding.
+#: Share of the squared GOSPA below which the excess of the squared T-GOSPA is rounding.
 ROUNDING = 1e-12
 
 
 class RunScores(NamedTuple):
-    """The scores of one run."""
+    """Scores of one run."""
 
     values: RunSums
-    """Path to (total, count); ``TRACK_METRICS`` says how they combine over runs. What a run cannot tell is left out; of
-    waiting in vain ``confirm_latency`` has a total and no count."""
+    """Total and count by path; ``TRACK_METRICS`` says how they combine over runs. A metric that the run cannot tell is
+    left out. If objects wait for a track in vain, ``confirm_latency`` has a total without a count."""
     gospa: GospaParts
     """``(T,)`` each, m^2."""
     events: tuple[TrafficEvent, ...]
-    """In the order of time."""
+    """Events in the order of time."""
     strips: npt.NDArray[np.int8]
-    """``(T, N)`` what each object's time was spent on: see :func:`strips`."""
+    """``(T, N)`` state of each object at each instant: see :func:`strips`."""
     until: tuple[RunSums, ...] = ()
-    """The values of its beginnings, up to some instants."""
+    """Values of the run up to each of some instants."""
     on: Sequence[NearPairs] = ()
-    """The pairs of a track and the object that it is on, due or optional."""
+    """Pairs of a track and the object that it is on, due or optional."""
 
     def without_false_tracks(self) -> RunScores:
-        """Return the scores without what counts tracks on no object, and so says nothing where these are ignored."""
+        """Return the scores without the metrics that count tracks on no object, for truth where some may be right."""
         values, *until = (
             {path: sums for path, sums in each.items() if path not in OF_FALSE_TRACKS}
             for each in (self.values, *self.until)
@@ -77,7 +77,7 @@ class RunScores(NamedTuple):
         return self._replace(values=values, until=tuple(until))
 
     def object_of(self, shape: tuple[int, ...]) -> Indices:
-        """``(T, K)`` the object that each track is on; -1 where it is on none."""
+        """Return the object that each track is on, ``(T, K)``; -1 for none."""
         object_of = np.full(shape, -1)
         for pairs in self.on:
             object_of[pairs.instant, pairs.column] = pairs.object
@@ -85,23 +85,22 @@ class RunScores(NamedTuple):
 
 
 class TrackedRun(NamedTuple):
-    """What a metric of tracks is given of a run, or of a stretch of its time. The arrays are those of the scorer: they
-    are not to be changed."""
+    """Run, or stretch of a run, as a metric of tracks gets it; its arrays must not be changed."""
 
     truth: TruthHistory
     tracks: TrackHistory
     associations: Associations | None
     """None where the tracker does not say which detections it used."""
     scores: RunScores
-    """Sums of which the built-in metrics are made."""
+    """Sums that the built-in metrics are computed from."""
     unscored: Mask | None = None
-    """``(T, K)`` tracks where nothing counts: outside a region, out of range, or on a don't-care box."""
+    """``(T, K)`` tracks in places that are not scored: outside a region, out of range, or on a don't-care box."""
     bodies: EgoScene | None = None
-    """The ego and the sizes of the objects."""
+    """Ego and sizes of the objects."""
     seconds: float = 0.0
-    """Time spent in the tracker; in a stretch a share of that of the run, as ``steps``."""
+    """Time spent in the tracker; each stretch of a run has an equal share."""
     steps: float = 0.0
-    """Number of scans that it took in this time."""
+    """Number of scans in this time; each stretch of a run has an equal share."""
 
 
 def score_run(
@@ -117,10 +116,10 @@ def score_run(
     Args:
         truth: the objects.
         tracks: the tracks.
-        options: what is asked of a track.
+        options: criteria by which a track is scored.
         associations: the detections that the tracks took; None where the tracker does not say.
-        unscored: ``(T, K)`` tracks where nothing counts.
-        ends: instants; the metrics of what is before each of them are given too.
+        unscored: ``(T, K)`` tracks in places that are not scored.
+        ends: instants; the metrics of the run up to each of them are returned too.
     """
     options = options or TrafficScoreOptions()
     near = nearby(truth, tracks, options.cutoff, unscored)
@@ -194,29 +193,27 @@ def _run_sums(
 
 
 def count_by_clear(near: Nearby) -> Counted:
-    """What counts for CLEAR, HOTA and identity: due objects are matched as in CLEAR, with half of the cutoff for both
-    kinds.
-    """
+    """Match due objects and tracks as in CLEAR within half of the cutoff, and return what counts for CLEAR and HOTA."""
     alike = similarity(near.pairs.distance, near.cutoff)
     on = alike >= LEAST_SIMILARITY
     chosen = on.copy()
     chosen[on] = clear_matches(near.pairs.where(on), alike[on], near.due, near.there)
-    return excusing(near, chosen, LEAST_SIMILARITY * near.cutoff)
+    return excuse_tracks(near, chosen, LEAST_SIMILARITY * near.cutoff)
 
 
 METRICS = TRACK_METRICS | DETECTION_METRICS
 
 
 def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
-    """The stretches that end before these instants; their sums add up to those of the run.
+    """Cut a run into the stretches that end before these instants; their sums add up to the sums of the run.
 
-    What a stretch adds is by how much the sums of the run up to its end are more than those up to its start. So a
-    switch between two stretches counts once, and a track that goes on is the same track. What a later stretch takes
-    back, such as that an object is never tracked, none adds. Of a metric that has one value in a run, the value up to
-    an instant weighs as much as the time up to it.
+    The sums of a stretch are the sums of the run up to its end less those up to its start. So a switch between two
+    stretches counts once, and a track that goes on is the same track. If a later stretch lowers a sum, such as the
+    number of objects that are never tracked, the excess is not counted before. For a metric with one value in a run,
+    the value up to an instant is weighted by the time up to it.
 
     Args:
-        run: with the values ``until`` each of the ends.
+        run: run with the values ``until`` each of the ends.
         ends: instants, the last of them the number of instants.
     """
     added = {path: _added(path, run.scores.until, np.array(ends) / ends[-1]) for path in run.scores.values}
@@ -244,7 +241,7 @@ def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
 
 
 def _added(path: str, until: Sequence[RunSums], share: Array) -> Array:
-    """``(2, stretches)`` what each adds to the total and the count; ``share`` of the time that is up to its end."""
+    """Return what each stretch adds to total and count, ``(2, stretches)``; ``share`` of the time up to its end."""
     sums = np.array([values.get(path, (0.0, 0.0)) for values in until]).T
     metric = METRICS[path]
     if metric.combine == "mean":

@@ -1,4 +1,4 @@
-"""Scores the tracks of one tracker, run by run, when it has taken all scans."""
+"""Scorer of the tracks of one tracker, run by run, after the last scan."""
 
 from __future__ import annotations
 
@@ -27,43 +27,43 @@ from trackbench.metrics.traffic.timeline import TIMELINE, Timeline
 from trackbench.metrics.traffic.without_truth import (
     UnlabelledScan,
     judged_scan,
+    run_scores_of,
     score_without_truth,
-    scores_without_truth,
 )
 from trackbench.sensing.due import Due, unscored
 from trackbench.sensing.scans import IdealSensor, Measurements
 from trackbench.trackers.answers import NO_TRACK, tracks_of_run
 
-#: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
+#: Share of the scans, from the first on, whose computing time does not count: a tracker may still load what it needs.
 UNTIMED = 0.1
 
 
 class SceneRuns(NamedTuple):
-    """Runs of one scene, perhaps beside those of others."""
+    """Runs of one scene, among the runs of one or more scenes that a tracker takes at once."""
 
     truth: Truth
     scored: Truth
-    """The motion of the point of each body that tracks are compared with."""
+    """Motion of the point of each body that tracks are compared with."""
     due: Due
     sensors: Sequence[IdealSensor]
     runs: range
-    """Numbered within the scene."""
+    """Numbers of the runs within the scene."""
     first: int
-    """Number of the first run among those of all scenes that the tracker takes at once."""
+    """Number of the first run among the runs that the tracker takes at once."""
     number: int
-    """Number of the first run among those of the whole scenario."""
+    """Number of the first run among the runs of the whole scenario."""
     recorded: int | None
-    """Number, from the first run on, of the run whose tracks are kept; None where it is not one of these."""
+    """Number, counted from the first run, of the run whose tracks are kept; None if it is not among these."""
     shown: bool
     """Whether the scene is the recorded one."""
 
     @property
     def unlabelled(self) -> bool:
-        """Whether nothing says of the detections of some sensor of which object they are."""
+        """Whether the detections of some sensor have no known origin."""
         return any(sensor.detections is not None for sensor in self.sensors)
 
     def truth_at(self, time: Array, run: int) -> TruthHistory:
-        """Return the truth at the instants ``(T,)`` s, in a run counted from the first."""
+        """Return the truth at the instants ``(T,)`` s in a run, which is counted from the first."""
         number = self.runs.start + run
         state = self.scored.state_of_run(number)[:, self.due.steps]
         return TruthHistory(time, state, of_runs(self.due.status, range(number, number + 1))[..., 0])
@@ -71,40 +71,40 @@ class SceneRuns(NamedTuple):
 
 @dataclass
 class RecordedTracks:
-    """One tracker's tracks of the recorded run."""
+    """Tracks of one tracker in the recorded run."""
 
     history: TrackHistory
     taken: Indices | None = None
     """``(rows, 3)`` scan, id of the track and number of the detection that it took; None in other scenes."""
     predicted: dict[int, Tracks] = field(default_factory=dict)
-    """By number of the scan, the tracks before it, of a built-in tracker that took it."""
+    """Tracks of a built-in tracker before each scan, by number of the scan."""
     tracked: TrackedRun | None = None
-    """The run, as metrics get it; None where there are no others than the built-in ones."""
+    """The run, as metrics get it; None if all metrics are built in."""
 
 
 class ScoredTracks(NamedTuple):
-    """What the tracks in the runs of one scene leave."""
+    """Sums over the runs of one scene, with the tracks of the recorded run."""
 
     sums: MetricSums
     recorded: RecordedTracks | None
 
 
-#: Truth and tracks of a run, counted from the first one of a scene.
+#: Returns the truth and the tracks of a run, which is counted from the first one of its scene.
 Histories = Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]
 
 
 class TrackScorer:
-    """Takes in the tracks of one tracker; ``close`` gives the sums of each scene at the end.
+    """Scorer of the tracks of one tracker; ``close`` returns the sums of each scene at the end.
 
     Args:
-        tracker: its name.
+        tracker: name of the tracker.
         time: ``(instants,)`` s.
-        measurements: of the runs of all scenes, one after the other.
-        scenes: those runs.
-        metrics: what is to be computed.
-        options: what is asked of a track.
-        ends: the instants before which the stretches of a log end; empty where it is not cut.
-        counted: the numbers of the stretches that count.
+        measurements: measurements of the runs of all scenes, one after the other.
+        scenes: the runs of each scene.
+        metrics: metrics to compute.
+        options: criteria by which a track is scored.
+        ends: instants before which the stretches of a log end; empty where it is not cut.
+        counted: numbers of the stretches that count.
     """
 
     def __init__(
@@ -121,23 +121,23 @@ class TrackScorer:
         self._tracker, self._time, self._measurements, self._scenes = tracker, time, measurements, scenes
         self._metrics, self._options, self._ends, self._counted = metrics, options, ends, counted
         self.tracks_at: list[Tracks] = []
-        """The tracks at each instant."""
+        """Tracks at each instant."""
         self._taken: list[tuple[int, Tracks, int]] = []
-        asked = [
+        with_prediction = [
             scene.first + run
             for scene in scenes
             for run in range(len(scene.runs))
             if not scene.truth.known or (scene.shown and run == scene.recorded)
         ]
-        self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in asked}
+        self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in with_prediction}
         self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(measurements.scans))
 
     def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
-        """Take in what a tracker made of a scan; to be called for every scan, in order.
+        """Add the tracker's answer to a scan; call it for each scan in order.
 
         Args:
-            step: of the tracker.
-            predicted: gives the tracks of a run before the scan, where a built-in tracker has them.
+            step: scan and answer.
+            predicted: returns the tracks of a run before the scan, if a built-in tracker has them.
         """
         if self._untimed:
             self._untimed -= 1
@@ -147,18 +147,18 @@ class TrackScorer:
         if step.read and step.number is not None:
             self._taken.append((step.instant, step.answer, step.number))
             if predicted is not None:
-                for run, own in self._predicted.items():
-                    own[step.number] = predicted(run)
+                for run, tracks_before in self._predicted.items():
+                    tracks_before[step.number] = predicted(run)
         if step.last:
             self.tracks_at.append(step.answer)
 
     def close(self, histories: Histories | None = None) -> list[ScoredTracks]:
-        """Score what was taken in, of each scene; ``histories``: unless given, of the tracks that were taken in."""
+        """Return the scores of each scene; ``histories`` are used in place of the tracks that were added."""
         taken = self._associations() if self._scenes[0].truth.known else None
         histories = histories or self._histories()
-        return [self._scored(scene, histories, taken) for scene in self._scenes]
+        return [self._scored_scene(scene, histories, taken) for scene in self._scenes]
 
-    def _scored(self, scene: SceneRuns, histories: Histories, taken: Associations | None) -> ScoredTracks:
+    def _scored_scene(self, scene: SceneRuns, histories: Histories, taken: Associations | None) -> ScoredTracks:
         with_truth, count, recorded = scene.truth.known, len(scene.runs), None
         summing = accumulators([item for item in self._metrics if with_truth or "truth" not in item.needs])
         bodies = EgoScene.of(scene.truth, scene.due.steps)
@@ -167,20 +167,20 @@ class TrackScorer:
         seconds = self._seconds / sum(len(other.runs) for other in self._scenes)
         for run in range(count):
             truth, history = histories(scene, run)
-            own = None if taken is None else _associations_of(taken, scene.first + run, len(scene.truth.ids))
-            outside, elsewhere = None, scene.truth.unscored
+            associations = None if taken is None else _associations_of(taken, scene.first + run, len(scene.truth.ids))
+            outside, unscored_places = None, scene.truth.unscored
             if with_truth:
-                if elsewhere is not None:
+                if unscored_places is not None:
                     # A track is on an object up to half of the cutoff.
                     x, y = history.mean[:2]
                     outside = unscored(scene.truth, scene.due.steps, x, y, margin=self._options.cutoff / 2)
-                    outside |= elsewhere.others
-                scores = score_run(truth, history, self._options, own, outside, self._ends)
-                if elsewhere is not None and elsewhere.others:
+                    outside |= unscored_places.others
+                scores = score_run(truth, history, self._options, associations, outside, self._ends)
+                if unscored_places is not None and unscored_places.others:
                     scores = scores.without_false_tracks()
             else:
                 scores = self._scored_without_truth(scene, run)
-            tracked = TrackedRun(truth, history, own, scores, outside, bodies, seconds, self._timed)
+            tracked = TrackedRun(truth, history, associations, scores, outside, bodies, seconds, self._timed)
             pieces = in_stretches(tracked, self._ends) if self._ends else [tracked]
             for stretch in [pieces[number] for number in self._counted] if self._ends else pieces:
                 sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}
@@ -200,15 +200,14 @@ class TrackScorer:
         judged = self._judged_scans(scene, run)
         taken = np.searchsorted([instant for instant, _, _ in self._taken], self._ends).tolist()
         until = tuple(score_without_truth(judged[:number]) if number else {} for number in taken)
-        return scores_without_truth(score_without_truth(judged))._replace(until=until)
+        return run_scores_of(score_without_truth(judged))._replace(until=until)
 
     def _histories(self) -> Histories:
         tracks = _stacked(self.tracks_at)
         return lambda scene, run: (scene.truth_at(self._time, run), _of_run(tracks, scene.first + run))
 
     def _associations(self) -> Associations | None:
-        """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say, or
-        where nothing says of which object a detection is."""
+        """Return the detection that each track took, arrays ``(scans, ..., runs)``; None if these are not known."""
         if not self._taken or self._scenes[0].unlabelled:
             return None
         if any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
@@ -251,10 +250,10 @@ class TrackScorer:
 
 
 def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
-    """Count the ids of a run that come back elsewhere after an instant without them; ``time`` is ``(T,)`` s.
+    """Count the ids of a run that return elsewhere after an instant without them; ``time`` is ``(T,)`` s.
 
-    A track that was not reported for a while comes back where its velocity takes it: within ``cutoff``, m, and four of
-    the standard deviations that it stated.
+    A track that was not reported for a while returns where its velocity takes it: within ``cutoff``, m, and four of its
+    stated standard deviations. An id that returns farther away was used again.
     """
     instant, column = np.nonzero(tracks.ids != NO_TRACK)
     order = np.argsort(tracks.ids[instant, column], kind="stable")
@@ -270,7 +269,7 @@ def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
 
 
 def _stacked(instants: Sequence[Tracks]) -> Tracks:
-    """The tracks at all instants: arrays ``(runs, ..., T, K)``, of which each run is read in one piece."""
+    """Stack the tracks of all instants in arrays ``(runs, ..., T, K)``, so that each run is contiguous."""
     most = max(len(tracks.ids) for tracks in instants)
     runs, shape = instants[0].ids.shape[1], (len(instants), most)
     ids = np.full((runs, *shape), NO_TRACK)
@@ -285,13 +284,13 @@ def _stacked(instants: Sequence[Tracks]) -> Tracks:
 
 
 def _of_run(tracks: Tracks, run: int) -> TrackHistory:
-    """The history of one run, in no more columns than it needs."""
+    """Return the history of one run, in no more columns than it needs."""
     ids = tracks.ids[run]
     there = ids != NO_TRACK
     most = int(there.sum(axis=1).max(initial=0))
     if (there[:, 1:] <= there[:, :-1]).all():
-        own = Tracks(*(None if part is None else part[run, ..., :most].copy() for part in tracks))  # type: ignore[arg-type]
-        return TrackHistory(own.ids, own.mean, own.covariance, own.existence)
+        columns = Tracks(*(None if part is None else part[run, ..., :most].copy() for part in tracks))  # type: ignore[arg-type]
+        return TrackHistory(columns.ids, columns.mean, columns.covariance, columns.existence)
     order = np.argsort(~there, axis=1, kind="stable")[:, :most]
     rows = np.arange(len(ids))[:, None]
     existence = None if tracks.existence is None else tracks.existence[run, rows, order]

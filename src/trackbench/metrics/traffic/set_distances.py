@@ -11,10 +11,10 @@ from trackbench.metrics.traffic.assignment import Counted
 
 
 class GospaParts(NamedTuple):
-    """The parts of GOSPA to the power p, ``(T,)`` each; the metric is the p-th root of their sum."""
+    """Parts of GOSPA to the power p, ``(T,)`` each; the metric is the p-th root of their sum."""
 
     localisation: Array
-    """Distances of matched pairs."""
+    """Sum of the distances of matched pairs to the power p."""
     missed: Array
     """``c^p / 2`` for each object without a track."""
     false: Array
@@ -22,15 +22,15 @@ class GospaParts(NamedTuple):
 
     @property
     def total(self) -> Array:
-        """``(T,)``."""
+        """Sum of the parts, ``(T,)``."""
         return self.localisation + self.missed + self.false
 
 
 def gospa(counted: Counted) -> GospaParts:
-    """Generalised optimal sub-pattern assignment metric with alpha = 2 and p = 2.
+    """Return the generalised optimal sub-pattern assignment metric with alpha = 2 and p = 2.
 
-    Of the best matching, the squared distances of the pairs plus c^2 / 2 for each object and each track that is in
-    none; the metric is the root.
+    Its square is the sum of the squared distances in the best matching, plus c^2 / 2 for each object and each track
+    without a partner.
 
     Source: Rahmathullah, Garcia-Fernandez and Svensson (2017), "Generalized optimal sub-pattern assignment metric",
     definition 1 and proposition 1.
@@ -46,12 +46,12 @@ def parts_of_matching(
     """Return the parts of GOSPA to the power p.
 
     Args:
-        instant: ``(P,)`` of each matched pair.
-        distance: ``(P,)`` of each matched pair, m.
-        objects: ``(T,)`` their numbers.
-        tracks: ``(T,)`` their numbers.
+        instant: ``(P,)`` instant of each matched pair.
+        distance: ``(P,)`` distance of each matched pair, m.
+        objects: ``(T,)`` number of objects.
+        tracks: ``(T,)`` number of tracks.
         cutoff: c, m.
-        p: the exponent.
+        p: exponent.
     """
     steps = len(objects)
     pairs = np.bincount(instant, minlength=steps)

@@ -1,4 +1,4 @@
-"""Every metric of tracking in traffic: its unit, its meaning and how its values combine over runs."""
+"""All metrics of tracks: units, meanings and how the values combine over runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Combine = Literal["ratio", "root", "mean"]
 
 
 class TrackSums:
-    """The accumulator of the built-in metrics of tracks: what each run adds to each of ``PATHS``."""
+    """Accumulator of the built-in metrics of tracks: total and count of each of ``PATHS`` in each run."""
 
     name = "built-in tracks"
 
@@ -26,12 +26,12 @@ class TrackSums:
         return []
 
     def update(self, sums: list[Array], run: Any) -> list[Array]:
-        """``run``: a :class:`~trackbench.metrics.traffic.TrackedRun`."""
+        """Add the sums of a :class:`~trackbench.metrics.traffic.TrackedRun`."""
         sums.append(np.array([run.scores.values.get(path, (0.0, 0.0)) for path in PATHS]).T)
         return sums
 
     def close(self, sums: list[Array]) -> Array:
-        """``(runs, 2, paths)`` total and count."""
+        """Return total and count of each path in each run, ``(runs, 2, paths)``."""
         return np.array(sums)
 
     def merge(self, blocks: Sequence[Array]) -> Array:
@@ -42,22 +42,22 @@ TRACKS = TrackSums()
 
 
 class RunRatio(Metric):
-    """A metric of tracks that is the ratio of two sums of each run: of a total and the number of its terms."""
+    """Metric of tracks that is a ratio of two sums over each run: a total, and the number of its terms."""
 
     needs: ClassVar[Set[str]] = frozenset({"tracks", "truth"})
     shared: ClassVar[Accumulator | None] = TRACKS
     combine: ClassVar[Combine] = "ratio"
-    """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
+    """How runs combine: ratio of the sums; root of that ratio; or mean of the runs' values (their count is 1)."""
     at_least: ClassVar[float] = 0.0
     fewest: ClassVar[float] = 50
-    """Runs of one scene from which on an interval is calibrated: ``benchmarks/calibration/traffic.py``."""
+    """Least number of runs of one scene for a calibrated interval: ``benchmarks/calibration/traffic.py``."""
     localises: ClassVar[bool] = False
-    """Whether it has the squared distance of each matched track, summed at each instant."""
+    """Whether the total has the squared distance of each matched track."""
     missing: ClassVar[str] = "no run tells it"
-    """Why there is no value where no run has a term."""
+    """Reason for a missing value where no run has a term."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Its class has no name in this module.
+        # The class is made at run time and has no name in this module.
         return _of_name, (self.name,)
 
     @property
@@ -65,7 +65,7 @@ class RunRatio(Metric):
         return f"{self.name}_total", f"{self.name}_count"
 
     def reference_axes(self, path: str, sums: Array) -> float:
-        """Two for each matched track of an instant."""
+        """Return the mean over instants of two axes for each matched track."""
         if not self.localises:
             return super().reference_axes(path, sums)
         matched, instants = run_sums(sums, "matched_share")[0].sum(), run_sums(sums, path)[1].sum()
@@ -84,35 +84,35 @@ class RunRatio(Metric):
 
 
 def run_sums(sums: Array, path: str) -> Array:
-    """``(2, runs)`` total and count of each run of a metric, from the sums of all of them ``(runs, 2, paths)``."""
+    """Return total and count of a metric in each run, ``(2, runs)``, from the sums ``(runs, 2, paths)``."""
     return np.asarray(sums[:, :, PATHS.index(path)].T)
 
 
 def run_ratio(name: str, unit: str, meaning: str, better: Direction | None, **options: Any) -> RunRatio:
-    """A metric; the options are class variables of :class:`RunRatio`."""
+    """Make a metric; the options are class variables of :class:`RunRatio`."""
     members = {"name": name, "unit": unit, "meaning": meaning, "better": better, "__module__": __name__, **options}
     metric: RunRatio = new_class(name, (RunRatio,), {}, lambda body: body.update(members))()
     return metric
 
 
 def share(name: str, meaning: str, better: Direction | None, **options: Any) -> RunRatio:
-    """A metric from 0 to 1."""
+    """Make a metric from 0 to 1."""
     return run_ratio(name, "1", meaning, better, at_most=1.0, **options)
 
 
 def root_of(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
-    """An error: the root of a mean square."""
+    """Make an error metric: the root of a mean square."""
     return run_ratio(name, unit, meaning, "smaller", combine="root", **options)
 
 
 def over_tracks(metric: type[Metric], **options: Any) -> RunRatio:
-    """A metric of estimates, summed over matched tracks."""
+    """Make a metric of estimates that is summed over matched tracks."""
     options["value_name"] = metric.value_name
     return run_ratio(metric.name, metric.unit, metric.meaning, metric.better, **options)
 
 
 def of_detections(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
-    """A metric of a recording without a truth of which neither direction is better; its interval is not calibrated."""
+    """Make a metric of a recording without truth; neither direction is better, its interval is not calibrated."""
     return run_ratio(name, unit, meaning, None, needs={"tracks", "no truth"}, fewest=2, **options)
 
 
@@ -120,12 +120,12 @@ def by_name(*metrics: RunRatio) -> dict[str, RunRatio]:
     return {metric.name: metric for metric in metrics}
 
 
-#: Why there is no value where a tracker does not say, or is not asked.
+#: Reasons for a missing value.
 NOT_SAID = {"missing": "the tracker does not say which detections it used"}
-#: Associations, of which few runs decide the shares.
+#: Options of shares of associations, which few runs decide.
 OF_ASSOCIATIONS = {**NOT_SAID, "fewest": 400}
 NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
-#: Those of runs with a truth.
+#: Metrics of runs with a truth, by name.
 TRACK_METRICS = by_name(
     root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too", ranks=True, localises=True),
     root_of("gospa", "m", "error in position, missed objects and false tracks in one number", localises=True),
@@ -167,11 +167,11 @@ TRACK_METRICS = by_name(
         **OF_ASSOCIATIONS,
     ),
 )
-#: Those of them that need the object of each detection.
+#: Metrics of runs with a truth that need the object of each detection.
 ASSOCIATION_METRICS = [metric for path, metric in TRACK_METRICS.items() if path.startswith("association_")]
-#: Those of them that count tracks on no object.
+#: Metrics of runs with a truth that count tracks on no object.
 OF_FALSE_TRACKS = ("gospa_false", "hota", "deta", "assa", "idf1", "mota", "false_tracks")
-#: Those of runs without one.
+#: Metrics of runs without a truth, by name.
 DETECTION_METRICS = by_name(
     of_detections("track_count", "1", "mean number of tracks after a scan"),
     of_detections("new_tracks", "1/min", "tracks that begin, per minute"),
@@ -196,5 +196,5 @@ def _of_name(name: str) -> RunRatio:
     return (TRACK_METRICS | DETECTION_METRICS)[name]
 
 
-#: Every metric that a run may have.
+#: Paths of all metrics that a run may have.
 PATHS = (*TRACK_METRICS, *DETECTION_METRICS)

@@ -18,28 +18,28 @@ class ObjectTrackPairs(NamedTuple):
     object: Indices
     track: Indices
     gain: Array
-    """``(T, E)`` what it saves to have them assigned to each other."""
+    """``(T, E)`` cost that is saved by assigning the object and the track to each other."""
 
 
 class Presolved(NamedTuple):
-    """What is the same in every optimum, ``(T, E)`` each; what is in neither is not assigned."""
+    """Decisions that every optimum shares, masks ``(T, E)``; a pair in neither mask is not assigned."""
 
     assigned: Mask
     open: Mask
-    """To be decided."""
+    """Pairs still to be decided."""
 
 
 def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
-    """The pairs that every optimum assigns at an instant.
+    """Find the pairs that every optimum assigns at an instant.
 
     A pair has an advantage where it gains more than the best other pairs of its object and of its track together.
-    Take a stretch of instants without a disadvantage. To assign the pair from its start, or up to its end, costs at
-    most three changes there: it begins or ends, and its object and its track each leave or take another. So it is
-    assigned at every instant up to which, and after which, its advantages in the stretch sum to more. Where the run
-    begins and ends, there is no such cost.
+    Take a stretch of instants without a disadvantage. To assign the pair from the start of the stretch, or up to its
+    end, costs at most three changes there: the pair begins or ends, and its object and its track each leave or take
+    another. So the pair is assigned at every instant up to which, and from which on, its advantages in the stretch sum
+    to more. There is no such cost where the run begins and ends.
 
     Args:
-        pairs: with a gain of 0 or more.
+        pairs: pairs with a gain of 0 or more.
         half: cost of a change.
     """
     advantage = pairs.gain - _rivals(pairs.gain, pairs.object) - _rivals(pairs.gain, pairs.track)
@@ -47,26 +47,26 @@ def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
     assigned = enough & (advantage > 0)
     excluded = np.zeros_like(assigned)
     for owner in (pairs.object, pairs.track):
-        for own in _columns_of(owner):
-            excluded[:, own] |= assigned[:, own].any(axis=1, keepdims=True)
+        for columns in _columns_of(owner):
+            excluded[:, columns] |= assigned[:, columns].any(axis=1, keepdims=True)
     return Presolved(assigned, ~excluded)
 
 
 def _since(advantage: Array) -> Array:
-    """Sum since the last disadvantage; infinite where there was none before."""
+    """Sum the advantage since the last disadvantage; infinite where there was none before."""
     total = np.cumsum(advantage, axis=0)
     last = last_instant(advantage < 0)
     return np.where(last < 0, np.inf, total - np.take_along_axis(total, np.maximum(last, 0), axis=0))
 
 
 def _rivals(gain: Array, owner: Indices) -> Array:
-    """``(T, E)`` the best gain among the other pairs of the same owner; 0 where there is none."""
+    """Return the best gain among the other pairs of the same owner, ``(T, E)``; 0 where there is none."""
     rivals = np.zeros_like(gain)
-    for own in _columns_of(owner):
-        if len(own) > 1:
-            ranked = np.sort(gain[:, own], axis=1)
-            best = gain[:, own] == ranked[:, -1:]
-            rivals[:, own] = np.where(best, ranked[:, -2:-1], ranked[:, -1:])
+    for columns in _columns_of(owner):
+        if len(columns) > 1:
+            ranked = np.sort(gain[:, columns], axis=1)
+            best = gain[:, columns] == ranked[:, -1:]
+            rivals[:, columns] = np.where(best, ranked[:, -2:-1], ranked[:, -1:])
     return rivals
 
 
@@ -75,19 +75,19 @@ def _columns_of(owner: Indices) -> list[Indices]:
     return np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)
 
 
-#: Of the solver.
+#: Tolerance of the solver.
 TOLERANCE = 1e-6
 
 
 def relaxed_weights(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> Array:
-    """``(T, E)`` weights from 0 to 1 of the pairs at each instant, of least cost.
+    """Return the weights of least cost, from 0 to 1, of the pairs at each instant, ``(T, E)``.
 
     Source: Garcia-Fernandez, Rahmathullah and Svensson (2020), "A metric on the space of finite sets of trajectories
     for evaluation of multi-target tracking algorithms", section IV (the relaxation is a metric too).
 
     Args:
         pairs: of objects and tracks.
-        plain: what need not be solved.
+        plain: decisions that need not be solved.
         half: cost of a change of a weight by one from one instant to the next.
     """
     # Their import takes .2 s, and few runs need them.
@@ -107,8 +107,8 @@ def relaxed_weights(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> A
     number = np.full((steps, size), -1)
     number[instant, pair] = variables
     before, after, constant = number[:-1].reshape(-1), number[1:].reshape(-1), np.diff(weight, axis=0).reshape(-1)
-    some = (before >= 0) | (after >= 0)
-    before, after, constant = before[some], after[some], constant[some]
+    is_free = (before >= 0) | (after >= 0)
+    before, after, constant = before[is_free], after[is_free], constant[is_free]
     rows, columns, signs = [], [], []
     for which, sign in ((before, -1.0), (after, 1.0)):
         there = np.flatnonzero(which >= 0)
@@ -131,15 +131,15 @@ def relaxed_weights(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> A
     return weight
 
 
-#: Joint assignments of a group up to which it is solved by dynamic programming.
+#: Largest number of joint assignments of a group that is solved by dynamic programming.
 LARGEST = 64
-#: Weights to be decided up to which a group is solved by linear programming, in about .2 s.
+#: Largest number of undecided weights of a group that is solved by linear programming, in about .2 s.
 LARGEST_PROGRAM = 20_000
 ROUNDING = 1e-9
 
 
 class Weights(NamedTuple):
-    """A solution for some objects."""
+    """Assignments of some objects to tracks."""
 
     pairs: ObjectTrackPairs
     weight: Array
@@ -147,25 +147,25 @@ class Weights(NamedTuple):
     exact: bool
 
     def saved(self) -> float:
-        """The sum of the gains."""
+        """Return the sum of the gains."""
         return float((self.pairs.gain * self.weight).sum())
 
     def changes(self) -> float:
-        """Assignments begun and ended within the run."""
+        """Return the number of assignments that begin or end within the run."""
         return float(np.abs(np.diff(self.weight, axis=0)).sum())
 
 
 def solve_one(pairs: ObjectTrackPairs, half: float) -> Weights:
-    """The optimum for the pairs of one object. Source: Viterbi (1967), with two changes of equal cost for a switch.
+    """Return the optimum for the pairs of one object. Source: Viterbi (1967); a switch is two changes of equal cost.
 
     Args:
-        pairs: of one object.
+        pairs: pairs of one object.
         half: cost of beginning or ending an assignment.
     """
     total = pairs.gain.sum(axis=0)
     best = int(np.argmax(total))
     if pairs.gain.max(axis=1).sum() - total[best] <= 2 * half:
-        # Kept for the whole run: the others would plainly not gain one switch.
+        # One track for the whole run: the gain of all others together is less than the cost of a switch.
         weight = np.zeros(pairs.gain.shape)
         weight[:, best] = 1.0
         return Weights(pairs, weight, True)
@@ -188,7 +188,7 @@ def solve_together(every: ObjectTrackPairs, half: float) -> Weights:
 
 
 def _path_of_one(gain: Array, half: float) -> Array:
-    """``(T, E)`` the pair to take at each instant; none gains less than any.
+    """Return the pair to take at each instant, ``(T, E)``; a gain is never below 0, so one is always taken.
 
     While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
     """
@@ -208,26 +208,25 @@ def _path_of_one(gain: Array, half: float) -> Array:
 
 
 def _joint_assignments(pairs: ObjectTrackPairs) -> Array | None:
-    """``(S, E)`` every set of pairs without a common object or track; None where there are too many."""
+    """Return every set of pairs without a common object or track, ``(S, E)``; None where there are too many."""
     sets: list[tuple[int, ...]] = [()]
     for item in np.unique(pairs.object):
-        own = np.flatnonzero(pairs.object == item).tolist()
+        pairs_of_item = np.flatnonzero(pairs.object == item).tolist()
         sets += [
-            (*some, pair)
-            for some in sets
-            for pair in own
-            if all(pairs.track[pair] != pairs.track[other] for other in some)
+            (*members_of_set, pair)
+            for members_of_set in sets
+            for pair in pairs_of_item
+            if all(pairs.track[pair] != pairs.track[other] for other in members_of_set)
         ]
         if len(sets) > LARGEST:
             return None
     members = np.zeros((len(sets), len(pairs.object)))
-    for row, some in enumerate(sets):
-        members[row, list(some)] = 1.0
+    for row, members_of_set in enumerate(sets):
+        members[row, list(members_of_set)] = 1.0
     return members
 
 
 def _joint_path(gain: Array, members: Array, plain: Presolved, half: float) -> Array:
-    """``(T, E)`` the pairs to take at each instant."""
     sizes, steps = members.sum(axis=1), len(gain)
     change = half * (sizes[:, None] + sizes - 2 * members @ members.T)
     contradictions = plain.assigned @ (1 - members.T) + (~plain.assigned & ~plain.open) @ members.T
@@ -247,51 +246,49 @@ def _joint_path(gain: Array, members: Array, plain: Presolved, half: float) -> A
 
 
 def _path_step_by_step(pairs: ObjectTrackPairs, half: float) -> Array:
-    """``(T, E)`` the pairs to take at each instant, decided without looking ahead: not optimal, but possible."""
+    """Choose the pairs at each instant without looking ahead, ``(T, E)``: feasible, but not optimal."""
     weight = np.zeros(pairs.gain.shape)
     worth = pairs.gain[0]
     for k in range(len(weight)):
-        some = np.flatnonzero(worth > 0)
-        if len(some):
-            weight[k, some] = assigned(pairs.object[some], pairs.track[some], worth[some])
+        useful = np.flatnonzero(worth > 0)
+        if len(useful):
+            weight[k, useful] = assigned(pairs.object[useful], pairs.track[useful], worth[useful])
         if k + 1 < len(weight):
             worth = pairs.gain[k + 1] + np.where(weight[k] > 0, half, -half)
     return weight
 
 
 class TgospaParts(NamedTuple):
-    """The parts of T-GOSPA to the power 2, m^2, summed over the instants; the metric is the root of their sum."""
+    """Parts of T-GOSPA to the power 2, m^2, summed over the instants; the metric is the root of their sum."""
 
     localisation: float
     missed: float
     false: float
     switch: float
     exact: bool
-    """False where the linear program of a group had a cheaper optimum than any assignment (it is a metric too), or the
-    group was too large even for that and was assigned from instant to instant: an upper bound."""
+    """Whether the optimum was found. It is not if the linear program of a group has a cheaper optimum than any
+    assignment (which is a metric too), or if a group was too large and was assigned from instant to instant, which
+    gives an upper bound."""
 
     @property
     def total(self) -> float:
-        """m^2."""
+        """Sum of the parts, m^2."""
         return self.localisation + self.missed + self.false + self.switch
 
 
 def tgospa(counted: Counted, switch: float) -> TgospaParts:
-    """Trajectory GOSPA metric with p = 2: a change from one track to another costs the square of the cost of a
-    switch (m), to or from none half of it.
+    """Return the parts of the trajectory GOSPA metric with p = 2; ``switch`` is the cost of a switch, m.
 
-    Objects are solved one by one. Those that use the same track at an instant are then solved together, by dynamic
-    programming over their joint assignments or, where these are too many, by linear programming. Optima of all groups
-    without a conflict are an optimum of the whole.
+    A change from one track to another costs ``switch`` squared; a change to or from no track half of it. Objects are
+    solved one by one. Objects that use the same track at an instant are then solved together, by dynamic programming
+    over their joint assignments or, where these are too many, by linear programming. Optima of all groups without a
+    conflict are an optimum of the whole.
 
     Source: Garcia-Fernandez, Rahmathullah and Svensson (2020), "A metric on the space of finite sets of trajectories
     for evaluation of multi-target tracking algorithms", IEEE Transactions on Signal Processing 68, section III.
-
-    Returns:
-        Its parts; ``exact`` says whether the optimum was found.
     """
     gains, half, square = _Gains(counted), switch**2 / 2, counted.cutoff**2
-    alone = (frozenset([item]) for item, own in enumerate(gains.of_object) if len(own))
+    alone = (frozenset([item]) for item, pairs_of_item in enumerate(gains.of_object) if len(pairs_of_item))
     solved = {group: solve_one(gains.of_group(group), half) for group in alone}
     while merged := _conflicts(solved):
         for group in merged:
@@ -319,13 +316,13 @@ class _Gains:
         """Numbers of the pairs of each object."""
 
     def of_group(self, objects: frozenset[int]) -> ObjectTrackPairs:
-        """Return the pairs of a group of objects, and the tracks near them."""
+        """Return the pairs of a group of objects with the tracks near them."""
         own = np.concatenate([self.of_object[item] for item in sorted(objects)])
         return ObjectTrackPairs(self._pairs.object[own], self._pairs.track[own], self._pairs.gain.take(own, axis=1))
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:
-    """Disjoint unions of the groups of which some together use a track more than once at an instant."""
+    """Return disjoint unions of the groups that together use a track more than once at an instant."""
     users: dict[int, list[tuple[frozenset[int], Array]]] = defaultdict(list)
     for objects, item in solved.items():
         for column in np.flatnonzero(item.weight.any(axis=0)).tolist():

@@ -1,4 +1,4 @@
-"""How soon, how long and how accurately objects are tracked."""
+"""Latency, continuity and accuracy of tracks: how soon, how long and how well objects are tracked."""
 
 from __future__ import annotations
 
@@ -18,31 +18,28 @@ from trackbench.metrics.traffic.assignment import (
 )
 from trackbench.metrics.traffic.mot_metrics import NO_TRACK, object_of_each
 
-#: By metric, the total of its terms in a run and their number.
+#: Total and number of the terms of each metric in a run, by path.
 RunSums = dict[str, tuple[float, float]]
 
 
 def durations(time: Array) -> Array:
-    """``(T,)`` s from each instant to the next one; the last has the mean of the others, a single one none."""
+    """Return the time from each instant to the next, ``(T,)`` s; for the last the mean of the others, or 0."""
     steps = np.diff(time)
     return np.append(steps, steps.mean() if len(steps) else 0.0)
 
 
 def never_confirmed(track_of: Indices, due: Mask) -> tuple[float, float]:
-    """Number of objects that are due and never tracked, and number of objects that are due."""
+    """Return the number of due objects that are never tracked, and the number of due objects."""
     ever_due, ever_tracked = due.any(axis=0), (track_of != NO_TRACK).any(axis=0)
     return float((ever_due & ~ever_tracked).sum()), float(ever_due.sum())
 
 
 def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, float]:
-    """Time that objects were due before their first track, or all of it without one, over the number that got one.
+    """Return the time that objects were due before a first track, or without any, and the number that got one.
 
-    It is the mean time to an event where it is not always waited for, and the maximum-likelihood estimate for a
-    constant rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time
-    on test over number of failures).
-
-    Returns:
-        Both apart.
+    The quotient is the mean time to an event that may not be waited for: the maximum-likelihood estimate for a constant
+    rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time on test
+    over number of failures).
     """
     tracked = due.any(axis=0) & (track_of != NO_TRACK).any(axis=0)
     waiting = due & ~np.logical_or.accumulate(track_of != NO_TRACK, axis=0)
@@ -50,14 +47,14 @@ def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, 
 
 
 def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
-    """Due instants without a track after the object's first one, of all due instants from then on."""
+    """Return the due instants without a track after the object's first track, and all due instants from then on."""
     tracked = track_of != NO_TRACK
     since = due & np.logical_or.accumulate(tracked, axis=0)
     return float((since & ~tracked).sum()), float(since.sum())
 
 
 def false_tracks(counted: Counted) -> Indices:
-    """Numbers of the tracks that count at some time and never are on any object, due or optional."""
+    """Return the numbers of the tracks that count at some time and are never on any object, due or optional."""
     real = counted.track_counts == 0
     real[counted.matched.track] = True
     real[counted.excused.track] = True
@@ -65,11 +62,10 @@ def false_tracks(counted: Counted) -> Indices:
 
 
 def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> RunSums:
-    """Squared errors of matched pairs, m^2 and (m/s)^2, their normalised estimation error squared, and which of these
-    are up to the 95 % quantile of chi-square with 4 degrees of freedom.
+    """Sum the squared errors of matched pairs, m^2 and (m/s)^2, their NEES, and the NEES up to their 95 % quantile.
 
-    Errors are estimate minus truth, in the fixed frame. What is not finite does not count, such as the velocity of
-    tracks without one, nor do covariances that are not positive definite.
+    Errors are estimate minus truth, in the fixed frame. Values that are not finite do not count, such as the velocity
+    of tracks without one, nor do covariances that are not positive definite.
 
     Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section
     5.4.2.
@@ -94,10 +90,10 @@ def _finite_sum(values: Array) -> tuple[float, float]:
 
 
 def association_counts(counted: Counted, taken: Associations) -> RunSums:
-    """Tracks on due objects, over all scans, in which the track took a detection or its object was detected.
+    """Count the associations of tracks on due objects, by outcome; a scan counts with a detection taken or missed.
 
-    A track's own object is the one that it was last matched with at an earlier instant, else at that of the scan. What
-    the scan itself does to the track so says nothing about which object is its own.
+    A track's own object is the one that it was last matched with at an earlier instant, else at the instant of the
+    scan. So the scan itself does not decide which object is the track's own.
     """
     number = np.minimum(np.searchsorted(counted.ids, taken.ids), max(len(counted.ids) - 1, 0))
     counts = counted.ids[number] == taken.ids if len(counted.ids) else np.zeros(taken.ids.shape, dtype=bool)
@@ -106,19 +102,19 @@ def association_counts(counted: Counted, taken: Associations) -> RunSums:
     object_of = object_of_each(counted.matched, len(counted.due), len(counted.ids))
     instant, number = taken.instant[scan], number[scan, column]
     before = last_instant_before(object_of >= 0)[instant, number]
-    own = object_of[np.where(before >= 0, before, instant), number]
-    due = (own >= 0) & counted.due[instant, own]
-    scan, column, own = scan[due], column[due], own[due]
+    own_object = object_of[np.where(before >= 0, before, instant), number]
+    due = (own_object >= 0) & counted.due[instant, own_object]
+    scan, column, own_object = scan[due], column[due], own_object[due]
     origin = taken.origin[scan, column]
-    right = origin == own
+    right = origin == own_object
     if taken.merged is not None:
-        # A detection that two objects caused.
-        right |= (origin >= 0) & (taken.merged[scan, column] == own)
+        # Two objects may have caused the detection.
+        right |= (origin >= 0) & (taken.merged[scan, column] == own_object)
     outcomes = {
         "association_right": right,
         "association_wrong_object": (origin >= 0) & ~right,
         "association_clutter": origin == FALSE_ALARM,
-        "association_missed": (origin == NO_DETECTION) & taken.detected[scan, own],
+        "association_missed": (origin == NO_DETECTION) & taken.detected[scan, own_object],
     }
     counts = {name: float(outcome.sum()) for name, outcome in outcomes.items()}
     total = sum(counts.values())

@@ -18,32 +18,31 @@ from trackbench.trackers.assume import distance_from_sensor
 from trackbench.trackers.multi.gate import in_field_of_view
 
 NONE = -1
-#: Detections a scan that no track predicts, as they are expected of every tracker alike: uniform in the field of view.
+#: Expected number of detections in a scan that no track predicts, for every tracker, uniform in the field of view.
 UNPREDICTED = 1.0
 
 
 class UnlabelledScan(NamedTuple):
-    """A scan that a tracker has taken in, and what the tracker said before and after it."""
+    """Scan that a tracker has processed, with the tracks after it and a score of the tracks before it."""
 
     time: float
     """s"""
     detections: int
     """Number of detections."""
     ids: Indices
-    """``(K,)`` of the tracks after it."""
+    """``(K,)`` ids of the tracks after the scan."""
     used: Indices | None
-    """``(K,)`` the detection that each used, -1 for none; None where the tracker does not say."""
+    """``(K,)`` detection that each track used, -1 for none; None where the tracker does not say."""
     nis: Array
-    """``(n,)`` normalised innovation squared over its degrees of freedom, of the used detections that were
-    predicted."""
+    """``(n,)`` NIS over its degrees of freedom, of each used detection that a track predicted."""
     log_score: float | None
     """Poisson score of the predicted intensity of detections; None where the tracker was not asked."""
 
 
 def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
-    """Path to (total, count) of each metric of ``DETECTION_METRICS`` that can be told.
+    """Return the total and count of each metric of ``DETECTION_METRICS`` that the scans tell, by path.
 
-    Tracks that the log begins or ends with count as long as they are seen.
+    Tracks at the begin and the end of the log count as long as they are seen.
     """
     minutes = (scans[-1].time - scans[0].time) / 60
     tracks = {track for scan in scans for track in scan.ids.tolist()}
@@ -62,32 +61,32 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
     return {path: sums for path, sums in sums.items() if sums[1] > 0}
 
 
-def scores_without_truth(values: RunSums) -> RunScores:
-    """The scores of a run of which nothing else is known."""
+def run_scores_of(values: RunSums) -> RunScores:
+    """Return the scores of a run without truth."""
     none = np.zeros(0)
     return RunScores(values, GospaParts(none, none, none), (), np.zeros((0, 0), dtype=np.int8))
 
 
 def judged_scan(scan: Scan, config: Sensor, predicted: Tracks | None, tracks: Tracks) -> UnlabelledScan:
-    """What the tracks before and after a scan say of it; of one run each.
+    """Return a scan of one run, scored by the tracks before it and after it.
 
     Args:
-        scan: ``measurement`` ``(m, D)``.
-        config: of the sensor.
-        predicted: the tracks at its time without its detections; None where the tracker was not asked.
-        tracks: those with them.
+        scan: scan with a ``measurement`` ``(m, D)``.
+        config: options of the sensor.
+        predicted: tracks predicted to the time of the scan; None where the tracker was not asked.
+        tracks: tracks updated with the scan.
     """
     nis, score = np.zeros(0), None
     if predicted is not None:
         whitened, log_density = _densities(scan, predicted)
         squares = np.einsum("ikd,ikd->kd", whitened, whitened) / len(scan.measurement)
-        nis = squares[_pairs(predicted, tracks)]
+        nis = squares[_used_pairs(predicted, tracks)]
         score = _log_score(scan, config, predicted, log_density)
     return UnlabelledScan(scan.time, scan.measurement.shape[1], tracks.ids, tracks.used, nis, score)
 
 
 def _densities(scan: Scan, predicted: Tracks) -> tuple[Array, Array]:
-    """``(m, K, D)`` the whitened innovation of each detection by each track, and ``(K, D)`` its log density.
+    """Return the whitened innovation ``(m, K, D)`` of each detection by each track, and its log density ``(K, D)``.
 
     The sensor's equation is linearised at the track, whatever filter the tracker has.
     """
@@ -103,17 +102,17 @@ def _densities(scan: Scan, predicted: Tracks) -> tuple[Array, Array]:
     return whitened, norm - 0.5 * (whitened**2).sum(axis=0)
 
 
-def _pairs(predicted: Tracks, tracks: Tracks) -> tuple[Indices, Indices]:
+def _used_pairs(predicted: Tracks, tracks: Tracks) -> tuple[Indices, Indices]:
     used = np.full(len(tracks.ids), NONE) if tracks.used is None else tracks.used
     number, column = np.nonzero((tracks.ids[:, None] == predicted.ids) & (used >= 0)[:, None])
     return column, used[number]
 
 
 def _log_score(scan: Scan, config: Sensor, predicted: Tracks, log_density: Array) -> float:
-    """Poisson score of the intensity of detections that the tracks predict; the larger, the better.
+    """Return the Poisson score of the intensity of detections that the tracks predict; larger is better.
 
     Source: Brehmer, Gneiting, Herrmann, Marzocchi, Schlather and Strokorb (2024), "Comparative evaluation of point
-    process forecasts": it is consistent for the intensity, whether or not the process is Poisson.
+    process forecasts". The score is consistent for the intensity, whether or not the process is Poisson.
     """
     probability = np.where(in_field_of_view(predicted.mean[:2], scan), scan.detection_probability or 0.0, 0.0)
     if predicted.existence is not None:
